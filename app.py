@@ -14,17 +14,17 @@ from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 from stereolag.ui import prose
+from stereolag.ui.controls import first_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
-from stereolag.ui.first_settings import first_settings
 from stereolag.ui.lag.sentences import curve_in_words
 from stereolag.ui.navigation import page
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.recordings import example_recordings
 from stereolag.ui.results import computed
 from stereolag.ui.search.sentences import place
-from stereolag.ui.searches import CURVES
+from stereolag.ui.sentences import CURVES
 
 
 def show_lag() -> None:

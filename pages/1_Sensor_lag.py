@@ -7,6 +7,7 @@ from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.signals.correlation import overlap_slices
 from stereolag.ui import prose
+from stereolag.ui.addresses import LAG_ADDRESS
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.panels import see_why
@@ -15,8 +16,7 @@ from stereolag.ui.lag.sentences import aligned_in_words, close_up_in_words, wave
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_or_refused
-from stereolag.ui.search_addresses import LAG_ADDRESS
-from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
+from stereolag.ui.sentences import LAG_METHODS, LAG_METHODS_EXPLAINED
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:

@@ -6,6 +6,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
 from stereolag.templates import estimate_search, match_template
 from stereolag.ui import prose
+from stereolag.ui.addresses import TEMPLATE_ADDRESS
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment, page
@@ -14,8 +15,7 @@ from stereolag.ui.results import computed_or_refused
 from stereolag.ui.search.comparison import damage_it, show_opencv_beside
 from stereolag.ui.search.panels import search_by_hand, show_funnel
 from stereolag.ui.search.result import show_answer, show_match_files, show_scores
-from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
-from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
+from stereolag.ui.sentences import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 
 POSES = {name: TemplateQuery.model_fields[name].default for name in ("min_scale", "max_scale", "max_rotation")}
 SEE_WHY = ("Search by hand", "Step by step", "Damage it")

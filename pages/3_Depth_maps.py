@@ -8,6 +8,7 @@ from stereolag.pair import Pair
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
+from stereolag.ui.controls import matcher_as_set, persistent
 from stereolag.ui.depth.address import write_address
 from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
 from stereolag.ui.depth.doctor import show_doctor
@@ -31,9 +32,7 @@ from stereolag.ui.depth.readout import show_readout
 from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
-from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import fragment, page, show_try_first
-from stereolag.ui.persistence import persistent
 
 PARTS = {
     "Compare": show_comparison,

@@ -1,12 +1,35 @@
-"""Settings as URL parameters: short, readable, and validated when read back."""
+"""The state of a page in its address: a link reopens the page with its choices and settings.
+
+It stands in for ``bind="query-params"`` of Streamlit's controls, which was tried and falls short of this
+(`tests/app/test_streamlit_inside.py` fails when it no longer does):
+
+- the parameter has the name of the control's key, which here includes the method and, for settings of the pair, the
+  pair: links would be long, would not fit another pair, and those that exist could not be read;
+- a control that is folded away, or on another tab, loses its parameter, and with it its part of a link;
+- a value between two steps is taken, one beyond the ends is dropped without a word, and settings that contradict each
+  other are not noticed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
 
+import streamlit as st
+
+from stereolag import samples
+from stereolag import streamlit_inside as inside
+from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Settings, SettingsError
+from stereolag.core.settings.fields import Bounds
+from stereolag.core.settings.refusals import Problem
 from stereolag.io.sources import harmless, quoted
+from stereolag.ui import pictures, prose, recordings
+from stereolag.ui.choices import OWN
+from stereolag.ui.controls import adopt_value, from_another_page
+from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.recordings import RecordingPair
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
@@ -119,3 +142,207 @@ def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, s
         blamed = blamed or [one for one in parameters if parts & {one.split(".")[0]}]
         refused |= dict.fromkeys(blamed, harmless(sentence))
     return refused or dict.fromkeys(parameters, harmless(str(error)))
+
+
+InputsT = TypeVar("InputsT")
+
+
+class Choice(NamedTuple):
+    """A choice on a page: its session-state key, and the values an address may select, the initial one first."""
+
+    key: str
+    allowed: list[str]
+
+
+def example_choice(key: str, examples: Mapping[str, object]) -> Choice:
+    """Return the choice of an example; own files are not allowed, because an address does not include them."""
+    return Choice(key, [name for name in examples if name != OWN])
+
+
+def new_parameters(written: str) -> dict[str, str] | None:
+    """Return the parameters of a new address, which are to be applied; None if the address is not new.
+
+    An opened link is new if it has parameters. A step through the browser's history is new even without parameters:
+    the page then returns to its initial state. Not new are an address the page wrote itself, the previous address sent
+    by a browser that has not received the written one yet, and the bare address of a link between pages, which keeps
+    the state of the page. That bare address stays in the history below the one the page writes next, and looks like
+    the page's first address. So once such a link has led to a page with changed settings, a step back to a bare address
+    changes nothing there until the page itself writes a bare one.
+
+    Parameters
+    ----------
+    written
+        The session-state key of the parameters last written by :func:`write_parameters`.
+    """
+    state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
+    seen, last = state.get(_seen_key(written)), state.get(written)
+    state[_seen_key(written)] = found
+    if last and not found and not stepped and from_another_page():
+        state[_bare_key(written)] = True
+    if found == last:
+        return None
+    if stepped:
+        return found if found or not state.get(_bare_key(written)) else None
+    return found if found and found != seen else None
+
+
+def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
+    """Apply the choices that a new address names, removing them from `found`; reset the others to their initial values.
+
+    The visitor's own files, which no address can name, stay chosen until an address names an example. The choices must
+    not have been drawn yet.
+    """
+    for name, choice in choices.items():
+        value = found.pop(name, None)
+        if value in choice.allowed:
+            st.session_state[choice.key] = value
+            continue
+        if st.session_state.get(choice.key) in choice.allowed:
+            st.session_state[choice.key] = choice.allowed[0]
+        if value is not None:
+            warn_ignored(name, value, choice.allowed)
+
+
+def keep_settings(written: str, parameters: dict[str, str]) -> None:
+    """Keep the parameters of settings until the page has its inputs, in this run or a later one."""
+    st.session_state[_kept_key(written)] = parameters
+
+
+def kept_settings(written: str) -> dict[str, str] | None:
+    """Return the kept parameters of settings and forget them; None if there are none."""
+    kept: dict[str, str] | None = st.session_state.pop(_kept_key(written), None)
+    return kept
+
+
+def chosen(choices: Mapping[str, Choice]) -> dict[str, str]:
+    """Return the choices that differ from their initial values, as parameters."""
+    values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}
+    return {name: value for name, value in values.items() if value in choices[name].allowed[1:]}
+
+
+def write_parameters(written: str, parameters: dict[str, str]) -> None:
+    """Write parameters into the address, replacing all others."""
+    st.session_state[written] = parameters
+    if not parameters:
+        st.session_state[_bare_key(written)] = False
+    if (found := st.query_params.to_dict()) != parameters:
+        st.session_state[_seen_key(written)] = found
+        st.query_params.from_dict(parameters)
+
+
+def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
+    """Warn that a parameter is ignored because its value is not allowed."""
+    prose.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
+
+
+@dataclass(frozen=True)
+class SettingsAddress(Generic[InputsT, SettingsT]):
+    """The address of a page with one choice of inputs and one settings object.
+
+    Attributes
+    ----------
+    written
+        Session-state key of the parameters the page wrote last.
+    choices
+        Returns the choices by their names in the address.
+    first
+        Returns the initial settings for the given inputs.
+    key
+        Returns the key of the control of a setting, given its name and the inputs.
+    check
+        Raises :class:`~stereolag.core.settings.SettingsError` for values that the inputs do not allow.
+    """
+
+    written: str
+    choices: Callable[[], Mapping[str, Choice]]
+    first: Callable[[InputsT], SettingsT]
+    key: Callable[[str, InputsT], str]
+    check: Callable[[SettingsT, InputsT], None] = lambda settings, inputs: None
+
+    def recalled(self, ask: Callable[[], InputsT]) -> InputsT:
+        """Apply the choices and settings of a new address, and return the inputs from `ask`.
+
+        The controls of the settings must not have been drawn yet.
+        """
+        found = new_parameters(self.written)
+        if found is not None:
+            choose_named(found, self.choices())
+            keep_settings(self.written, found)
+        inputs = ask()
+        named = kept_settings(self.written)
+        if named is not None:
+            first = self.first(inputs)
+            recalled = recalled_settings(named, first, check=lambda settings: self.check(settings, inputs))
+            for name in type(first).model_fields:
+                adopt_value(self.key(name, inputs), getattr(recalled.settings, name))
+            for sentence in recalled.ignored:
+                prose.warning(f"In the address, {sentence}")
+        return inputs
+
+    def write(self, settings: SettingsT, inputs: InputsT) -> None:
+        """Write the choices and settings that differ from their initial values into the address."""
+        write_parameters(self.written, chosen(self.choices()) | parameters_of(settings, self.first(inputs)))
+
+
+def _seen_key(written: str) -> str:
+    """Return the key of the address with which the browser last requested this page."""
+    return f"{written}.seen"
+
+
+def _bare_key(written: str) -> str:
+    """Return the key of the flag for a bare address in the history at which the page was not in its initial state."""
+    return f"{written}.bare"
+
+
+def _kept_key(written: str) -> str:
+    return f"{written}.settings"
+
+
+LARGEST = 10**12
+"""Largest sampling rate, samples per second, and largest speed, metres per second."""
+
+_LAG_KEYS = {"method": "lag.method", "sampling_rate": "lag.rate", "speed": "lag.speed", "max_lag": "lag.max"}
+
+
+def _lag_choices() -> dict[str, Choice]:
+    return {"recordings": example_choice(recordings.KEY, samples.recordings())}
+
+
+def _first_search(pair: RecordingPair) -> LagSearch:
+    known = {"sampling_rate": pair.sampling_rate, "speed": pair.speed}
+    return LagSearch(**{name: value for name, value in known.items() if value is not None})
+
+
+def _lag_key(name: str, pair: RecordingPair) -> str:
+    """Return the key of a control; all except the method belong to the recordings."""
+    key = _LAG_KEYS.get(name, f"lag.{name}")
+    return key if name == "method" else f"{key}.{pair.digest}"
+
+
+def _check_search(search: LagSearch, pair: RecordingPair) -> None:
+    """Refuse values that the page's number boxes do not accept, and values too large to draw figures with."""
+    if search.max_lag is not None and search.max_lag > pair.longest_lag:
+        sentence = f"max_lag is {search.max_lag}; allowed are whole numbers from 0 to {pair.longest_lag} or None."
+        raise SettingsError((Problem("max_lag", sentence),))
+    for name, value in (("sampling_rate", search.sampling_rate), ("speed", search.speed)):
+        low = Bounds.of(LagSearch.model_fields[name]).low
+        if low is not None and not low <= value <= LARGEST:
+            sentence = f"{name} is {value!r}; on this page allowed are numbers from {low:g} to {LARGEST:,}."
+            raise SettingsError((Problem(name, sentence),))
+
+
+LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
+    "lag.address", _lag_choices, _first_search, _lag_key, _check_search
+)
+
+
+def _template_choices() -> dict[str, Choice]:
+    return {"picture": example_choice(pictures.KEY, samples.mazes())}
+
+
+TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate, TemplateQuery] = SettingsAddress(
+    "template.address",
+    _template_choices,
+    lambda inputs: TemplateQuery(),
+    lambda name, inputs: f"template.{name}",
+)

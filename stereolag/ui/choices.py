@@ -9,7 +9,7 @@ import streamlit as st
 
 from stereolag.core.jobs import limits
 from stereolag.ui import prose
-from stereolag.ui.persistence import persistent
+from stereolag.ui.controls import persistent
 from stereolag.ui.uploads import expect_uploads, refused, still_missing
 
 T = TypeVar("T")

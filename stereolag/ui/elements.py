@@ -1,4 +1,4 @@
-"""Shared page elements: rows of numbers, images and a progress bar."""
+"""Shared page elements: rows of numbers, images, a progress bar, messages in place of a result, and the live region."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import streamlit as st
 
 from stereolag.core.jobs import Progress
 from stereolag.core.typography import NO_BREAK, typeset
+from stereolag.ui import prose
+from stereolag.ui.components import component
 
 PERCENT, PIXELS, SECONDS = (
     f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))
@@ -81,3 +83,39 @@ def shown_progress(label: str) -> Iterator[Progress]:
     with st.spinner(label, show_time=True):
         yield show
     place.empty()
+
+
+def show_refused(reason: object) -> None:
+    """Show why an input or setting is refused: a sentence that names the value and what is allowed."""
+    prose.error(str(reason), icon=":material/block:")
+
+
+def show_failed(number: str) -> None:
+    """Show that something failed unexpectedly; the log has the details under the same number."""
+    prose.error(
+        "Something failed unexpectedly; your files and settings are kept. If it happens again, give the number "
+        f"**{number}** to whoever runs this app: it marks the details in their log.",
+        icon=":material/bug_report:",
+    )
+
+
+def show_out_of_memory(number: str) -> None:
+    """Show that memory ran out; the log has the details under the same number."""
+    prose.error(
+        f"There is not enough memory left for this now (number **{number}** in the log). Your files and settings are "
+        "kept: try again later, or with smaller files.",
+        icon=":material/memory:",
+    )
+
+
+ANNOUNCED = "announced"
+
+_region = component("announcement")
+
+
+def announce(headline: str) -> None:
+    """Announce a headline, plain or Markdown, through a polite live region once it has been stable for a moment.
+
+    Call it once per page: this is the only live region for results. Streamlit announces refusals and failures itself.
+    """
+    _region(key=ANNOUNCED, data=typeset(headline.replace("**", "")))

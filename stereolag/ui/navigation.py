@@ -17,9 +17,9 @@ from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import start_guard
 from stereolag.ui import prose
-from stereolag.ui.persistence import run_of_page, run_of_part
-from stereolag.ui.states import show_failed, show_out_of_memory
-from stereolag.ui.visits import this_visit
+from stereolag.ui.controls import run_of_page, run_of_part
+from stereolag.ui.elements import show_failed, show_out_of_memory
+from stereolag.ui.results import this_visit
 from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")

@@ -11,7 +11,7 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
-from stereolag.ui.persistence import persistent
+from stereolag.ui.controls import persistent
 from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 

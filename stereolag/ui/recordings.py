@@ -15,8 +15,8 @@ from stereolag.io.guard import guarded
 from stereolag.io.recordings import Recording, at_one_rate, read_signal
 from stereolag.ui import prose
 from stereolag.ui.choices import choose, own_or_example, show_limits
+from stereolag.ui.downloads import show_player
 from stereolag.ui.lag.sentences import own_facts, upload_limits
-from stereolag.ui.private_files import show_player
 from stereolag.ui.uploads import RECORDING_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "recordings"

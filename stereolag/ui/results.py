@@ -1,27 +1,277 @@
-"""Computed results in bounded memory: shared by all visitors (for examples) or kept for one (for uploads)."""
+"""Computed results in bounded memory, the jobs that compute them, and what happens when a visitor leaves.
+
+Results are shared by all visitors (for examples) or kept for one (for uploads). A light computation is done at once; a
+heavy one waits for its turn, in the background: the page stays responsive, shows its progress and can cancel it.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import hashlib
 import math
+import sys
 import threading
+import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 import streamlit as st
 from cachetools import LRUCache
 
+from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import Estimate, Progress, limits, silent
-from stereolag.ui.elements import PATIENCE_S, shown_progress
-from stereolag.ui.jobs import Job, is_heavy
-from stereolag.ui.states import show_busy, show_cancelled, show_refused
-from stereolag.ui.visits import this_visit
+from stereolag.core.typography import typeset
+from stereolag.loops.bands import available_cores
+from stereolag.ui import prose
+from stereolag.ui.elements import PATIENCE_S, show_refused, shown_progress
 
 T = TypeVar("T")
+
+
+class Job(Generic[T]):
+    """A heavy computation in its own thread, which starts when its turn comes.
+
+    Parameters
+    ----------
+    work
+        Takes this job, reports its progress and the best result so far to it, checks `cancelled` now and then, and
+        returns the result. It must not call Streamlit, which has no session in that thread.
+    estimate
+        Estimated time and memory.
+
+    Attributes
+    ----------
+    progress
+        Fraction done, 0..1.
+    so_far
+        Best result so far; None until there is one.
+    """
+
+    def __init__(self, work: Callable[[Job[T]], T], estimate: Estimate) -> None:
+        self.progress = 0.0
+        self.so_far: T | None = None
+        self._cancel = threading.Event()
+        self._turn = Turn(estimate.memory)
+        executor = ThreadPoolExecutor(max_workers=1)
+        self._future = executor.submit(self._work_in_turn, work)
+        executor.shutdown(wait=False)
+
+    def _work_in_turn(self, work: Callable[[Job[T]], T]) -> T:
+        with limiter().admitted(self._turn, self._cancel.is_set):
+            return work(self)
+
+    @property
+    def ahead(self) -> int:
+        """Return the number of jobs ahead of this one; 0 once it is running."""
+        return self._turn.ahead
+
+    @property
+    def running(self) -> bool:
+        """Return whether the job is waiting or being computed."""
+        return not self._future.done()
+
+    @property
+    def cancelled(self) -> bool:
+        """Return whether the job has been asked to stop."""
+        return self._cancel.is_set()
+
+    def cancel(self) -> None:
+        """Ask the job to stop soon."""
+        self._cancel.set()
+
+    def result(self) -> T:
+        """Wait for the result and return it; raise the error of the work, or CancelledError if it was cancelled."""
+        return self._future.result()
+
+    def report(self, fraction: float) -> None:
+        """Record the progress."""
+        self.progress = fraction
+
+    def report_or_end(self, fraction: float) -> None:
+        """Record the progress; raise CancelledError to end the work if the job was cancelled."""
+        if self.cancelled:
+            raise CancelledError
+        self.progress = fraction
+
+    def found(self, so_far: T) -> None:
+        """Record the best result so far."""
+        self.so_far = so_far
+
+
+def waiting_in_words(job: Job[Any]) -> str:
+    """Return a sentence with the queue position of a waiting job."""
+    return f"You are number {job.ahead + 1}: large computations take turns here. Yours begins by itself."
+
+
+HEAVY_MEMORY = 256 * 10**6
+HEAVY_S = 2.0
+"""Jobs below both this memory, bytes, and this time, s, do not wait for a turn."""
+
+LOOKS_S = 0.2
+"""Interval at which a waiting job checks whether it was cancelled, s."""
+
+
+def is_heavy(estimate: Estimate) -> bool:
+    """Return whether a job has to wait for its turn."""
+    return estimate.memory >= HEAVY_MEMORY or estimate.seconds >= HEAVY_S
+
+
+class Turn:
+    """The place of one job among those waiting or running."""
+
+    def __init__(self, memory: int) -> None:
+        self.memory = memory
+        self.ahead = 0
+
+
+class Limiter:
+    """Admits jobs in order of arrival while memory and cores suffice for one more.
+
+    Parameters
+    ----------
+    memory
+        Limit for all admitted jobs together, bytes; a single job is always admitted.
+    at_once
+        Largest number of jobs admitted at a time.
+    """
+
+    def __init__(self, memory: int, at_once: int) -> None:
+        self._memory = memory
+        self._at_once = at_once
+        self._admitted: list[Turn] = []
+        self._waiting: list[Turn] = []
+        self._changed = threading.Condition()
+
+    @contextmanager
+    def admitted(self, turn: Turn, cancelled: Callable[[], bool]) -> Iterator[None]:
+        """Wait for a turn, and release it at the end.
+
+        Parameters
+        ----------
+        turn
+            Turn of this job; its ``ahead`` is kept up to date while waiting.
+        cancelled
+            Polled while waiting.
+
+        Raises
+        ------
+        CancelledError
+            `cancelled` returned True before it was this job's turn.
+        """
+        with self._changed:
+            self._waiting.append(turn)
+            self._count()
+        try:
+            with self._changed:
+                while not self._fits(turn):
+                    if cancelled():
+                        raise CancelledError
+                    self._changed.wait(LOOKS_S)
+                self._waiting.remove(turn)
+                self._admitted.append(turn)
+                self._count()
+            yield
+        finally:
+            with self._changed:
+                (self._admitted if turn in self._admitted else self._waiting).remove(turn)
+                self._count()
+
+    def _fits(self, turn: Turn) -> bool:
+        if turn is not self._waiting[0]:
+            return False
+        if not self._admitted:
+            return True
+        taken = sum(one.memory for one in self._admitted)
+        return len(self._admitted) < self._at_once and taken + turn.memory <= self._memory
+
+    def _count(self) -> None:
+        for place, turn in enumerate(self._waiting):
+            turn.ahead = len(self._admitted) + place
+        for turn in self._admitted:
+            turn.ahead = 0
+        self._changed.notify_all()
+
+
+@functools.cache
+def limiter() -> Limiter:
+    """Return the limiter of this process: one heavy job per two cores."""
+    return Limiter(limits().job_memory, max(1, available_cores() // 2))
+
+
+AFTERWARDS_S = 2.0
+"""How long after the final end of a session its memory is given back, together with that of others, s."""
+
+
+class Visit:
+    """The current jobs of one visitor, by the place on the page that shows them."""
+
+    def __init__(self) -> None:
+        self.jobs: dict[str, tuple[str, Job[Any]]] = {}
+
+    def end(self) -> None:
+        """Cancel all jobs, and give the memory back later."""
+        for _, job in self.jobs.values():
+            job.cancel()
+        _give_memory_back_later()
+
+
+@st.cache_resource(scope="session", show_spinner=False, on_release=Visit.end)
+def this_visit() -> Visit:
+    """Return the visit of the current session; it ends when the visitor leaves."""
+    return Visit()
+
+
+class _Timer:
+    """Gives memory back once no ended session can be resumed any more, and not too often."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._running = False
+        self._last_end = 0.0
+
+    def start(self, wait_s: float) -> None:
+        """Give memory back in `wait_s` seconds; if that is already scheduled, keep its time and do it once more."""
+        with self._lock:
+            self._last_end = time.monotonic()
+            if not self._running:
+                self._running = True
+                self._call_in(wait_s, wait_s)
+
+    def _call_in(self, seconds: float, wait_s: float) -> None:
+        timer = threading.Timer(seconds, self._ring, (wait_s,))
+        timer.daemon = True
+        timer.start()
+
+    def _ring(self, wait_s: float) -> None:
+        _give_memory_back()
+        with self._lock:
+            left_s = self._last_end + wait_s - time.monotonic()
+            self._running = left_s > 0
+            if self._running:  # others have left meanwhile
+                self._call_in(left_s, wait_s)
+
+
+_timer = _Timer()
+
+
+def _give_memory_back_later() -> None:
+    _timer.start(st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S)
+
+
+def _give_memory_back() -> None:
+    inside.forget_ended_sessions()
+    inside.freeze_imports()
+    if sys.platform == "linux":
+        with suppress(AttributeError):  # only glibc retains freed memory, and has this call to release it
+            ctypes.CDLL(None).malloc_trim(0)
+
 
 SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
@@ -325,3 +575,43 @@ def _bytes_of(result: Any) -> int:
     if isinstance(result, float):
         return NUMBER_BYTES
     return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))
+
+
+def show_busy(
+    job: Job[Any], label: str, *, key: str, done: float | None = None, ending: str = "Ends the computation."
+) -> None:
+    """Show a job's place in the queue or its progress, with a button to end it.
+
+    Parameters
+    ----------
+    job
+        The job, waiting or being computed.
+    label
+        Text of the progress bar.
+    key
+        Key of the button.
+    done
+        Fraction done, 0..1; that of the job if None.
+    ending
+        Help of the button, which says what ending the job does.
+    """
+    with st.container(horizontal=True, vertical_alignment="center"):
+        if job.ahead:
+            prose.info(waiting_in_words(job), icon=":material/groups:")
+        else:
+            st.progress(min(max(job.progress if done is None else done, 0.0), 1.0), typeset(label))
+        st.button(
+            "Ending …" if job.cancelled else "Cancel",
+            key=key,
+            on_click=job.cancel,
+            disabled=job.cancelled,
+            icon=":material/stop_circle:",
+            help=ending,
+        )
+
+
+def show_cancelled(said: str, again: str, begin: Callable[..., None], *args: Any, key: str) -> None:
+    """Show that a job was ended, with a button that restarts or resumes it."""
+    with st.container(horizontal=True, vertical_alignment="center"):
+        prose.caption(said, width="content")
+        st.button(again, key=key, on_click=begin, args=args, icon=":material/replay:")

@@ -17,7 +17,7 @@ from stereolag.io.images import IMAGE_SUFFIXES
 from stereolag.io.sources import quoted
 from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose
-from stereolag.ui.states import show_refused
+from stereolag.ui.elements import show_refused
 
 T = TypeVar("T")
 

@@ -10,7 +10,7 @@ from stereolag.core.settings import Bounds, Settings, SettingsError
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
-from stereolag.ui.searches import (
+from stereolag.ui.sentences import (
     CURVES,
     LAG_METHODS,
     LAG_METHODS_EXPLAINED,

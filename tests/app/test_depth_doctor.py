@@ -27,9 +27,9 @@ def panel() -> None:
 
     from stereolag.figures.legends import Colours
     from stereolag.stereo.opencv import StereoBM
+    from stereolag.ui.controls import ask_matcher
     from stereolag.ui.depth.doctor import show_doctor, with_chosen_remedies
     from stereolag.ui.depth.maps import DepthView
-    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = with_chosen_remedies(st.session_state["pair"])
     matcher = ask_matcher(StereoBM, pair)

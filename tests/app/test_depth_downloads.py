@@ -47,10 +47,10 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.figures.legends import Colours
+    from stereolag.ui.controls import ask_matcher
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.maps import DepthView
-    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = st.session_state["pair"]
     take_over(pair)

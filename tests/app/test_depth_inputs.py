@@ -51,8 +51,8 @@ def inputs() -> None:
 
     from stereolag.stereo.opencv import StereoBM
     from stereolag.stereo.windows.matcher import CorrelationMatcher
+    from stereolag.ui.controls import ask_matcher
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = choose_pair()
     st.session_state["shown"] = pair, ask_matcher(StereoBM, pair), ask_matcher(CorrelationMatcher, pair)

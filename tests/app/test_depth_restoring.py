@@ -31,10 +31,10 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
+    from stereolag.ui.controls import ask_matcher
     from stereolag.ui.depth.downloads import PAIR_EXPORTS, Download, archive
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
-    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = choose_pair()
     matchers = {method: ask_matcher(method, pair) for method in METHODS}

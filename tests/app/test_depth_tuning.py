@@ -32,8 +32,8 @@ from stereolag.ui.depth.calibrating import alpha_key, rows_key
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.pair_sets import PairJob, begin_job, job_on
 from stereolag.ui.depth.tuning import Axis, settings_of_cell, show_suggest, show_sweep
-from stereolag.ui.jobs import Job
 from stereolag.ui.keys import PAIR, SIZE
+from stereolag.ui.results import Job
 from tests.app.depth_view import part_of_page, small_view
 from tests.app.test_depth_restoring import given, packed, pair_of
 

@@ -10,8 +10,8 @@ from concurrent.futures import CancelledError
 import pytest
 
 from stereolag.core.jobs import Estimate
-from stereolag.ui import jobs
-from stereolag.ui.jobs import HEAVY_MEMORY, HEAVY_S, Job, Limiter, is_heavy, waiting_in_words
+from stereolag.ui import results as jobs
+from stereolag.ui.results import HEAVY_MEMORY, HEAVY_S, Job, Limiter, is_heavy, waiting_in_words
 
 PATIENCE_S = 20.0
 MEMORY = 100

@@ -13,9 +13,8 @@ def page_with_parts() -> None:
     from pydantic import Field
 
     from stereolag.core.settings import Settings
-    from stereolag.ui.controls import control
+    from stereolag.ui.controls import control, persistent, run_of_page
     from stereolag.ui.navigation import fragment
-    from stereolag.ui.persistence import persistent, run_of_page
 
     class Example(Settings):
         size: int = Field(default=3, title="Size", ge=1, le=9)
@@ -80,4 +79,4 @@ def test_a_control_that_stays_keeps_what_it_was_moved_to_meanwhile(app: AppTest)
 def test_every_control_that_persists_does_it_so() -> None:
     project = Path(__file__).resolve().parents[2]
     scripts = [project / "app.py", *(project / "pages").glob("*.py"), *(project / "stereolag").rglob("*.py")]
-    assert [one.name for one in scripts if "persist_state" in one.read_text(encoding="utf-8")] == ["persistence.py"]
+    assert [one.name for one in scripts if "persist_state" in one.read_text(encoding="utf-8")] == ["controls.py"]

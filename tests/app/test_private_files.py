@@ -10,7 +10,7 @@ from streamlit.runtime import Runtime
 from streamlit.runtime.media_file_manager import MediaFileManager
 from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
 
-from stereolag.ui import private_files, visits
+from stereolag.ui import downloads, results
 
 
 class Clock:
@@ -20,7 +20,7 @@ class Clock:
         self.waiting: dict[object, Callable[[], None]] = {}
 
     def timer(self, seconds: float, call: Callable[[], None]) -> MagicMock:
-        assert seconds == private_files.KEPT_S
+        assert seconds == downloads.KEPT_S
         timer = MagicMock()
         timer.start.side_effect = lambda: self.waiting.update({timer: call})
         timer.cancel.side_effect = lambda: self.waiting.pop(timer, None)
@@ -36,7 +36,7 @@ def files(monkeypatch: pytest.MonkeyPatch) -> MediaFileManager:
     """Return a server's file store, without a server."""
     store = MediaFileManager(MemoryMediaFileStorage("/media"))
     monkeypatch.setattr(Runtime, "_instance", MagicMock(spec=Runtime, media_file_mgr=store))
-    monkeypatch.setattr(private_files, "_recent_files", private_files._RecentFiles())
+    monkeypatch.setattr(downloads, "_recent_files", downloads._RecentFiles())
     return store
 
 
@@ -50,7 +50,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 def made_file(files: MediaFileManager, text: str) -> str:
     """Draw a download button for a file of that text, press it, and return the file name for the browser to fetch."""
     before = set(files._deferred_callables)
-    private_files.download_button("Curve CSV", lambda: text, "curve.csv", "text/csv", key=text)
+    downloads.download_button("Curve CSV", lambda: text, "curve.csv", "text/csv", key=text)
     (pressed,) = set(files._deferred_callables) - before
     return files.execute_deferred(pressed).rpartition("/")[2]
 
@@ -90,7 +90,7 @@ def test_it_is_forgotten_when_its_time_is_over_and_its_coordinates_are_used_agai
 def test_many_large_files_are_not_all_kept(
     files: MediaFileManager, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(private_files, "MOST_BYTES", 100)
+    monkeypatch.setattr(downloads, "MOST_BYTES", 100)
     names = [made_file(files, text) for text in ("a" * 60, "b" * 30, "c" * 50, "d" * 300)]
     end_runs(files)
     assert [fetched(files, name) for name in names] == [None, None, None, b"d" * 300]
@@ -107,5 +107,5 @@ def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileMa
     clock.pass_by()
     files.remove_orphaned_files()  # as happens when their session ends
     assert fetched(files, name)
-    visits._give_memory_back()
+    results._give_memory_back()
     assert fetched(files, name) is None

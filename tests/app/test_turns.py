@@ -10,8 +10,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import Estimate
-from stereolag.ui import jobs
-from stereolag.ui.jobs import HEAVY_MEMORY, Job, Limiter
+from stereolag.ui import results as jobs
+from stereolag.ui.results import HEAVY_MEMORY, Job, Limiter
 
 pytestmark = pytest.mark.usefixtures("empty_caches")
 

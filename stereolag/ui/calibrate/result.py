@@ -16,15 +16,13 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify
 from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.ui import keys, prose
-from stereolag.ui.announcements import announce
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures, drawn_rig
 from stereolag.ui.calibrate.sentences import errors_in_words, pair_in_words, weaknesses
 from stereolag.ui.choices import OWN, no_files_yet
-from stereolag.ui.elements import Number, show_jpeg, show_numbers, show_png
-from stereolag.ui.private_files import download_button
+from stereolag.ui.downloads import download_button
+from stereolag.ui.elements import Number, announce, show_jpeg, show_numbers, show_png, show_refused
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import percent
-from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import Upload
 
 KEPT = "calibrate.kept"

@@ -18,9 +18,9 @@ from stereolag.geometry.calibrating import StereoCalibration, calibrate_boards
 from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import EXAMPLES, KEY, BoardPictures
 from stereolag.ui.calibrate.sentences import board_in_words
-from stereolag.ui.persistence import persistent
+from stereolag.ui.controls import persistent
+from stereolag.ui.elements import show_refused
 from stereolag.ui.results import Refusal, attempted, computed_in_turn, computed_or_refused
-from stereolag.ui.states import show_refused
 
 SQUARE_MM = (0.1, 10_000.0)
 

@@ -12,11 +12,7 @@ from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys, prose
-from stereolag.ui.addresses import parameters_of, recalled_settings
-from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
-from stereolag.ui.first_settings import first_settings
-from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.page_address import (
+from stereolag.ui.addresses import (
     Choice,
     choose_named,
     chosen,
@@ -24,9 +20,13 @@ from stereolag.ui.page_address import (
     keep_settings,
     kept_settings,
     new_parameters,
+    parameters_of,
+    recalled_settings,
     warn_ignored,
     write_parameters,
 )
+from stereolag.ui.controls import first_settings, set_controls
+from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
 
 WRITTEN_KEY = "depth.address"
 """Session-state key of the parameters that this page wrote last."""

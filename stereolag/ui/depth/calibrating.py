@@ -15,9 +15,9 @@ from stereolag.io.guard import guarded
 from stereolag.pair import Pair, Preparation, Rows, prepare
 from stereolag.ui import prose
 from stereolag.ui.calibrate.result import use_kept_calibration
-from stereolag.ui.persistence import persistent
+from stereolag.ui.controls import persistent
+from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed
-from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
 T = TypeVar("T")

@@ -60,13 +60,12 @@ from stereolag.ui.depth.sentences import (
     errors_in_words,
     estimates_in_words,
 )
-from stereolag.ui.elements import PERCENT, PIXELS, show_chart, show_png
+from stereolag.ui.downloads import download_button
+from stereolag.ui.elements import PERCENT, PIXELS, show_chart, show_png, show_refused
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.packing import Picture, Reading
-from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed, computed_before, computed_in_turn
-from stereolag.ui.states import show_refused
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
 REFERENCE = "reference"

@@ -13,6 +13,7 @@ from stereolag.assess.remedies import Remedy
 from stereolag.pair import Change, Pair, Preparation
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
+from stereolag.ui.controls import set_controls
 from stereolag.ui.depth.calibrating import prepared
 from stereolag.ui.depth.maps import DepthView, kept_for
 from stereolag.ui.depth.sentences import (
@@ -21,10 +22,8 @@ from stereolag.ui.depth.sentences import (
     problems_in_words,
     remedy_in_words,
 )
-from stereolag.ui.jobs import is_heavy
-from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.navigation import PAGES
-from stereolag.ui.results import computed_before, computed_in_turn
+from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
 
 CALIBRATE = "pages/4_Calibrate.py"
 """The page that calibrates the lenses and the relative pose of the cameras."""

@@ -35,13 +35,11 @@ from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, settings_key
 from stereolag.ui.depth.restoring import page_state
-from stereolag.ui.downloads import File, made_in_turn, show_file_buttons, show_zip_button
+from stereolag.ui.downloads import File, download_button, made_in_turn, show_file_buttons, show_zip_button
 from stereolag.ui.downloads import archive as zip_of
-from stereolag.ui.jobs import is_heavy
-from stereolag.ui.private_files import download_button
-from stereolag.ui.results import computed_in_turn
+from stereolag.ui.elements import show_refused
+from stereolag.ui.results import computed_in_turn, is_heavy
 from stereolag.ui.sentences import duration
-from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import upload
 
 KEY = "depth.take"

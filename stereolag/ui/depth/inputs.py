@@ -38,6 +38,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.streamlit_inside import BENCH_STYLE, Container, show_style
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
+from stereolag.ui.controls import DISPARITIES_AT_FIRST, first_settings, matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.calibrating import (
     ask_calibration,
@@ -49,13 +50,10 @@ from stereolag.ui.depth.calibrating import (
 from stereolag.ui.depth.doctor import diagnosis_at_once, with_chosen_remedies
 from stereolag.ui.depth.pair_sets import ask_bundle, forget_bundle, pair_of_bundle, show_steps
 from stereolag.ui.depth.restoring import restore_settings, transferred_pair
-from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, PAIR
-from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import started_in_words
-from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, refused, upload
 
 KEY = PAIR

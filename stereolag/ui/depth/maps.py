@@ -23,17 +23,22 @@ from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.streamlit_inside import Container, give_head_start
 from stereolag.ui import keys, prose
-from stereolag.ui.announcements import announce
+from stereolag.ui.controls import (
+    DISPARITIES_AT_FIRST,
+    AsSet,
+    ask_matcher,
+    first_settings,
+    matchers_in_use,
+    persistent,
+    set_controls,
+)
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
-from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
-from stereolag.ui.matcher_controls import AsSet, ask_matcher, matchers_in_use, set_controls
 from stereolag.ui.packing import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
-from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
-from stereolag.ui.states import show_refused
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"

@@ -16,18 +16,16 @@ from stereolag.io.sessions import Session
 from stereolag.pair import SIZES, Bundle, Pair, PairSet, Preparation, prepare, read_bundle, session_pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.calibrating import chosen_preparation
 from stereolag.ui.depth.maps import DepthView, known_truth
 from stereolag.ui.depth.restoring import restore
 from stereolag.ui.elements import PERCENT, SECONDS
-from stereolag.ui.jobs import Job
 from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.navigation import fragment
-from stereolag.ui.persistence import persistent
-from stereolag.ui.results import computed, computed_in_turn
+from stereolag.ui.results import Job, computed, computed_in_turn, this_visit
 from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import CALIBRATION_TYPES, DISPARITY_TYPES, PICTURE_TYPES, Upload, refuse, upload_named
-from stereolag.ui.visits import this_visit
 
 SET = f"{PAIR}.set"
 """Session-state key of the set of pairs in use, if there is one."""

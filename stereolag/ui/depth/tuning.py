@@ -34,9 +34,9 @@ from stereolag.ui.depth.sentences import (
     sweep_in_words,
     value_in_words,
 )
-from stereolag.ui.jobs import Job
+from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import fragment
-from stereolag.ui.states import show_busy, show_refused
+from stereolag.ui.results import Job, show_busy
 
 
 def criterion_on(pair: Pair) -> Criterion:

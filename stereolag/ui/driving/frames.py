@@ -19,6 +19,7 @@ from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, 
 from stereolag.sequences.sources import open_uploads
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.calibrating import (
     ask_calibration,
     ask_rectification,
@@ -26,9 +27,8 @@ from stereolag.ui.depth.calibrating import (
     prepared,
     show_decision,
 )
-from stereolag.ui.persistence import persistent
+from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed
-from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import Upload, expect_uploads, forget_together, put_together, refused, upload
 
 KEY = "driving"

@@ -14,16 +14,16 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.records import MOTION, header, lines
 from stereolag.sequences.video import whole_video
 from stereolag.ui import prose
-from stereolag.ui.announcements import announce
 from stereolag.ui.depth.restoring import transfer
+from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import VideoInfo, show_player
 from stereolag.ui.driving.settings import MOTION_TITLE, DriveSettings, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
+from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import failures_answered
-from stereolag.ui.private_files import download_button
+from stereolag.ui.results import show_busy
 from stereolag.ui.sentences import duration
-from stereolag.ui.states import show_busy, show_refused
 
 BETWEEN_LOOKS_S = 0.5
 DEPTH_PAGE = "pages/3_Depth_maps.py"

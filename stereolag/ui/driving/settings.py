@@ -12,10 +12,9 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
+from stereolag.ui.controls import matchers_in_use, persistent
 from stereolag.ui.driving.frames import KEY, Drive
-from stereolag.ui.matcher_controls import matchers_in_use
-from stereolag.ui.persistence import persistent
-from stereolag.ui.states import show_refused
+from stereolag.ui.elements import show_refused
 
 OFFERED = {
     "fast": "Convolution, fast",

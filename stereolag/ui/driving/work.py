@@ -17,8 +17,7 @@ from stereolag.sequences.targets import SequenceMemory
 from stereolag.sequences.video import VideoPieces
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.settings import DriveSettings
-from stereolag.ui.jobs import Job
-from stereolag.ui.visits import this_visit
+from stereolag.ui.results import Job, this_visit
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4

@@ -18,8 +18,7 @@ from stereolag.ui import prose
 from stereolag.ui.lag.sentences import run_times_in_words
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.results import computed_or_refused
-from stereolag.ui.searches import LAG_METHODS
-from stereolag.ui.sentences import duration
+from stereolag.ui.sentences import LAG_METHODS, duration
 
 LONGEST_S = 60.0
 """Methods expected to take longer are left out of the table."""

@@ -15,9 +15,8 @@ from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_
 from stereolag.signals import SignalLag
 from stereolag.signals.lag import aligned_length, mix
 from stereolag.ui import prose
-from stereolag.ui.announcements import announce
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
-from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.elements import Number, announce, show_numbers
 from stereolag.ui.lag.sentences import (
     RIBBON_EXPLAINED,
     curve_in_words,
@@ -28,8 +27,7 @@ from stereolag.ui.lag.sentences import (
 )
 from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
 from stereolag.ui.results import remembered
-from stereolag.ui.searches import CURVES
-from stereolag.ui.sentences import duration
+from stereolag.ui.sentences import CURVES, duration
 
 FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 

@@ -21,9 +21,9 @@ from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver
+from stereolag.ui.elements import show_refused
 from stereolag.ui.packing import packed_item
 from stereolag.ui.results import remembered
-from stereolag.ui.states import show_refused
 
 LEAST_SIDE: Final = 4
 """Px; a smaller template fits nearly everywhere."""

@@ -15,9 +15,8 @@ from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
-from stereolag.ui.announcements import announce
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
-from stereolag.ui.elements import Number, show_numbers, show_png
+from stereolag.ui.elements import Number, announce, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, show_score_map

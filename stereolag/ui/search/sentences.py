@@ -11,8 +11,7 @@ from stereolag.figures.pictures import FRAME, VIRIDIS
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
-from stereolag.ui.searches import TEMPLATE_METHODS
-from stereolag.ui.sentences import duration
+from stereolag.ui.sentences import TEMPLATE_METHODS, duration
 
 EQUAL = 0.005
 """Scores that differ by less are reported as equal."""
