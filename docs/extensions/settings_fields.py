@@ -6,9 +6,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
-from stereolag.core.settings.fields import base_type, choices, nested
-from stereolag.core.settings.model import Settings
-from stereolag.core.settings.refusals import allowed_values
+from stereolag.core.settings import Settings, allowed_values, base_type, choices, nested
 
 BEFORE_NUMPYDOC = 400
 """Priority of the hook: numpydoc lays out the section that is added here."""

@@ -17,9 +17,16 @@ from pydantic.fields import FieldInfo
 from pydantic_settings import CliSettingsSource
 
 from stereolag.commands.parsing import CommandParser
-from stereolag.core.settings import Settings, SettingsError
-from stereolag.core.settings.fields import base_type, choices, nested
-from stereolag.core.settings.refusals import Problem, allowed_values, unknown_setting
+from stereolag.core.settings import (
+    Problem,
+    Settings,
+    SettingsError,
+    allowed_values,
+    base_type,
+    choices,
+    nested,
+    unknown_setting,
+)
 
 S = TypeVar("S", bound=Settings)
 

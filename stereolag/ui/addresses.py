@@ -21,9 +21,7 @@ import streamlit as st
 from stereolag import samples
 from stereolag import streamlit_inside as inside
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.core.settings import Settings, SettingsError
-from stereolag.core.settings.fields import Bounds
-from stereolag.core.settings.refusals import Problem
+from stereolag.core.settings import Bounds, Problem, Settings, SettingsError
 from stereolag.io.sources import harmless, quoted
 from stereolag.ui import pictures, prose, recordings
 from stereolag.ui.choices import OWN

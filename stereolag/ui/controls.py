@@ -21,8 +21,19 @@ from typing import Any, NamedTuple, TypeVar, cast
 import streamlit as st
 from pydantic.fields import FieldInfo
 
-from stereolag.core.settings import Applies, FitsImage, OfThePair, Settings, SettingsError, Usual, marker
-from stereolag.core.settings.fields import Bounds, Number, choices, nested
+from stereolag.core.settings import (
+    Applies,
+    Bounds,
+    FitsImage,
+    Number,
+    OfThePair,
+    Settings,
+    SettingsError,
+    Usual,
+    choices,
+    marker,
+    nested,
+)
 from stereolag.core.typography import typeset
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher

@@ -14,8 +14,7 @@ from commanded import ran
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.core.settings import Bounds, Settings, SettingsError, changed, setting
-from stereolag.core.settings.fields import base_type, choices, nested
+from stereolag.core.settings import Bounds, Settings, SettingsError, base_type, changed, choices, nested, setting
 from stereolag.io.settings import write_matcher
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter

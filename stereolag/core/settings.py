@@ -1,0 +1,422 @@
+"""Settings: immutable, validated in one place, described by their own fields.
+
+One declaration gives the validation, the control on a page, the flag of a command and the JSON. An error is one
+sentence that names the setting, its value and the allowed values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sized
+from dataclasses import dataclass
+from difflib import get_close_matches
+from types import NoneType
+from typing import Any, Literal, NamedTuple, Self, TypeVar, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MultipleOf
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+Number = int | float
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Marks a length (power 1) or an area (power 2) in the image, which scales with the image.
+
+    If `rounded_up`, it is scaled up to the next allowed multiple, so that nothing drops out of a search.
+    """
+
+    power: int = 1
+    rounded_up: bool = False
+
+
+@dataclass(frozen=True)
+class OfThePair:
+    """Marks a setting that depends on the pair, not on taste: its control is kept separately for each pair."""
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Marks the part of the allowed range that a slider offers; None: up to the allowed end."""
+
+    low: Number | None = None
+    high: Number | None = None
+
+
+@dataclass(frozen=True)
+class FitsImage:
+    """Marks a side, px, that must fit into the image."""
+
+
+@dataclass(frozen=True)
+class Applies:
+    """Marks a setting that has an effect only with some values of others, which are declared before it.
+
+    Attributes
+    ----------
+    condition
+        Takes the settings, or anything with the same attributes.
+    reason
+        The unmet need, as the end of a sentence that begins with the setting's name: "needs ...".
+    otherwise
+        Values accepted even if the condition does not hold, besides None, False and the default.
+    """
+
+    condition: Callable[[Any], bool]
+    reason: str
+    otherwise: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The numbers that a field allows: the ends (None: open) and the step between allowed values."""
+
+    low: Number | None
+    high: Number | None
+    step: Number
+
+    @classmethod
+    def of(cls, field: FieldInfo) -> Bounds:
+        """Read the bounds and the step that a field declares."""
+        kind: type[int] | type[float] = int if base_type(field) is int else float
+        declared = {type(one): one for one in field.metadata}
+        extra: dict[str, Any] = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        step = kind(declared[MultipleOf].multiple_of if MultipleOf in declared else extra.get("step", 1))
+        low = high = None
+        if Ge in declared:
+            low = kind(declared[Ge].ge)
+        elif Gt in declared:
+            low = kind(declared[Gt].gt) + step
+        if Le in declared:
+            high = kind(declared[Le].le)
+        elif Lt in declared:
+            high = kind(declared[Lt].lt) - step
+        return cls(low, high, step)
+
+    def narrowed(self, low: Number | None, high: Number | None) -> Bounds:
+        """Return the part of these bounds between `low` and `high`."""
+        return Bounds(
+            max((end for end in (self.low, low) if end is not None), default=None),
+            min((end for end in (self.high, high) if end is not None), default=None),
+            self.step,
+        )
+
+    def through(self, value: Number) -> Bounds:
+        """Return the bounds moved inwards until they are whole steps away from `value`."""
+        if self.low is None or self.high is None:
+            return self
+        down = max(_whole_steps(value - self.low, self.step), 0)
+        up = max(_whole_steps(self.high - value, self.step), 0)
+        return Bounds(_tidy(value - down * self.step), _tidy(value + up * self.step), self.step)
+
+    def nearest(self, value: Number) -> Number:
+        """Return the value moved by whole steps into the bounds; the lower end if no whole step gets there."""
+        if self.high is not None and value > self.high:
+            value = _tidy(value + _whole_steps(self.high - value, self.step) * self.step)
+        if self.low is not None and value < self.low:
+            value = _tidy(value - _whole_steps(value - self.low, self.step) * self.step)
+        fits = self.low is None or self.high is None or self.low <= value <= self.high
+        return value if fits or self.low is None else self.low
+
+
+def marker(field: FieldInfo, kind: type[T]) -> T | None:
+    """Return a field's marker of the given kind, None if it has none."""
+    return next((one for one in field.metadata if isinstance(one, kind)), None)
+
+
+def base_type(field: FieldInfo) -> Any:
+    """Return the type of a field, without the None of an optional one."""
+    return next((kind for kind in get_args(field.annotation) if kind is not NoneType), field.annotation)
+
+
+def choices(field: FieldInfo) -> tuple[str, ...]:
+    """Return the options of a field that is a choice of texts; empty for other fields."""
+    return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+
+
+def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
+    """Return the settings classes allowed as a field's value; empty for a field without nested settings."""
+    kinds = (field.annotation, *get_args(field.annotation))
+    return tuple(kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel))
+
+
+def title_of(kind: type[BaseModel], name: str) -> str:
+    """Return the title of a setting on a page; a name with dots reaches into nested settings."""
+    first, _, inner = name.partition(".")
+    field = kind.model_fields[first]
+    if not inner:
+        return field.title or first
+    holder = next(one for one in nested(field) if inner.partition(".")[0] in one.model_fields)
+    return title_of(holder, inner)
+
+
+def _whole_steps(span: Number, step: Number) -> int:
+    return math.floor(span / step + 1e-9)
+
+
+def _tidy(value: Number) -> Number:
+    """Return a float without the rounding error of binary fractions; an int unchanged."""
+    return round(value, 9)
+
+
+LONGEST_SHOWN = 60
+
+
+class Problem(NamedTuple):
+    """A problem with one setting: its name, with dots if it is nested, and a sentence."""
+
+    name: str
+    sentence: str
+
+
+class SettingsError(ValueError):
+    """The error of refused settings: the message is one sentence, about the first of the `problems`."""
+
+    def __init__(self, problems: tuple[Problem, ...]) -> None:
+        super().__init__(problems[0].sentence)
+        self.problems = problems
+
+
+def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Problem]:
+    """Yield the errors found by pydantic, each as a name and a sentence of our own."""
+    for found in error.errors():
+        path, field = _followed(kind, found["loc"])
+        name = ".".join(path)
+        cause = found.get("ctx", {}).get("error")
+        if isinstance(cause, SettingsError):
+            yield from (Problem(".".join(filter(None, (name, one.name))), one.sentence) for one in cause.problems)
+        elif found["type"] == "value_error":
+            yield Problem(name, str(cause))
+        elif found["type"] == "extra_forbidden":
+            yield Problem(name, unknown_setting(kind, name))
+        elif found["type"].startswith("union_tag"):
+            yield Problem(name, _kind_refused(name, found))
+        elif found["type"] == "missing":
+            yield Problem(name, f"{name} is missing.")
+        elif field is not None:
+            yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {allowed_values(field)}.")
+        else:
+            yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
+
+
+def _kind_refused(name: str, found: Mapping[str, Any]) -> str:
+    """Return a sentence about settings whose kind is unknown or missing."""
+    context = found["ctx"]
+    kind = context["discriminator"].strip("'")
+    if "tag" not in context:
+        return f"{name}.{kind} is missing."
+    return f"{name}.{kind} is {_shown(context['tag'])}; allowed are {context['expected_tags']}."
+
+
+def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
+    """Return the names on the path to an error, without the tags of unions, and the field of the last name."""
+    path: list[str] = []
+    field: FieldInfo | None = None
+    kinds: tuple[type[BaseModel], ...] = (kind,)
+    for number, part in enumerate(map(str, place)):
+        holder = next((one for one in kinds if part in one.model_fields), None)
+        if holder is not None:
+            field = holder.model_fields[part]
+            kinds = nested(field)
+            path.append(part)
+        elif number == len(place) - 1:  # an unknown name
+            path.append(part)
+            field = None
+    return path, field
+
+
+def allowed_values(field: FieldInfo) -> str:
+    """Return the allowed values of a field, as the end of a sentence."""
+    options, kind, inner = choices(field), base_type(field), nested(field)
+    if options:
+        return f"are {_listed([repr(one) for one in options])}"
+    if inner:
+        return f"are settings of {_listed([one.__name__ for one in inner])}"
+    if kind is bool:
+        return "are True and False"
+    if kind not in (int, float):
+        return f"is {getattr(kind, '__name__', kind)}"
+    ends = {type(one): one for one in field.metadata}
+    multiple = ends[MultipleOf].multiple_of if MultipleOf in ends else None
+    what = f"multiples of {multiple}" if multiple else "whole numbers" if kind is int else "numbers"
+    low = f" from {ends[Ge].ge:g}" if Ge in ends else f" above {ends[Gt].gt:g}" if Gt in ends else ""
+    high = f" to {ends[Le].le:g}" if Le in ends else f" below {ends[Lt].lt:g}" if Lt in ends else ""
+    return f"are {what}{low}{high}" + (" or None" if NoneType in get_args(field.annotation) else "")
+
+
+def _shown(value: object) -> str:
+    """Return a value as Python writes it, shortened, since it may come from anywhere."""
+    if isinstance(value, int) and abs(value) > 10**LONGEST_SHOWN:
+        return f"a number of more than {LONGEST_SHOWN} digits"
+    if isinstance(value, dict | list | tuple) or len(text := repr(value)) > LONGEST_SHOWN:
+        return f"a {type(value).__name__}" + (f" of {len(value)}" if isinstance(value, Sized) else "")
+    return text
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def unknown_setting(kind: type[BaseModel], name: str) -> str:
+    """Return a sentence about an unknown name, with the name that is probably meant."""
+    known = dict(_names(kind))
+    plain = _plain(name.rpartition(".")[2])
+    meant = [full for full in known if _plain(full.rpartition(".")[2]) == plain]
+    meant = meant or get_close_matches(name, known, n=1, cutoff=0.7)
+    return f"{kind.__name__} has no setting {name!r}" + (f"; did you mean {meant[0]}?" if meant else ".")
+
+
+def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Yield every setting by its full name, outer ones first."""
+    for name, field in kind.model_fields.items():
+        yield f"{path}{name}", field
+    for name, field in kind.model_fields.items():
+        for inner in nested(field):
+            yield from _names(inner, f"{path}{name}.")
+
+
+def _plain(name: str) -> str:
+    """Return a name in a spelling in which OpenCV's ``numDisparities`` equals our ``num_disparities``."""
+    return name.replace("_", "").lower()
+
+
+S = TypeVar("S", bound="Settings")
+
+
+class Settings(BaseModel):
+    """Immutable, validated settings.
+
+    Each field declares its title, description, bounds and step, and its markers :class:`Pixels`, :class:`OfThePair`,
+    :class:`Usual`, :class:`FitsImage` and :class:`Applies`, so that one declaration gives the validation, the control
+    on a page, the flag of a command and the JSON.
+
+    Raises
+    ------
+    SettingsError
+        A ``ValueError`` of one sentence that names the setting, its value and the allowed values.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise SettingsError(tuple(problems_of(type(self), error))) from None
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Return the settings described by a document of nested dictionaries; raises as the constructor does."""
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            raise SettingsError(tuple(problems_of(cls, error))) from None
+
+    @classmethod
+    def obstacle(cls, name: str, values: Any) -> str | None:
+        """Return why a setting has no effect with these values of the others ("needs ..."); None if it has one."""
+        rule = marker(cls.model_fields[name], Applies)
+        return None if rule is None or rule.condition(values) else rule.reason
+
+    def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return the document of these settings scaled to another image size, with its values consistent again."""
+        return document
+
+    @model_validator(mode="after")
+    def _nothing_is_ignored(self) -> Self:
+        for name, field in type(self).model_fields.items():
+            rule, value = marker(field, Applies), getattr(self, name)
+            if rule is None or value is None or value is False or value == field.default or value in rule.otherwise:
+                continue
+            if not rule.condition(self):
+                given = "" if isinstance(value, bool | Settings) else f" is {value!r} and"
+                raise SettingsError((Problem(name, f"{name}{given} {rule.reason}."),))
+        return self
+
+
+def setting(settings: Settings, name: str) -> Any:
+    """Return the value of a setting; a name with dots reaches into nested settings.
+
+    Raises
+    ------
+    ValueError
+        A name that does not exist.
+    """
+    value: Any = settings
+    for part in name.split("."):
+        if not isinstance(value, Settings) or part not in type(value).model_fields:
+            raise ValueError(unknown_setting(type(settings), name))
+        value = getattr(value, part)
+    return value
+
+
+def changed(settings: S, changes: Mapping[str, object]) -> S:
+    """Return settings with some values changed and everything validated again.
+
+    Parameters
+    ----------
+    settings
+        The settings to change.
+    changes
+        {name: value}; a name with dots reaches into nested settings: "search.vertical".
+
+    Raises
+    ------
+    ValueError
+        A name that does not exist or a value that is not allowed.
+    """
+    document = settings.model_dump()
+    for name, value in changes.items():
+        setting(settings, name)
+        *path, last = name.split(".")
+        holder = document
+        for key in path:
+            holder = holder[key]
+        holder[last] = value
+    return type(settings).model_validate(document)
+
+
+def scaled_settings(settings: S, factor: float) -> S:
+    """Return settings whose windows and search area cover the same part of images at `factor` times their size.
+
+    Sizes are rounded to values that their field allows, the number of disparities upwards, so that nothing drops out
+    of the search. Sizes above the allowed maximum are reduced to it, except in the search.
+
+    Raises
+    ------
+    ValueError
+        A factor so small that the settings become inconsistent, or a search larger than allowed.
+    """
+    return type(settings).model_validate(_scaled(settings, factor))
+
+
+def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
+    document: dict[str, Any] = {}
+    for name, field in type(settings).model_fields.items():
+        value, length = getattr(settings, name), marker(field, Pixels)
+        if isinstance(value, Settings):
+            document[name] = _scaled(value, factor)
+        elif length is not None and value and settings.obstacle(name, settings) is None:
+            document[name] = _rounded(value, value * factor**length.power, field, rounded_up=length.rounded_up)
+        else:
+            document[name] = value
+    return settings.after_scaling(document)
+
+
+def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:
+    """Return the allowed whole number nearest to `wanted`, in whole steps from the allowed `value`; never 0."""
+    if rounded_up:
+        declared = marker(field, MultipleOf)
+        multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]
+        return max(multiple, int(-(-wanted // multiple)) * multiple)
+    step = int(Bounds.of(field).step) if marker(field, FitsImage) else 1
+    rounded = value - step * round((value - wanted) / step)
+    least, most = marker(field, Ge), marker(field, Le)
+    low = int(least.ge) if least else rounded  # type: ignore[call-overload]
+    high = int(most.le) if most else rounded  # type: ignore[call-overload]
+    if rounded > high:
+        rounded = value + step * ((high - value) // step)
+    return max(rounded, low) or (1 if value > 0 else -1)
