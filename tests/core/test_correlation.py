@@ -1,10 +1,12 @@
-"""The correlation matcher recovers known shifts, gives reasons for blank pixels, and keeps its sign conventions."""
+"""Every stereo matcher: known shifts, reasons for blanks, signs, ranges, presets, contradictions, refusals."""
 
 from __future__ import annotations
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair, texture
@@ -13,17 +15,21 @@ from pydantic import ValidationError
 from stereolag.core.settings import Applies, Settings, SettingsError, marker
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
+from stereolag.samples import stereo_pairs
+from stereolag.signals import signal_lag
+from stereolag.stereo import opencv as matchers
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.finishing.checks import LeftRightCheck
-from stereolag.stereo.finishing.stages import MedianFilter
+from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
+from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.cost_terms import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
+from stereolag.templates import match_template
 
 ENGINES = ("window_sums", "fft")
 
@@ -160,8 +166,6 @@ def test_step_is_the_unshared_part_of_a_window(overlap: float) -> None:
         ({"overlap": 1.0}, "overlap"),
         ({"window_size": 41, "search": SearchArea.centred(40)}, "search_size"),
         ({"score": "ssd"}, "score"),
-        ({"score": "phase", "engine": "window_sums"}, "engine"),
-        ({"search": SearchArea.centred(20), "engine": "window_sums"}, "engine"),
         ({"blocksize": 5}, "blocksize"),
     ],
 )
@@ -285,3 +289,313 @@ def test_motorcycle_is_measured_as_well_as_the_report_says(data_dir: object) -> 
     figures = evaluate(result.disparity, truth)
     assert figures.bad_measured[2.0] <= 26
     assert figures.density > 0.8
+
+
+PRESETS = ["report", "fast", "accurate"]
+
+
+def test_the_reports_preset_is_the_reports() -> None:
+    matcher = preset("report", num_disparities=64)
+    assert isinstance(matcher, CorrelationMatcher)
+    assert (matcher.window_size, matcher.step, matcher.score) == (20, 2, "zncc")
+    assert matcher.search == SearchArea.centred(20)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_survive_json(name: str) -> None:
+    matcher = preset(name, num_disparities=32)
+    assert type(matcher).model_validate_json(matcher.model_dump_json()) == matcher
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("report", CorrelationMatcher), ("fast", CorrelationMatcher), ("accurate", SemiGlobalMatcher)]
+)
+def test_a_preset_is_a_matcher_of_its_kind_over_the_range_asked_for(name: str, kind: type[StereoMatcher]) -> None:
+    matcher = preset(name, num_disparities=48, min_disparity=-8)
+    assert type(matcher) is kind
+    assert matcher.search_range() == (None if name == "report" else (-8, 48))
+
+
+def test_an_unknown_preset_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="'dense'; allowed are 'report', 'fast', 'accurate'"):
+        preset("dense")
+
+
+@pytest.mark.parametrize("name", ["fast", "accurate"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("shift", [0.0, 7.0, 11.4])
+def test_a_shifted_wall_is_measured(name: str, dtype: type, shift: float) -> None:
+    left, right = shifted_pair(80, 140, 0, -shift, dtype=dtype)
+    result = preset(name, num_disparities=16).compute(left, right)
+    inner = result.disparity[10:-10, 30:-10]
+    assert np.mean(result.reason[10:-10, 30:-10] == Reason.MEASURED) > 0.95
+    assert abs(np.median(inner) - shift) < 0.1
+    assert np.mean(np.abs(inner - shift) < 0.5) > 0.98
+
+
+@pytest.mark.parametrize("name", ["fast", "accurate"])
+def test_what_is_filled_says_so_and_nothing_stays_blank(name: str) -> None:
+    rows, cols = 80, 160
+    wall, box = texture(rows, cols, seed=1), texture(40, 50, seed=2)
+    left, right = wall.copy(), np.roll(wall, -4, axis=1)
+    left[20:60, 70:120], right[20:60, 58:108] = box, box
+    pair = left.astype(np.uint8), right.astype(np.uint8)
+    result = preset(name, num_disparities=16).compute(*pair)
+    assert result.valid.all()
+    assert np.array_equal(result.filled, result.reason == Reason.FILLED)
+    assert set(np.unique(result.reason)) == {Reason.MEASURED, Reason.FILLED}
+    # The strip left of the box is hidden from the right camera, and continues the wall rather than the box.
+    hidden = result.disparity[28:52, 64:68]
+    assert np.median(hidden) == pytest.approx(4, abs=1)
+    assert np.median(result.disparity[28:52, 80:110]) == pytest.approx(12, abs=0.3)
+    np.testing.assert_array_equal(result.dy, 0)
+
+
+def test_each_check_gives_its_own_reason() -> None:
+    left, right = shifted_pair(80, 160, 0, -6)
+    left, right = left.copy(), right.copy()
+    left[20:50, 60:100] = right[20:50, 54:94] = 120
+    stripes = (np.sin(np.arange(160) * np.pi / 4) * 100 + 128).astype(np.uint8)
+    left[60:, :], right[60:, :] = stripes, np.roll(stripes, -6)
+    search = SearchArea.rectified(24)
+    plain = CorrelationMatcher(window_size=9, search=search)
+    checked = plain.model_copy(
+        update={
+            "texture": TextureTest(least=2.0),
+            "ambiguity": AmbiguityTest(lead=0.02),
+            "left_right": LeftRightCheck(),
+        }
+    )
+    reason = CorrelationMatcher.model_validate(checked.model_dump()).compute(left, right).reason
+    assert np.all(reason[26:44, 66:94] == Reason.LOW_TEXTURE)
+    assert np.mean(reason[68:76, 40:150] == Reason.AMBIGUOUS) > 0.9
+    noise = np.random.default_rng(0).integers(0, 255, (2, 80, 160), dtype=np.uint8)
+    unrelated = CorrelationMatcher(window_size=9, search=search, left_right=LeftRightCheck()).compute(*noise)
+    assert np.mean(unrelated.reason == Reason.LEFT_RIGHT) > 0.3
+
+
+def test_speckles_are_dropped_and_the_median_smooths() -> None:
+    left, right = shifted_pair(80, 160, 0, -6)
+    noisy = np.clip(right + np.random.default_rng(1).normal(0, 25, right.shape), 0, 255).astype(np.uint8)
+    search = SearchArea.rectified(16)
+    rough = CorrelationMatcher(window_size=5, search=search).compute(left, noisy)
+    clean = CorrelationMatcher(window_size=5, search=search, speckle=SpeckleFilter(size=40)).compute(left, noisy)
+    assert np.count_nonzero(clean.reason == Reason.SPECKLE) > 10
+    assert np.all(np.isnan(clean.disparity) >= np.isnan(rough.disparity))
+    smooth = CorrelationMatcher(window_size=5, search=search, median=MedianFilter()).compute(left, noisy)
+    inner = np.s_[10:-10, 30:-10]
+    assert np.nanstd(smooth.disparity[inner]) < 0.7 * np.nanstd(rough.disparity[inner])
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"search": SearchArea.rectified(16, vertical=1), "filling": True}, "filling"),
+        ({"search": SearchArea.rectified(16, vertical=1), "median": MedianFilter()}, "median"),
+        ({"search": SearchArea.rectified(16), "overlap": 0.5, "left_right": LeftRightCheck()}, "left_right"),
+        ({"search": SearchArea.rectified(16), "engine": "fft", "left_right": LeftRightCheck()}, "left_right"),
+        ({"search": SearchArea.rectified(16), "score": "phase", "left_right": LeftRightCheck()}, "left_right"),
+    ],
+)
+def test_stages_that_do_not_fit_are_refused(settings: dict[str, object], says: str) -> None:
+    with pytest.raises(SettingsError, match=says):
+        CorrelationMatcher(**settings)
+
+
+@pytest.mark.parametrize("name", ["cube", "square", "road"])
+def test_accurate_beats_opencv_on_the_bundled_pairs(name: str) -> None:
+    example = stereo_pairs()[name]
+    pair = read_image(example.left), read_image(example.right)
+    truth, count = read_disparity(example.disparity), example.num_disparities
+    bad = {
+        matcher: evaluate(matcher.compute(*pair).disparity, truth).bad[1.0]
+        for matcher in (
+            preset("accurate", num_disparities=count),
+            preset("fast", num_disparities=count),
+            StereoSGBM(num_disparities=count),
+            StereoBM(num_disparities=count, block_size=15),
+        )
+    }
+    accurate, fast, semi_global, block = bad.values()
+    assert accurate < semi_global
+    assert fast < block
+
+
+def test_progress_of_the_optimisation_runs_to_the_end() -> None:
+    seen: list[float] = []
+    preset("accurate", num_disparities=16).compute(*shifted_pair(60, 100, 0, -4), progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("scale", [1 / 255, 1e-30, 1e30, 1e200])
+def test_floats_are_measured_in_whatever_unit_they_come(name: str, scale: float) -> None:
+    left, right = shifted_pair(60, 110, 0, -5, dtype=np.float64)
+    matcher = preset(name, num_disparities=16)
+    plain, scaled = matcher.compute(left, right), matcher.compute(left * scale, right * scale)
+    inner = np.s_[15:-15, 30:-15]
+    assert np.median(scaled.disparity[inner]) == pytest.approx(5, abs=0.1)
+    assert np.mean(plain.reason == scaled.reason) > 0.99
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_a_bare_wall_is_not_measured(name: str, dtype: type) -> None:
+    wall = np.full((60, 100), 90, dtype=dtype)
+    result = preset(name, num_disparities=16).compute(wall, wall)
+    assert not result.valid.any()
+    assert np.all(result.reason[15:-15, 30:-15] == Reason.LOW_TEXTURE)
+
+
+RANGED: list[StereoMatcher] = [
+    *(kind() for kind in METHODS),
+    preset("fast"),
+    CorrelationMatcher(search=SearchArea.rectified(40, 5, 3)),
+    CorrelationMatcher(window_size=20, search=SearchArea.centred(400)),
+    CorrelationMatcher(window_size=20, search=SearchArea.centred(20)),
+]
+
+
+@pytest.mark.parametrize("matcher", RANGED, ids=str)
+def test_a_range_that_was_set_is_searched_and_nothing_else_changes(matcher: StereoMatcher) -> None:
+    for first, count in ((0, 64), (-32, 48), (20, 16)):
+        changed = matcher.with_search_range(first, count)
+        assert changed.search_range() == (first, count)
+        for name in set(type(matcher).model_fields) - {"search", "num_disparities", "min_disparity"}:
+            assert getattr(changed, name) == getattr(matcher, name)
+    assert matcher.with_search_range(-4000, 4096).search_range() == (-512, 1024)  # cut short to what is allowed
+
+
+def test_ranges_as_they_are_and_rows_that_stay() -> None:
+    for search, rows in ((SearchArea.rectified(40, 5, 3), 3), (SearchArea.centred(60, vertical=7), 7)):
+        changed = CorrelationMatcher(search=search).with_search_range(0, 64)
+        assert isinstance(changed, CorrelationMatcher)
+        assert changed.search == SearchArea.rectified(64, 0, rows)
+    assert CorrelationMatcher().search == SearchArea.rectified(64)
+    assert preset("accurate", 48, -5).search_range() == (-5, 48)
+    assert StereoBM(min_disparity=-16, num_disparities=32).search_range() == (-16, 32)
+    assert StereoSGBM().search_range() == (0, 64)
+    assert CorrelationMatcher(window_size=20, search=SearchArea.centred(40)).search_range() == (-10, 21)
+    assert CorrelationMatcher(window_size=20, search=SearchArea.centred(20)).search_range() is None
+
+
+@pytest.mark.parametrize("min_disparity", [-8, 0, 2, 5])
+def test_block_matching_equals_opencv_and_its_invalid_code_is_nan(min_disparity: int) -> None:
+    left, right = shifted_pair(90, 160, 0, -9)
+    theirs = cv2.StereoBM.create(32, 11)
+    theirs.setMinDisparity(min_disparity)
+    raw = theirs.compute(left, right)
+    ours = StereoBM(num_disparities=32, block_size=11, min_disparity=min_disparity).compute(left, right)
+    invalid = raw == (min_disparity - 1) * 16
+    assert invalid.any()
+    assert np.isnan(ours.disparity[invalid]).all()
+    np.testing.assert_array_equal(ours.disparity[~invalid], raw[~invalid] / 16)
+    assert set(np.unique(ours.reason)) <= {Reason.MEASURED, Reason.AMBIGUOUS, Reason.OUT_OF_FRAME}
+
+
+MODES = {
+    "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
+    "hh": cv2.STEREO_SGBM_MODE_HH,
+    "sgbm_3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    "hh4": cv2.STEREO_SGBM_MODE_HH4,
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_semi_global_equals_opencv(mode: str) -> None:
+    left, right = shifted_pair(90, 160, 0, -9)
+    theirs = cv2.StereoSGBM.create(
+        0,
+        32,
+        5,
+        P1=200,
+        P2=800,
+        disp12MaxDiff=1,
+        uniquenessRatio=10,
+        speckleWindowSize=100,
+        speckleRange=2,
+        mode=MODES[mode],
+    )
+    raw = theirs.compute(left, right)
+    ours = StereoSGBM(num_disparities=32, mode=mode).compute(left, right).disparity
+    np.testing.assert_array_equal(np.nan_to_num(ours, nan=-1), np.where(raw < 0, -1, raw / 16))
+    assert np.isfinite(ours).mean() > 0.4
+
+
+def test_the_modes_are_all_of_opencv_and_its_own_is_the_first() -> None:
+    names = {name for name in dir(cv2) if name.startswith("STEREO_SGBM_MODE_")}
+    assert names == {f"STEREO_SGBM_MODE_{mode.upper()}" for mode in MODES}
+    assert StereoSGBM().mode == "sgbm"
+    with pytest.raises(SettingsError, match="mode is 'other'; allowed are 'sgbm', 'hh', 'sgbm_3way' and 'hh4'"):
+        StereoSGBM(mode="other")
+
+
+@pytest.mark.parametrize(
+    ("matcher", "settings", "says"),
+    [
+        (StereoBM, {"num_disparities": 0}, "num_disparities"),
+        (StereoBM, {"num_disparities": 40}, "multiples of 16"),
+        (StereoBM, {"block_size": 20}, "odd"),
+        (StereoSGBM, {"block_size": 4}, "odd"),
+        (StereoSGBM, {"num_disparities": 0}, "num_disparities"),
+        (StereoSGBM, {"p1": 800, "p2": 800}, "p2 > p1"),
+    ],
+)
+def test_what_opencv_would_silently_change_is_refused(matcher: type[StereoBM], settings: dict, says: str) -> None:
+    with pytest.raises(SettingsError, match=says):
+        matcher(**settings)
+
+
+@pytest.mark.parametrize("matcher", [StereoBM, StereoSGBM])
+def test_images_too_narrow_for_the_search_are_refused(matcher: type[StereoBM]) -> None:
+    left, right = shifted_pair(60, 60, 0, -4)
+    with pytest.raises(ValueError, match="num_disparities is 64"):
+        matcher(num_disparities=64).compute(left, right)
+
+
+def test_minus_one_really_switches_the_left_right_check_off() -> None:
+    left, right = np.random.default_rng(0).integers(0, 255, (2, 90, 160), dtype=np.uint8)
+
+    def coverage(difference: int) -> float:
+        settings = {"uniqueness_ratio": 0, "speckle_window_size": 0, "disp12_max_diff": difference}
+        return StereoSGBM(num_disparities=32, **settings).compute(left, right).coverage
+
+    assert coverage(-1) == coverage(64) > coverage(1)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_one_hot_pixel_leaves_the_other_grey_levels_apart(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scaling from minimum to maximum used to leave StereoBM 14 grey levels in a picture with one bright pixel."""
+    left, right = (image.astype(dtype) * 12 for image in shifted_pair(90, 160, 0, -9))
+    left[40, 80] = 65535
+    seen: list[np.ndarray] = []
+    eight_bit = matchers.as_eight_bit
+    monkeypatch.setattr(matchers, "as_eight_bit", lambda *pair: seen.extend(eight_bit(*pair)) or tuple(seen))
+    result = StereoBM(num_disparities=16).compute(left, right)
+    assert np.unique(seen[0]).size > 100
+    assert abs(np.nanmedian(result.disparity) - 9) < 0.1
+
+
+@pytest.mark.parametrize("name", ["report", "fast", "accurate"])
+def test_matchers_answer_alike_from_many_threads(name: PresetName) -> None:
+    matcher = preset(name, num_disparities=16)
+    pairs = [shifted_pair(60, 100, 0, -shift, seed=shift) for shift in range(1, 9)]
+    alone = [matcher.compute(*pair) for pair in pairs]
+    with ThreadPoolExecutor(8) as threads:
+        together = list(threads.map(lambda pair: matcher.compute(*pair), pairs))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.disparity, other.disparity)
+        np.testing.assert_array_equal(one.reason, other.reason)
+
+
+def test_searches_answer_alike_from_many_threads() -> None:
+    sound = np.random.default_rng(0).normal(size=6000)
+    picture = shifted_pair(80, 100, 0, 0)[0]
+
+    def measure(lag: int) -> tuple[int, int, int]:
+        best = match_template(picture, picture[lag : lag + 20, 30:50]).matches[0]
+        return signal_lag(sound[lag:], sound[: sound.size - lag]).lag, best.row, best.col
+
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(measure, range(1, 25))) == [(lag, lag, 30) for lag in range(1, 25)]

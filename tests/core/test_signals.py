@@ -1,17 +1,57 @@
-"""`signal_lag`: known delays recovered by every method, the traps of correlation, and refusals."""
+"""`signal_lag`: known delays, real recordings, long ones in blocks and bands; the loops behind it; refusals."""
 
 from __future__ import annotations
 
 import dataclasses
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import pytest
+import soundfile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
-from stereolag.signals import SignalLag, SignalMethod, signal_lag
+from benchmarks.verdict import coloured, common, drifting, noise, tones, unrelated
+from stereolag.core.inputs import as_signal
+from stereolag.io.recordings import read_signal
+from stereolag.signals import SignalLag, SignalMethod, estimate_lag, signal_lag
+from stereolag.signals import search as blocks
+from stereolag.signals.correlation import (
+    REACH,
+    cross_spectrum,
+    cross_spectrum_reference,
+    find_peak,
+    main_lobe,
+    overlap_pearson,
+    peak_ratio,
+    refine_peak,
+    running_sums,
+    running_sums_reference,
+    sliding_pearson,
+    turn_back,
+    turn_back_reference,
+    turn_forth,
+    turn_forth_reference,
+    weighted_pearson,
+    weighted_pearson_reference,
+)
+from stereolag.signals.lag import algorithm
+from stereolag.signals.sampling import best_matches
+from stereolag.signals.search import (
+    CentredRecording,
+    _Bound,
+    band_energies,
+    band_products,
+    band_signals,
+    block_curve,
+    block_pearson,
+    block_products,
+    cell_size,
+)
 
 METHODS = get_args(SignalMethod)
 CURVE_METHODS = ("fft", "phat", "direct")
@@ -124,13 +164,6 @@ def test_a_periodic_clip_has_the_smallest_lag_though_others_overlap_more() -> No
     assert result.lag == 10
     assert result.ties > 20
     assert signal_lag(repeated, repeated[10:410], method="fft").lag == -10
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_recording_compared_with_itself_answers_zero(method: SignalMethod) -> None:
-    result = signal_lag(scene(700), scene(700), method=method, seed=0)
-    assert (result.lag, result.ties, result.distance_m) == (0, 1, 0.0)
-    assert result.lag_subsample == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("method", CURVE_METHODS)
@@ -307,3 +340,496 @@ def test_the_shortest_recordings_are_answered(method: SignalMethod, sizes: tuple
     result = signal_lag(first, second, method=method, seed=0)
     assert isinstance(result, SignalLag)
     assert -1 <= result.score <= 1
+
+
+LAG = 50_082
+
+
+@pytest.fixture(scope="module")
+def sensors(data_dir: Path) -> tuple[np.ndarray, np.ndarray]:
+    folder = data_dir / "signals" / "report"
+    first, second = (np.loadtxt(folder / f"sensor{number}Data.txt", skiprows=1) for number in (1, 2))
+    return first, second
+
+
+@pytest.mark.parametrize("method", ["fft", "phat"])
+def test_the_sensors_of_the_report(sensors: tuple[np.ndarray, np.ndarray], method: str) -> None:
+    first, second = sensors
+    result = signal_lag(first, second, method=method)  # type: ignore[arg-type]
+    assert result.lag == LAG
+    assert result.lag_subsample == pytest.approx(LAG, abs=0.05)
+    assert round(result.distance_m, 2) == 378.17
+    assert result.time_s == pytest.approx(1.1356463)
+    assert result.score == pytest.approx(1.0)
+    assert result.ties == 1
+    assert result.verdict == "sure" and result.judgement is not None and result.judgement.reason == "clear"
+    assert result.uncertainty < 0.01 and abs(result.drift_ppm) < 0.1
+    assert signal_lag(second, first, method=method).lag == -LAG  # type: ignore[arg-type]
+
+
+def test_the_direct_search_agrees(sensors: tuple[np.ndarray, np.ndarray]) -> None:
+    first, second = sensors[0][:40_000], sensors[1][45_000:85_000]
+    direct, fft = (signal_lag(first, second, method=method, max_lag=6000) for method in ("direct", "fft"))  # type: ignore[arg-type]
+    assert direct.lag == LAG - 45_000
+    np.testing.assert_allclose(direct.correlation, fft.correlation, atol=1e-9)
+
+
+@pytest.mark.parametrize("noise_db", [None, -10])
+def test_twenty_votings_of_twenty_are_right(sensors: tuple[np.ndarray, np.ndarray], noise_db: float | None) -> None:
+    random = np.random.default_rng(6)
+    level = 0.0 if noise_db is None else 10 ** (noise_db / 20) * sensors[0].std()
+    first, second = (sensor + level * random.normal(size=sensor.size) for sensor in sensors)
+    for seed in range(20):
+        result = signal_lag(first, second, method="sampled", seed=seed)
+        assert result.lag == LAG
+        assert round(result.distance_m, 2) == 378.17
+    assert result.verdict == "sure"
+    assert signal_lag(second, first, method="sampled", seed=0).lag == -LAG
+
+
+@pytest.mark.parametrize("method", ["fft", "direct"])
+@pytest.mark.parametrize("share", [0.72, 0.85])
+def test_a_delay_past_half_the_recording_does_not_fold_back(
+    sensors: tuple[np.ndarray, np.ndarray], method: str, share: float
+) -> None:
+    whole = sensors[0][:40_000]
+    size = round(40_000 / (1 + share))
+    lag = 40_000 - size
+    assert lag > 0.7 * size
+    result = signal_lag(whole[lag:], whole[:size], method=method)  # type: ignore[arg-type]
+    assert result.lag == lag
+
+
+@pytest.mark.parametrize("recording", ["a180e19_3_1b6ede00", "a180e19_3_1b85f880"])
+def test_the_microphones_of_one_array_are_fractions_of_a_sample_apart(data_dir: Path, recording: str) -> None:
+    channels, rate = soundfile.read(data_dir / "signals" / "respeaker" / f"{recording}.wav")
+    for one, other, lag in ((0, 1, -1.95), (0, 2, -2.0), (0, 3, 0.0), (1, 2, 0.0)):
+        for method in ("fft", "phat"):
+            result = signal_lag(channels[:, one], channels[:, other], sampling_rate=rate, method=method)  # type: ignore[arg-type]
+            assert result.verdict == "sure" and result.judgement is not None and result.judgement.reason == "clear"
+        assert result.lag_subsample == pytest.approx(lag, abs=0.06)
+
+
+DELAY = 3210
+
+
+def voted_recordings(noise_db: float | None, seed: int = 0, size: int = 20_000) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    whole = scipy_signal.lfilter([1.0], [1.0, -0.9], random.normal(size=size + DELAY))
+    level = 0.0 if noise_db is None else 10 ** (noise_db / 20) * whole.std()
+    first, second = (part + level * random.normal(size=size) for part in (whole[DELAY:], whole[:size]))
+    return first, second
+
+
+@pytest.mark.parametrize("noise_db", [None, -50, -30, -20, -10])
+def test_sensor_noise_down_to_10_db_below_the_sound_is_survived(noise_db: float | None) -> None:
+    first, second = voted_recordings(noise_db)
+    for seed in range(20):
+        assert signal_lag(first, second, method="sampled", seed=seed).lag == DELAY
+    for seed in range(5):
+        assert signal_lag(second, first, method="sampled", seed=seed).lag == -DELAY
+
+
+def test_coarse_integers_have_many_equal_values() -> None:
+    first, second = (np.round(signal * 4).astype(np.int8) for signal in voted_recordings(None))
+    assert np.unique(first).size < 100
+    assert signal_lag(first, second, method="sampled", seed=0).lag == DELAY
+
+
+def test_votes_are_a_histogram_with_the_winner_first() -> None:
+    result = signal_lag(*voted_recordings(-10), method="sampled", seed=0)
+    assert result.votes is not None
+    assert result.lags is None and result.correlation is None
+    counts = list(result.votes.values())
+    assert next(iter(result.votes)) == DELAY
+    assert counts == sorted(counts, reverse=True)
+    rivals = [count for lag, count in result.votes.items() if abs(lag - DELAY) > 1]
+    assert result.peak_ratio == counts[0] / max(rivals)
+    assert all(type(lag) is int and type(count) is int for lag, count in result.votes.items())
+
+
+def test_a_seed_repeats_its_votes() -> None:
+    first, second = voted_recordings(-20)
+    runs = [signal_lag(first, second, method="sampled", seed=seed).votes for seed in (4, 4, 5)]
+    assert runs[0] == runs[1] != runs[2]
+
+
+def test_a_passage_that_repeats_is_outvoted() -> None:
+    first, second = voted_recordings(-40)
+    second[12_000:16_000] = second[6_000:10_000]
+    assert signal_lag(first, second, method="sampled", seed=0).lag == DELAY
+
+
+def test_recordings_that_have_nothing_within_max_lag_are_refused() -> None:
+    first = np.zeros(5000)
+    second = np.zeros(5000)
+    first[:200] = second[4000:4200] = np.random.default_rng(0).normal(size=200)
+    assert signal_lag(first, second, method="sampled", seed=0).lag == 4000
+    with pytest.raises(ValueError, match="no sample of signal_1 is found within ±5 samples"):
+        signal_lag(first, second, method="sampled", seed=0, max_lag=5)
+
+
+def test_a_drift_without_sound_has_no_slices_to_look_up() -> None:
+    drift = np.linspace(0.0, 1.0, 1_000_000)
+    with pytest.raises(ValueError, match="use the method 'fft'"):
+        signal_lag(drift, drift, method="sampled", seed=0)
+    assert signal_lag(drift, drift).lag == 0
+
+
+def test_the_best_match_is_that_of_the_plain_formula() -> None:
+    random = np.random.default_rng(1)
+    first, second = random.normal(size=400), random.normal(size=600)
+    length, starts = 30, np.array([0, 100, 370])
+    candidates = np.array([random.permutation(571)[:80] for _ in starts])
+    slices = np.lib.stride_tricks.sliding_window_view(first, length)[starts]
+    slices = slices - slices.mean(axis=1, keepdims=True)
+    slices /= np.linalg.norm(slices, axis=1, keepdims=True)
+    windows = np.lib.stride_tricks.sliding_window_view(second, length)
+    scales = 1 / np.linalg.norm(windows - windows.mean(axis=1, keepdims=True), axis=1)
+    lags, scores = best_matches(slices, starts, second, scales, candidates, 600)
+
+    def pearson(start_1: int, start_2: int) -> float:
+        return float(np.corrcoef(first[start_1 : start_1 + length], second[start_2 : start_2 + length])[0, 1])
+
+    for start, row, lag, score in zip(starts, candidates, lags, scores, strict=True):
+        best = max(pearson(start, int(place)) for place in row)
+        assert score == pytest.approx(pearson(start, start + lag))
+        # It may have climbed from the best candidate, but never falls below it.
+        assert score >= best - 1e-9
+
+
+def test_running_sums_are_cumulative_sums() -> None:
+    signal = np.random.default_rng(2).normal(size=100)
+    sums, squares = running_sums(signal)
+    np.testing.assert_allclose(sums, np.r_[0, np.cumsum(signal)])
+    np.testing.assert_allclose(squares, np.r_[0, np.cumsum(signal**2)])
+
+
+def spectra(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    first, second = (np.random.default_rng(seed).normal(size=(2, 2, 40)).transpose(0, 2, 1)) @ [1, 1j]
+    return first, second
+
+
+@given(st.integers(0, 99), st.integers(2, 60))
+def test_running_sums_are_those_of_the_formula(seed: int, size: int) -> None:
+    signal = np.random.default_rng(seed).normal(size=size)
+    for found, plain in zip(running_sums(signal), running_sums_reference(signal), strict=True):
+        np.testing.assert_allclose(found, plain, atol=1e-12)
+
+
+@given(st.integers(0, 99), st.integers(1, 40), st.integers(-30, 0), st.integers(0, 9))
+def test_turning_and_crossing_are_those_of_the_formula(seed: int, size: int, first: int, last: int) -> None:
+    one, other = spectra(seed)
+    signal, turned = one.real[:size].copy(), np.empty(40, np.complex128)
+    turn_forth(signal, other, turned)
+    np.testing.assert_allclose(turned, turn_forth_reference(signal, other))
+    np.testing.assert_allclose(turn_back(one, other, first, last), turn_back_reference(one, other, first, last))
+    plain = cross_spectrum_reference(one, other)
+    np.testing.assert_allclose(cross_spectrum(one, other), plain)
+
+
+@pytest.mark.parametrize("sizes", [(60, 60), (20, 75), (75, 20)])
+def test_both_ways_to_the_weighted_correlation_are_the_formula(sizes: tuple[int, int]) -> None:
+    random = np.random.default_rng(4)
+    first, second = (signal - signal.mean() for signal in (random.normal(size=size) for size in sizes))
+    second[: sizes[1] // 3] = second[0]
+    lags = np.arange(1 - sizes[0], sizes[1])
+    curve = np.empty(lags.size)
+    sliding_pearson(first, second, int(lags[0]), curve)
+    plain = weighted_pearson_reference(first, second, lags)
+    np.testing.assert_allclose(curve, plain, atol=1e-9)
+    products = np.correlate(second, first, "full")[sizes[0] - 1 :]
+    weighted_pearson(products, 0, *running_sums(first), *running_sums(second))
+    np.testing.assert_allclose(products, plain[lags >= 0], atol=1e-9)
+
+
+def peak_of(values: list[float], first_lag: int) -> tuple[int, int]:
+    lags = np.arange(first_lag, first_lag + len(values))
+    index, ties = find_peak(np.array(values), lags, np.ones_like)
+    return int(lags[index]), ties
+
+
+@pytest.mark.parametrize(
+    ("values", "first_lag", "expected"),
+    [
+        ([0.1, 0.9, 0.2, 0.5, 0.1], -2, (-1, 1)),
+        ([0.9, 0.1, 0.2, 0.9, 0.1], -2, (1, 2)),
+        ([0.9, 0.1, 0.2, 0.1, 0.9], -2, (2, 2)),
+        ([0.1, 0.9, 0.9 + 1e-12, 0.1], 5, (7, 1)),
+        ([-0.5, 0.0, -0.2, -0.9], 0, (2, 1)),
+        ([0.0, 0.0, 0.0], -1, (0, 1)),
+    ],
+)
+def test_of_equal_peaks_the_smallest_lag_wins(values: list[float], first_lag: int, expected: tuple[int, int]) -> None:
+    assert peak_of(values, first_lag) == expected
+
+
+def test_the_main_lobe_goes_down_to_half_the_peak_and_on_to_the_next_minimum() -> None:
+    curve = np.array([0.3, 0.1, 0.2, 0.7, 0.6, 0.8, 1.0, 0.7, 0.75, 0.4, 0.3, 0.35, 0.2])
+    assert main_lobe(curve, 6) == (1, 11)
+    assert peak_ratio(curve, 6) == pytest.approx(1.0 / 0.35)
+    assert main_lobe(curve, 0) == (0, 2)
+
+
+def test_a_peak_without_rivals_has_no_finite_ratio() -> None:
+    assert peak_ratio(np.array([-0.2, -0.3, 1.0, -0.4, -0.1]), 2) == float("inf")
+    assert np.isnan(peak_ratio(np.array([0.5, 1.0, 0.5]), 1))
+    assert np.isnan(peak_ratio(np.array([-0.5, -0.1, -0.5]), 1))
+
+
+@pytest.mark.parametrize(("band", "error"), [(1.0, 0.012), (0.95, 0.001), (0.5, 0.001), (0.1, 0.001)])
+def test_a_band_limited_peak_is_found_between_the_samples(band: float, error: float) -> None:
+    samples = np.arange(-REACH, REACH + 1)
+    for offset in np.linspace(-0.49, 0.49, 29):
+        assert refine_peak(np.sinc(band * (samples - offset))) == pytest.approx(offset, abs=error)
+
+
+def test_a_peak_on_the_border_has_no_fraction() -> None:
+    assert refine_peak(np.array([0.7])) == 0.0
+
+
+def recording(size: int, seed: int = 0) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(size=size)
+    return scipy_signal.lfilter([1.0], [1.0, -0.8], noise)
+
+
+@pytest.fixture
+def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "SHORTEST_BLOCK", 16)
+    monkeypatch.setattr(blocks, "_PIECE", 7)
+
+
+@pytest.mark.usefixtures("_small_blocks")
+@given(data=st.data())
+@settings(max_examples=25)
+def test_the_curve_of_blocks_is_the_plain_formula(data: st.DataObject) -> None:
+    size_1, size_2 = data.draw(st.integers(2, 90)), data.draw(st.integers(2, 90))
+    first = data.draw(st.integers(1 - size_1, size_2 - 1))
+    last = data.draw(st.integers(first, size_2 - 1))
+    both = np.random.default_rng(data.draw(st.integers(0, 99))).normal(5.0, 2.0, size_1 + size_2)
+    one, other = both[:size_1], both[size_1:]
+    other[size_2 // 2 :] = data.draw(st.sampled_from([other[size_2 // 2 :], np.zeros(size_2 - size_2 // 2)]))
+    if np.ptp(other) == 0:
+        return
+    centred = [as_signal(signal, "signal") - signal.mean() for signal in (one, other)]
+    lags = np.arange(first, last + 1)
+    curve = block_curve(CentredRecording(one), CentredRecording(other), first, last)
+    # In overlaps of two or three samples, rounding can decide whether they count as flat.
+    np.testing.assert_allclose(curve, weighted_pearson_reference(*centred, lags), atol=1e-7)
+    lag = data.draw(st.sampled_from(lags.tolist()))
+    pearson = block_pearson(CentredRecording(one), CentredRecording(other), lag)
+    assert pearson == pytest.approx(overlap_pearson(*centred, lag), abs=1e-7, nan_ok=True)
+
+
+@pytest.mark.usefixtures("_small_blocks")
+@pytest.mark.parametrize(("first", "last"), [(-30, 40), (5, 60), (-90, -3), (-399, -300), (0, 0)])
+def test_products_are_scipys(first: int, last: int) -> None:
+    one, other = np.round(recording(400) * 10), np.round(recording(300, 1) * 10)
+    one[0] -= one.sum()
+    other[0] -= other.sum()
+    height = np.abs(one).max() * np.abs(other).max()
+    every = scipy_signal.correlate(other, one, method="direct")
+    products = block_products(CentredRecording(one), CentredRecording(other), first, last, 256) * height
+    np.testing.assert_allclose(products, every[399 + first : 400 + last], atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.float32, np.float64])
+@pytest.mark.parametrize(("lag", "noise"), [(700, 0.0), (-811, 1.0), (0, 3.0)])
+def test_blocks_answer_as_the_whole_does(dtype: Any, lag: int, noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    sound = 20 * recording(301_000) + 128
+    first, second = sound[1000:], sound[1000 - lag : 301_000 - lag][:270_000]
+    hiss = np.random.default_rng(5).normal(0, noise * np.std(sound), second.size)
+    pair = [np.clip(np.round(signal), 0, 255).astype(dtype) for signal in (first, second + hiss)]
+    assert algorithm(300_000, second.size, "fft", 1000) == "blocks"
+    quick = signal_lag(*pair, max_lag=1000)
+    monkeypatch.setattr("stereolag.signals.lag.algorithm", lambda *_: "whole")
+    whole = signal_lag(*pair, max_lag=1000)
+    assert quick.lag == whole.lag == lag
+    assert quick.ties == whole.ties
+    assert quick.score == pytest.approx(whole.score, abs=1e-12)
+    assert quick.lag_subsample == pytest.approx(whole.lag_subsample, abs=1e-9)
+    assert quick.peak_ratio == pytest.approx(whole.peak_ratio, rel=1e-9)
+    np.testing.assert_array_equal(quick.lags, whole.lags)
+    np.testing.assert_allclose(quick.correlation, whole.correlation, atol=1e-12)
+
+
+def test_a_clip_is_found_in_a_long_recording_and_the_signs_turn_with_the_recordings() -> None:
+    long = recording(400_000)
+    clip = long[30_000:32_000]
+    found, turned = signal_lag(clip, long, max_lag=35_000), signal_lag(long, clip, max_lag=35_000)
+    assert (found.lag, turned.lag) == (30_000, -30_000)
+    assert found.score == pytest.approx(1.0)
+
+
+def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take() -> None:
+    first = (recording(3_000_000) * 1000).astype(np.int16)
+    second = np.roll(first, 4321)
+    tracemalloc.start()
+    try:
+        result = signal_lag(first, second, max_lag=5000)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert result.lag == 4321
+    estimate = estimate_lag(3_000_000, 3_000_000, max_lag=5000).memory
+    assert peak < min(estimate, 8 * first.size)
+
+
+def test_the_progress_of_blocks_rises_to_one() -> None:
+    told: list[float] = []
+    signal_lag(recording(600_000), recording(600_000, 1), max_lag=100, progress=told.append)
+    assert len(told) > 5
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_recordings_that_are_flat_where_they_overlap_are_refused() -> None:
+    first, second = np.zeros(400_000), np.zeros(400_000)
+    first[:1000], second[-1000:] = recording(1000), recording(1000)
+    with pytest.raises(ValueError, match="nothing varies where the recordings overlap within ±10 samples"):
+        signal_lag(first[:1000], second, max_lag=10)
+
+
+@pytest.fixture
+def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag, SignalLag]]:
+    """Return a function that measures a lag from the whole, and as if the recordings were long."""
+    monkeypatch.setattr("stereolag.signals.search.LAGS_OF_A_BAND", 20_000)
+
+    def measured(one: Any, other: Any, **given: Any) -> tuple[SignalLag, SignalLag]:
+        results = []
+        for longest in (2**40, 0):
+            monkeypatch.setattr("stereolag.signals.lag.LONGEST_WHOLE", longest)
+            results.append(signal_lag(one, other, **given))
+        return results[0], results[1]
+
+    return measured
+
+
+def check(whole: SignalLag, bands: SignalLag) -> None:
+    assert whole.judgement is not None and bands.judgement is not None
+    assert bands.lag == whole.lag
+    assert (bands.verdict, bands.judgement.reason) == (whole.verdict, whole.judgement.reason)
+    # Distant rivals are searched for only in a few places.
+    assert bands.rivals[:8] == whole.rivals[:8]
+    assert bands.score == pytest.approx(whole.score, abs=1e-9)
+    assert bands.lag_subsample == pytest.approx(whole.lag_subsample, abs=1e-3)
+    assert bands.peak_ratio <= whole.peak_ratio + 1e-9
+    assert bands.lags is not None and bands.correlation is not None
+    assert np.all(np.diff(bands.lags) > 0)
+    assert bands.correlation.max() == pytest.approx(bands.correlation[bands.lags == bands.lag][0])
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8, -0.9, 0.98])
+@pytest.mark.parametrize("size", [40_000, 120_000])
+def test_a_sound_in_noise_as_loud(size: int, colour: float, both_ways: Any) -> None:
+    for seed in range(3):
+        lag = int(np.random.default_rng(seed).integers(-3 * size // 4, 3 * size // 4))
+        whole, bands = both_ways(*common(size, lag, seed, colour=colour))
+        check(whole, bands)
+        assert (bands.lag, bands.verdict) == (lag, "sure")
+
+
+def test_nothing_in_the_low_bands(both_ways: Any) -> None:
+    one, other = common(100_000, -1234, 7, colour=0.0)
+    high = scipy_signal.butter(8, 0.8, "high", output="sos")
+    check(*both_ways(*(scipy_signal.sosfilt(high, signal) for signal in (one, other))))
+
+
+def test_a_hum_that_is_louder_and_has_another_lag(both_ways: Any) -> None:
+    one, other = common(100_000, 1234, 7)
+    hum = np.sin(np.arange(100_000) * 2 * np.pi * 50 / 44_100)
+    check(*both_ways(one + 8 * hum, other + 8 * np.roll(hum, 300)))
+
+
+def test_a_clip_a_quiet_half_an_offset_and_a_largest_lag(both_ways: Any) -> None:
+    one, other = common(100_000, 1234, 7)
+    check(*both_ways(one[20_000:23_000], other))
+    check(*both_ways(other, one[20_000:23_000]))
+    quiet = np.where(np.arange(one.size) < 50_000, one, 0.01 * one)
+    check(*both_ways(quiet, other + 1000.0))
+    check(*both_ways(one, other, max_lag=40_000))
+
+
+@pytest.mark.parametrize("noise_level", [0.0, 0.1])
+def test_a_tone_has_the_tooth_nearest_to_zero(noise_level: float, both_ways: Any) -> None:
+    whole, bands = both_ways(*tones(100_000, 0.0123, noise_level, 1))
+    check(whole, bands)
+    assert bands.verdict == "ambiguous"
+
+
+def test_what_repeats_drifts_or_wanders(both_ways: Any) -> None:
+    once = np.tile(noise(5000, np.random.default_rng(0)), 20)
+    check(*both_ways(once, once + noise(once.size, np.random.default_rng(1))))
+    check(*both_ways(*drifting(60_000, 700, 50, 0.5, 3)))
+    check(*both_ways(*unrelated("random walks", 100_000, 1)))
+
+
+def test_the_opposite_is_seen(both_ways: Any) -> None:
+    one, other = common(100_000, 100, 1)
+    for result in both_ways(one, -other):
+        assert (result.verdict, result.judgement.opposite_lag) == ("nothing", 100)
+
+
+def test_nothing_in_common_is_nothing(both_ways: Any) -> None:
+    for seed in range(4):
+        _, bands = both_ways(*unrelated("noise and noise", 60_000, seed))
+        assert bands.verdict == "nothing"
+
+
+def test_real_recordings(both_ways: Any, data_dir: Path) -> None:
+    pair = [read_signal(data_dir / "signals" / "report" / f"sensor{number}Data.txt") for number in (1, 2)]
+    whole, bands = both_ways(*pair)
+    check(whole, bands)
+    assert bands.lag == 50_082
+    for path in sorted((data_dir / "signals" / "respeaker").glob("*.wav")):
+        channels = read_signal(path).channels
+        for other in channels[1:]:
+            check(*both_ways(channels[0], other))
+
+
+@pytest.mark.parametrize("step", [8, 64])
+def test_bands_hold_the_energy_and_their_products_the_correlation(step: int) -> None:
+    sound = coloured(100_000, 0.5, np.random.default_rng(0))
+    one, other = (CentredRecording(part) for part in (sound[3 * step :], sound[: -3 * step]))
+    assert band_energies(one, step).sum() == pytest.approx(one.energy, rel=1e-4)
+    bands = range(step // 2)
+    signals = [band_signals(recording, bands, step) for recording in (one, other)]
+    assert signals[0].shape == (step // 2, -(-one.size // step))
+    curve = sum(band_products(first, second) for first, second in zip(*signals, strict=True))
+    zero = signals[0].shape[1] - 1
+    assert np.argmax(curve.real) == zero + 3
+    assert curve[zero + 3].real == pytest.approx(one.energy, rel=0.01)
+
+
+def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = common(3000, 200, 0)
+    given = [signal - signal.mean() for signal in (one, other)]
+    bound = _Bound(*(CentredRecording(signal) for signal in given), 2999, 8)
+    parts = [band_signals(CentredRecording(signal), range(4), 8) for signal in given]
+    for band, first, second in zip(range(4), *parts, strict=True):
+        bound.add(band, first, second)
+    lags = np.arange(-1500, 1501)
+    cells = lags // 8 - bound.first
+    measured = weighted_pearson_reference(*given, lags)
+    # The bound is a little low at the ends of blocks, and for lags between two lags of a band.
+    assert np.all(np.abs(measured) <= 1.2 * bound.weighted()[cells] + 0.02)
+
+
+def test_whoever_hears_the_progress_can_end_it_anywhere(both_ways: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.core.jobs.time.monotonic", iter(range(10**6)).__next__)
+    told: list[float] = []
+    whole, bands = both_ways(*common(60_000, 700, 0), progress=told.append)
+    check(whole, bands)
+    assert told == sorted(told[: told.index(1.0) + 1]) + sorted(told[told.index(1.0) + 1 :])
+    assert told.count(0.8) > 3  # while it is judged
+
+    def end(done: float) -> None:
+        if done >= 0.8:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        both_ways(*common(60_000, 700, 0), progress=lambda done: end(done % 1.0))
+
+
+def test_cells_are_powers_of_two() -> None:
+    assert [cell_size(size, size) for size in (10**6, 12_000_000, 12_000_001, 158_760_000)] == [8, 8, 16, 128]

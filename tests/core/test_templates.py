@@ -1,7 +1,9 @@
-"""Template search over every placement: known places, independent oracles, and searches without an answer."""
+"""Template search: known places, independent oracles, several matches, exact pixels, and the loops behind it."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -12,7 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.feature import match_template as skimage_match_template
 
-from stereolag.templates import TemplateMethod, TemplateSearch, match_template
+from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
+from stereolag.templates.score_maps import (
+    fill_pearson,
+    peaks,
+    pearson,
+    running_box_energy,
+    running_box_energy_reference,
+    score_at,
+    scores_at,
+    suppress,
+)
 
 Array = npt.NDArray[Any]
 EVERY_PLACEMENT: tuple[TemplateMethod, ...] = ("fft", "direct")
@@ -73,23 +85,14 @@ def test_grey_scores_equal_those_of_scikit_image(method: TemplateMethod) -> None
 
 @pytest.mark.parametrize("method", EVERY_PLACEMENT)
 @pytest.mark.parametrize("channels", [(), (3,)])
-def test_scores_equal_those_of_opencv(method: TemplateMethod, channels: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("masked", [False, True])
+def test_scores_equal_those_of_opencv(method: TemplateMethod, channels: tuple[int, ...], masked: bool) -> None:
     image, template = random_image((50, 70, *channels)), random_image((9, 12, *channels), seed=1)
-    np.testing.assert_allclose(
-        match_template(image, template, method=method).score_map,
-        cv2.matchTemplate(image, template, cv2.TM_CCOEFF_NORMED),
-        atol=1e-5,
-    )
-
-
-@pytest.mark.parametrize("method", EVERY_PLACEMENT)
-@pytest.mark.parametrize("channels", [(), (3,)])
-def test_masked_scores_equal_those_of_opencv(method: TemplateMethod, channels: tuple[int, ...]) -> None:
-    image, template = random_image((50, 70, *channels)), random_image((9, 12, *channels), seed=1)
-    mask = round_mask(9, 12)
+    mask = round_mask(9, 12) if masked else None
+    marks = None if mask is None else mask.astype(np.uint8) * 255
     np.testing.assert_allclose(
         match_template(image, template, mask=mask, method=method).score_map,
-        cv2.matchTemplate(image, template, cv2.TM_CCOEFF_NORMED, mask=mask.astype(np.uint8) * 255),
+        cv2.matchTemplate(image, template, cv2.TM_CCOEFF_NORMED, mask=marks),
         atol=1e-5,
     )
 
@@ -276,10 +279,11 @@ def test_where_one_is_grey_luminance_is_compared(method: TemplateMethod) -> None
     assert place(match_template(image, grey[5:16, 31:42], method=method)) == (5, 31)
 
 
-def test_the_alpha_of_the_picture_is_ignored() -> None:
+@pytest.mark.parametrize("method", EVERY_METHOD)
+def test_the_alpha_of_the_picture_is_ignored(method: TemplateMethod) -> None:
     image = random_image((40, 50, 4))
-    without = match_template(image[:, :, :3], image[5:16, 31:42, :3])
-    assert match_template(image, image[5:16, 31:42, :3]).matches == without.matches
+    without = match_template(image[:, :, :3], image[5:16, 31:42, :3], method=method)
+    assert without.found and match_template(image, image[5:16, 31:42, :3], method=method).matches == without.matches
 
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
@@ -339,3 +343,297 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
     good = {"image": random_image((30, 40)), "template": random_image((5, 6), seed=1)}
     with pytest.raises(ValueError, match=message):
         match_template(**{**good, **arguments})
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(0, 2**32),
+    st.integers(1, 4),
+    st.integers(1, 9),
+    st.integers(1, 9),
+    st.integers(0, 12),
+    st.integers(0, 12),
+)
+def test_running_box_energy_equals_the_formula(
+    seed: int, channels: int, height: int, width: int, down: int, across: int
+) -> None:
+    shape = (channels, height + down, width + across)
+    planes = np.random.default_rng(seed).integers(-255, 256, shape).astype(np.float64)
+    planes[:, : height + 2, : width + 2] = 77
+    energy = running_box_energy(planes, height, width)
+    np.testing.assert_allclose(energy, running_box_energy_reference(planes, height, width), rtol=1e-9, atol=1e-6)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 12))
+def test_compiled_scores_equal_the_formula(seed: int, rows: int, cols: int) -> None:
+    random = np.random.default_rng(seed)
+    energy = random.uniform(-5, 60, size=(rows + 2, cols + 3))
+    energy[0, 0] = 0
+    products = random.normal(size=(rows + 2, cols + 3)) * 40
+    scores = np.empty((rows + 1, cols + 1), dtype=np.float32)[:rows, :cols]
+    fill_pearson(scores, products, energy, 5.0, 0.25)
+    expected = pearson(products[:rows, :cols], energy[:rows, :cols], norm=5.0, tolerance=0.25)
+    np.testing.assert_allclose(scores, expected, rtol=1e-6)
+    assert np.isnan(scores[0, 0])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_scores_at_positions_equal_the_formula(dtype: type, channels: int) -> None:
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (30, 40, channels)).astype(dtype)
+    image[:12, :12] = 9
+    opaque = random.random((6, 7)) < 0.7
+    template = random.normal(size=(channels, 6, 7))
+    deviations = np.where(opaque, template - template[:, opaque].mean(axis=1)[:, np.newaxis, np.newaxis], 0)
+    rows, cols = np.divmod(np.arange(25 * 34), 34)
+    scores = scores_at(image, deviations, opaque, rows, cols)
+    expected = [score_at(image, deviations, opaque, row, col) for row, col in zip(rows, cols, strict=True)]
+    np.testing.assert_allclose(scores, expected, atol=1e-12)
+    assert np.isnan(scores[0])
+
+
+def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
+    rows = max(0, one.height - abs(one.row - other.row))
+    cols = max(0, one.width - abs(one.col - other.col))
+    return rows * cols / (one.height * one.width)
+
+
+@settings(max_examples=50)
+@given(
+    st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
+)
+def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
+    seed: int, height: int, width: int, max_matches: int, min_score: float
+) -> None:
+    random = np.random.default_rng(seed)
+    image = random.integers(0, 4, (40, 50), dtype=np.uint8)
+    template = image[20 : 20 + height, 30 : 30 + width].copy()
+    template[0, :2] = [0, 3]
+    search = match_template(image, template, max_matches=max_matches, min_score=min_score)
+    assert search.score_map is not None
+    scores = [match.score for match in search.matches]
+    assert len(scores) <= max_matches
+    assert scores == sorted(scores, reverse=True)
+    assert all(score >= min_score for score in scores)
+    assert scores[0] == np.nanmax(search.score_map)
+    for index, match in enumerate(search.matches):
+        assert match.score == search.score_map[match.row, match.col]
+        around = search.score_map[max(0, match.row - 1) : match.row + 2, max(0, match.col - 1) : match.col + 2]
+        assert match.score == np.nanmax(around)
+        assert all(overlap(match, better) <= 0.5 for better in search.matches[:index])
+
+
+@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
+def test_every_copy_is_found_once(method: str) -> None:
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (60, 80), dtype=np.uint8)
+    template = random.integers(0, 256, (10, 12), dtype=np.uint8)
+    places = {(0, 0), (0, 12), (25, 30), (50, 68), (40, 3)}
+    for row, col in places:
+        image[row : row + 10, col : col + 12] = template
+    search = match_template(image, template, method=method, max_matches=20)
+    assert {(match.row, match.col) for match in search.matches} == places
+    assert len(match_template(image, template, method=method, max_matches=3).matches) == 3
+
+
+def test_copies_that_overlap_by_exactly_half_are_both_kept() -> None:
+    rows, cols = np.array([3, 3, 3]), np.array([0, 5, 9])
+    assert suppress(rows, cols, np.array([0.8, 0.9, 0.7]), (4, 10), 9) == [1, 0]
+    assert suppress(rows, cols, np.array([0.9, 0.7, 0.8]), (4, 10), 9) == [0, 2]
+
+
+def test_of_equal_scores_the_first_wins() -> None:
+    assert suppress(np.array([0, 0, 9]), np.array([0, 1, 0]), np.array([0.9, 0.9, 0.9]), (4, 4), 9) == [0, 2]
+
+
+def test_the_slope_of_a_peak_is_no_peak() -> None:
+    rows, cols = np.mgrid[:30, :40]
+    score_map = np.exp(-((rows - 12) ** 2 + (cols - 20) ** 2) / 200).astype(np.float32)
+    score_map[0, 0] = np.nan
+    assert [index.tolist() for index in peaks(score_map, 0.1)] == [[12], [20]]
+
+
+def test_a_map_without_scores_has_no_peak() -> None:
+    assert all(index.size == 0 for index in peaks(np.full((3, 4), np.nan, dtype=np.float32), -1))
+
+
+def busy_picture(seed: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return a picture with few colours, and a round RGBA sprite drawn into it at (23, 41)."""
+    random = np.random.default_rng(seed)
+    palette = random.integers(0, 256, (40, 3), dtype=np.uint8)
+    image = palette[random.integers(0, 40, (90, 120))]
+    sprite = np.zeros((15, 17, 4), dtype=np.uint8)
+    rows, cols = np.mgrid[:15, :17]
+    opaque = (rows - 7) ** 2 + (cols - 8) ** 2 <= 49
+    sprite[opaque, :3] = palette[random.integers(0, 40, opaque.sum())]
+    sprite[opaque, 3] = 255
+    image[23:38, 41:58][opaque] = sprite[opaque, :3]
+    return image, sprite
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32), st.integers(0, 2**32))
+def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> None:
+    image, sprite = busy_picture(picture_seed)
+    search = match_template(image, sprite, method="sampled", seed=seed)
+    assert [(match.row, match.col) for match in search.matches] == [(23, 41)]
+    assert search.matches[0].score == pytest.approx(1)
+    assert search.score_map is None
+
+
+def test_few_places_are_scored_and_they_are_counted() -> None:
+    image, sprite = busy_picture(0)
+    search = match_template(image, sprite, method="sampled", seed=1)
+    assert 9 <= search.candidates < 76 * 104 / 10
+
+
+def test_the_same_seed_scores_the_same_places() -> None:
+    image, sprite = busy_picture(0)
+    searches = [match_template(image, sprite, method="sampled", seed=3) for _ in range(2)]
+    assert searches[0].candidates == searches[1].candidates
+    assert searches[0].matches == searches[1].matches
+
+
+def test_scores_are_those_of_the_full_search() -> None:
+    image, sprite = busy_picture(2)
+    image[30:33, 45:49] = 0
+    every = match_template(image, sprite, method="fft")
+    exact = match_template(image, sprite, method="sampled", seed=0)
+    assert (exact.matches[0].row, exact.matches[0].col) == (every.matches[0].row, every.matches[0].col) == (23, 41)
+    assert exact.matches[0].score == pytest.approx(every.matches[0].score, abs=1e-6)
+    assert exact.matches[0].score < 0.99
+
+
+def test_a_partly_covered_sprite_is_found_by_another_anchor() -> None:
+    image, sprite = busy_picture(4)
+    image[23:28, 41:58] = 0
+    for seed in range(10):
+        search = match_template(image, sprite, method="sampled", seed=seed)
+        assert [(match.row, match.col) for match in search.matches] == [(23, 41)]
+
+
+def test_every_copy_is_found() -> None:
+    image, sprite = busy_picture(5)
+    opaque = sprite[:, :, 3] > 0
+    image[60:75, 90:107][opaque] = sprite[opaque, :3]
+    image[0:15, 0:17][opaque] = sprite[opaque, :3]
+    search = match_template(image, sprite, method="sampled", max_matches=9)
+    assert {(match.row, match.col) for match in search.matches} == {(0, 0), (23, 41), (60, 90)}
+
+
+@pytest.mark.parametrize("sides", [(20, 30), (90, 70)])
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 10), (0.5, 60)])
+def test_a_copy_of_another_brightness_is_a_rival_of_an_exact_one(
+    sides: tuple[int, int], gain: float, offset: int
+) -> None:
+    noise = np.random.default_rng(1).integers(0, 200, (260, 280), dtype=np.uint8)
+    image = cv2.GaussianBlur(noise, (0, 0), 1.0)
+    template = image[40 : 40 + sides[0], 70 : 70 + sides[1]].copy()
+    assert match_template(image, template, method="sampled", seed=0).found
+    image[150 : 150 + sides[0], 20 : 20 + sides[1]] = np.rint(template * gain + offset)
+    for method in ("fft", "sampled"):
+        search = match_template(image, template, method=method, seed=0)  # type: ignore[arg-type]
+        assert (search.found, search.reason, search.clear) == (False, "look_alikes", 0), method
+        assert [(place.row, place.col) for place in search.look_alikes] == [(40, 70), (150, 20)], method
+
+
+def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
+    image, sprite = busy_picture(6)
+    sprite[:, :, :3] ^= 1
+    assert match_template(image, sprite, method="fft").found
+    search = match_template(image // 2 * 2, sprite | 1, method="sampled")
+    assert not search.found
+    assert search.candidates == 0
+
+
+def test_a_dark_template_of_bright_integers_is_found() -> None:
+    image, sprite = busy_picture(7)
+    image = image.astype(np.int32)
+    image[0, 0] = 300
+    assert match_template(image, sprite.astype(np.int32), method="sampled").matches[0].row == 23
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_a_picture_of_few_values_has_no_rare_pixel_and_is_still_searched(levels: int) -> None:
+    image = np.random.default_rng(0).integers(0, levels, (60, 70), dtype=np.uint8)
+    search = match_template(image, image[20:32, 30:45], method="sampled")
+    assert (search.matches[0].row, search.matches[0].col) == (20, 30)
+
+
+MAZES = Path(__file__).resolve().parents[2] / "assets" / "maze"
+
+
+def read(path: Path) -> npt.NDArray[Any]:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return np.asarray(image)
+
+
+def places(search: TemplateSearch) -> list[tuple[int, int]]:
+    return [(match.row, match.col) for match in search.matches]
+
+
+@pytest.mark.parametrize(
+    ("scene", "template", "method"),
+    [
+        ("boofcv_desktop/scene.png", "boofcv_desktop/template_paint.png", "fft"),
+        ("boofcv_desktop/scene.png", "boofcv_desktop/template_paint.png", "direct"),
+        ("boofcv_desktop/scene.png", "boofcv_desktop/template_paint.png", "sampled"),
+        ("simplecv/scene.png", "simplecv/template.png", "fft"),
+        ("simplecv/scene.png", "simplecv/template.png", "sampled"),
+    ],
+)
+def test_exact_copies(data_dir: Path, method: TemplateMethod, scene: str, template: str) -> None:
+    scene_path, template_path = data_dir / "template" / scene, data_dir / "template" / template
+    notes = json.loads((scene_path.parent / "notes.json").read_text())["templates"][template_path.name]
+    search = match_template(read(scene_path), read(template_path), method=method, seed=0)
+    assert places(search) == [tuple(reversed(notes["best_xy"]))]
+    assert search.matches[0].score == pytest.approx(1, abs=1e-6)
+
+
+def test_a_recompressed_template(data_dir: Path) -> None:
+    folder = data_dir / "template" / "opencv_messi"
+    search = match_template(read(folder / "scene.jpg"), read(folder / "template.jpg"))
+    assert places(search) == [(85, 220)]
+    assert search.matches[0].score == pytest.approx(0.992, abs=5e-4)
+
+
+def test_the_cursor_needs_its_mask(data_dir: Path) -> None:
+    folder = data_dir / "template" / "boofcv_desktop"
+    scene, cursor = read(folder / "scene.png"), read(folder / "template_cursor.png")
+    assert places(match_template(scene, cursor)) == [(265, 210)]
+    assert places(match_template(scene, cursor, mask=read(folder / "mask.png"))) == [(6, 271)]
+
+
+def test_the_cursor_by_exact_pixels_under_its_mask(data_dir: Path) -> None:
+    folder = data_dir / "template" / "boofcv_desktop"
+    scene, cursor = read(folder / "scene.png"), read(folder / "template_cursor.png")
+    search = match_template(scene, cursor, method="sampled", mask=read(folder / "mask.png"), seed=0)
+    assert places(search) == [(6, 271)]
+
+
+@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
+def test_the_browser_icon_is_not_in_the_scene(data_dir: Path, method: TemplateMethod) -> None:
+    folder = data_dir / "template" / "boofcv_desktop"
+    search = match_template(read(folder / "scene.png"), read(folder / "template_browser.png"), method=method)
+    assert not search.found
+    assert search.matches == []
+
+
+def test_rocketman_in_the_maze() -> None:
+    maze, rocketman = read(MAZES / "maze.png"), read(MAZES / "rocketman.png")
+    assert places(match_template(maze, rocketman)) == [(528, 982)]
+    for seed in range(5):
+        search = match_template(maze, rocketman, method="sampled", seed=seed)
+        assert places(search) == [(528, 982)]
+        assert search.candidates < 1000
+
+
+def test_rocketman_dulled_and_partly_covered() -> None:
+    dulled = next(maze for maze in json.loads((MAZES / "mazes.json").read_text()) if maze["name"] == "maze_dulled")
+    maze, rocketman = read(MAZES / dulled["picture"]), read(MAZES / dulled["template"])
+    search = match_template(maze, rocketman)
+    assert (places(search), search.reason) == ([(dulled["row"], dulled["col"])], "clear")
+    assert not match_template(maze, rocketman, method="sampled", seed=0).found

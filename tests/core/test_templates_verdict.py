@@ -1,4 +1,4 @@
-"""A place is found only where it fits clearly better than every other."""
+"""Which place is the template: leads over rivals and variants, and what survives damage, by OpenCV too."""
 
 from __future__ import annotations
 
@@ -12,9 +12,22 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
+from stereolag import samples
+from stereolag.core.inputs import Image
+from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
 from stereolag.templates.score_maps import elsewhere, next_elsewhere
+from stereolag.templates.trials import (
+    Degradation,
+    DegradedPart,
+    Trial,
+    degraded_part,
+    is_masked,
+    opencv_search,
+    try_methods,
+)
 from stereolag.templates.verdict import Verdict, leads, verdict
 
 Array = npt.NDArray[Any]
@@ -237,3 +250,201 @@ def test_real_pictures(
     if mask:  # the screenshot shows three cursors
         assert {(one.row, one.col) for one in search.look_alikes} == {(6, 271), (265, 210), (285, 371)}
         assert match_template(read(path), read(path.parent / template), mask=marks, max_matches=3).clear == 3
+
+
+RANDOM = np.random.default_rng(3)
+SCENE = RANDOM.integers(0, 256, (90, 120, 3), dtype=np.uint8)
+MASK = np.zeros((20, 24), dtype=np.uint8)
+MASK[3:17, 5:20] = 1
+
+
+@pytest.mark.parametrize("mask", [None, MASK])
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
+@pytest.mark.parametrize("grey", [True, False])
+def test_both_give_the_same_scores(mask: Image | None, dtype: str, grey: bool) -> None:
+    image = (SCENE[:, :, 0] if grey else SCENE).astype(dtype)
+    template = image[30:50, 40:64]
+    theirs, ours = opencv_search(image, template, mask=mask), match_template(image, template, mask=mask)
+    assert (theirs.row, theirs.col) == (ours.matches[0].row, ours.matches[0].col) == (30, 40)
+    assert theirs.undefined == 0
+    assert ours.score_map is not None
+    np.testing.assert_allclose(theirs.score_map, ours.score_map, atol=1e-4)
+
+
+def test_alpha_is_the_mask() -> None:
+    template = np.dstack([SCENE[30:50, 40:64], MASK * 255])
+    by_alpha, by_mask = opencv_search(SCENE, template), opencv_search(SCENE, SCENE[30:50, 40:64], mask=MASK)
+    np.testing.assert_array_equal(by_alpha.score_map, by_mask.score_map)
+    assert is_masked(template, None)
+    assert not is_masked(SCENE, None)
+
+
+def test_under_a_mask_flat_windows_are_counted_and_passed_over() -> None:
+    image = SCENE.copy()
+    image[60:] = 90
+    result = opencv_search(image, image[30:50, 40:64], mask=MASK)
+    assert (result.row, result.col) == (30, 40)
+    assert result.undefined == np.isnan(match_template(image, image[30:50, 40:64], mask=MASK).score_map).sum() > 0
+
+
+@pytest.mark.parametrize(
+    ("template", "fragment"), [(SCENE[:5, :5] * 0 + 7, "constant"), (np.zeros((91, 10)), "must fit into the image")]
+)
+def test_what_we_refuse_is_refused(template: Image, fragment: str) -> None:
+    with pytest.raises(ValueError, match=fragment):
+        opencv_search(SCENE, template)
+
+
+def bundled_maze(**settings: float) -> dict[str, Trial]:
+    example = samples.mazes()["bundled_maze"]
+    image, template = read_image(example.picture), read_image(example.template)
+    part = degraded_part(image, (example.row, example.col), template.shape[:2], Degradation(**settings))
+    return {trial.method: trial for trial in try_methods(part.pixels, template, (part.row, part.col))}
+
+
+@pytest.mark.parametrize(
+    ("settings", "outcomes"),
+    [
+        ({}, "right right right"),
+        ({"contrast": 0.3}, "right missed right"),
+        ({"noise": 60}, "right missed right"),
+        ({"cover": 0.5}, "right right right"),
+        ({"cover": 0.8}, "missed missed missed"),
+        ({"turn": 10}, "missed missed missed"),
+        ({"resize": 0.9}, "missed missed missed"),
+    ],
+)
+def test_what_becomes_of_rocketman(settings: dict[str, float], outcomes: str) -> None:
+    trials = bundled_maze(**settings)
+    assert [trials[method].outcome for method in ("fft", "sampled", "opencv")] == outcomes.split()
+    fft, theirs = trials["fft"], trials["opencv"]
+    assert (fft.row, fft.col) == (theirs.row, theirs.col)
+    assert fft.score == pytest.approx(theirs.score, abs=1e-5)
+
+
+def test_found_at_another_place_is_found_elsewhere() -> None:
+    trials = try_methods(SCENE, SCENE[30:50, 40:64], (40, 40))
+    assert {trial.outcome for trial in trials} == {"elsewhere"}
+    assert {(trial.row, trial.col) for trial in trials} == {(30, 40)}
+
+
+def test_where_nothing_varies_no_method_names_a_place() -> None:
+    trials = try_methods(np.full((50, 50, 3), 7, dtype=np.uint8), SCENE[30:50, 40:64], (0, 0), mask=MASK)
+    assert [(trial.outcome, trial.row) for trial in trials] == [("missed", None)] * 3
+
+
+def test_a_method_that_cannot_search_says_why_and_the_others_go_on() -> None:
+    trials = {one.method: one for one in try_methods(SCENE, SCENE[30:50, 40:64].astype(np.uint16), (30, 40))}
+    assert [trials[name].outcome for name in ("fft", "sampled", "opencv")] == ["right", "refused", "right"]
+    assert "needs one type" in trials["sampled"].refusal
+
+
+NOISE = np.random.default_rng(7)
+PHOTOGRAPH = NOISE.integers(60, 190, (700, 900, 3), dtype=np.uint8)
+SMOOTH = ndimage.gaussian_filter(NOISE.normal(size=(700, 900)), 6).astype(np.float32)
+SHAPE = (31, 40)
+
+
+def degraded(**settings: float) -> DegradedPart:
+    return degraded_part(PHOTOGRAPH, (300, 420), SHAPE, Degradation(**settings))
+
+
+def window(part: DegradedPart, shape: tuple[int, int] = SHAPE) -> np.ndarray:
+    return part.pixels[part.row : part.row + shape[0], part.col : part.col + shape[1]]
+
+
+@settings(max_examples=40)
+@given(
+    row=st.integers(0, 700 - 31), col=st.integers(0, 900 - 40), dtype=st.sampled_from(["uint8", "uint16", "float64"])
+)
+def test_by_default_the_part_is_the_image_itself_wherever_it_is_cut(row: int, col: int, dtype: str) -> None:
+    image = PHOTOGRAPH.astype(dtype)
+    part = degraded_part(image, (row, col), SHAPE, Degradation())
+    rows, cols = part.pixels.shape[:2]
+    assert (rows, cols) == (480, 640)
+    assert part.pixels.dtype == image.dtype
+    np.testing.assert_array_equal(part.pixels, image[part.top : part.top + rows, part.left : part.left + cols])
+    assert (part.top + part.row, part.left + part.col) == (row, col)
+
+
+def test_a_small_image_is_taken_whole_and_alpha_is_dropped() -> None:
+    small = np.dstack([PHOTOGRAPH[:50, :60], PHOTOGRAPH[:50, :60, :1]])
+    part = degraded_part(small, (19, 20), SHAPE, Degradation())
+    np.testing.assert_array_equal(part.pixels, small[:, :, :3])
+
+
+def test_a_large_template_lies_in_a_part_of_twice_its_size() -> None:
+    part = degraded_part(PHOTOGRAPH, (100, 100), (300, 400), Degradation())
+    assert part.pixels.shape == (600, 800, 3)
+
+
+def test_contrast_and_brightness_are_linear() -> None:
+    plain, dull = degraded().pixels.astype(float), degraded(contrast=0.5, brightness=-20).pixels.astype(float)
+    np.testing.assert_allclose(dull, (plain - plain.mean()) / 2 + plain.mean() - 20, atol=0.5 + 1e-9)
+
+
+def test_a_level_of_brightness_is_a_255th_of_the_range() -> None:
+    deep = degraded_part(PHOTOGRAPH.astype(np.uint16) * 257, (300, 420), SHAPE, Degradation(brightness=10)).pixels
+    np.testing.assert_array_equal(deep, degraded(brightness=10).pixels.astype(np.uint16) * 257)
+
+
+def test_bright_pixels_do_not_wrap_round() -> None:
+    part = degraded_part(
+        np.where(PHOTOGRAPH > 100, 250, PHOTOGRAPH).astype(np.uint8), (0, 0), SHAPE, Degradation(brightness=90)
+    )
+    assert part.pixels.min() >= 150
+
+
+def test_noise_has_the_spread_asked_for_and_is_the_same_each_time() -> None:
+    difference = degraded(noise=8).pixels.astype(float) - degraded().pixels
+    assert difference.std() == pytest.approx(8, rel=0.02)
+    assert difference.mean() == pytest.approx(0, abs=0.1)
+    np.testing.assert_array_equal(degraded(noise=8).pixels, degraded(noise=8).pixels)
+
+
+@pytest.mark.parametrize("cover", [0.25, 0.5, 1.0])
+def test_a_grey_box_covers_its_share_from_below(cover: float) -> None:
+    part, plain = degraded(cover=cover), degraded()
+    hidden = round(SHAPE[0] * cover)
+    assert len(np.unique(window(part)[SHAPE[0] - hidden :])) == 1
+    changed = (part.pixels != plain.pixels).any(axis=2)
+    # Some pixels of the scene already have the grey of the box.
+    assert 0.9 * hidden * SHAPE[1] <= changed.sum() <= hidden * SHAPE[1]
+    assert not changed[: part.row].any()
+
+
+@pytest.mark.parametrize(("turn", "resize"), [(30, 1), (-17, 1), (0, 0.7), (0, 1.4), (25, 1.3)])
+def test_turning_and_resizing_keep_the_centre_in_place(turn: float, resize: float) -> None:
+    row, col = 320, 430
+    height, width = 41, 61  # odd, so that a pixel is in the middle
+    part = degraded_part(SMOOTH, (row, col), (height, width), Degradation(turn=turn, resize=resize))
+    middle = part.row + height // 2, part.col + width // 2
+    assert part.pixels[middle] == pytest.approx(SMOOTH[row + height // 2, col + width // 2], abs=1e-5)
+    # The step in the image for a step to the right in the part: y points down, so a turn to the left is negative.
+    away = 12
+    angle = np.deg2rad(turn)
+    here = part.pixels[middle[0], middle[1] + away]
+    at = (
+        row + height // 2 + away / resize * np.sin(angle),
+        col + width // 2 + away / resize * np.cos(angle),
+    )
+    assert here == pytest.approx(ndimage.map_coordinates(SMOOTH, np.array(at)[:, None], order=1)[0], abs=0.01)
+
+
+def test_a_wide_image_is_turned_too() -> None:
+    wide = np.tile(SMOOTH[:60], (1, 40))  # 36,000 px wide; OpenCV warps at most 32,767
+    part = degraded_part(wide, (5, 30_000), SHAPE, Degradation(turn=10))
+    assert part.pixels.shape == (60, 640)
+    assert part.pixels.std() > 0
+
+
+@pytest.mark.parametrize("place", [(-1, 0), (0, 861), (670, 0)])
+def test_a_place_beyond_the_image_is_refused(place: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="does not lie within"):
+        degraded_part(PHOTOGRAPH, place, SHAPE, Degradation())
+
+
+@pytest.mark.parametrize("settings", [{"contrast": 0}, {"noise": -1}, {"resize": 3}, {"cover": 1.1}, {"turn": 60}])
+def test_settings_are_checked(settings: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(settings))):
+        Degradation(**settings)

@@ -1,4 +1,4 @@
-"""Machine code: kept where only this user can write, never older than its sources, never an obstacle to a start."""
+"""Compilation, machine code and bands of rows."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-from forked_starts import Forks, Start
 from numba.core.dispatcher import Dispatcher
 
 import stereolag
 from stereolag.loops import compilation
+from stereolag.loops.bands import available_cores, over_bands, row_bands
 from stereolag.loops.compilation import FOLDER, MAKES_CODE, SOURCES, compiled
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
 PROJECT = Path(__file__).resolve().parents[2]
-
-Run = Callable[..., tuple[str, str]]
 
 SMALL_LAG = """
 import numpy as np
@@ -107,33 +107,40 @@ def run_alone(folder: Path, *arguments: str, before: Sequence[str] = ()) -> tupl
     return ran.stdout, ran.stderr
 
 
-@pytest.fixture(scope="module")
-def forks() -> Iterator[Forks]:
-    server = Forks()
-    yield server
-    server.close()
+class Start:
+    """A running program that has imported the two loops of a folder."""
+
+    def __init__(self, folder: Path, *arguments: str, **variables: str) -> None:
+        command = [sys.executable, "-B", "-W", "error", str(folder / "outer.py"), *arguments]
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        self._process = subprocess.Popen(command, env=variables_for(folder) | variables, text=True, **pipes)
+
+    def told(self) -> str:
+        """Return the next line of output."""
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+    def tell(self, line: str) -> None:
+        """Send a line of input."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(line)
+        self._process.stdin.flush()
+
+    def ended(self, line: str = "") -> tuple[str, str]:
+        """Send a last line of input; return the remaining output and the errors once it has ended."""
+        return self._process.communicate(line)
 
 
-@pytest.fixture
-def run(forks: Forks) -> Run:
-    """Return a function that runs the two loops of a folder and returns its output and errors."""
-
-    def run_loops(folder: Path, **variables: str) -> tuple[str, str]:
-        return forks.start(folder / "outer.py", variables=variables_for(folder) | variables).ended()
-
-    return run_loops
+def run(folder: Path, **variables: str) -> tuple[str, str]:
+    """Run the two loops of a folder and return its output and errors."""
+    return Start(folder, **variables).ended()
 
 
-@pytest.fixture
-def begun(forks: Forks) -> Callable[..., Start]:
-    """Return a function that runs the two loops of a folder up to the first call, which waits for a line."""
-
-    def begin(folder: Path, **variables: str) -> Start:
-        start = forks.start(folder / "outer.py", "wait", variables=variables_for(folder) | variables)
-        assert start.out.readline() == "ready\n", start.ended()
-        return start
-
-    return begin
+def begun(folder: Path, **variables: str) -> Start:
+    """Run the two loops of a folder up to the first call, which waits for a line."""
+    start = Start(folder, "wait", **variables)
+    assert start.told() == "ready\n", start.ended()
+    return start
 
 
 def code_in(folder: Path) -> dict[str, int]:
@@ -147,7 +154,7 @@ def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(in
     assert not code_in(install.parent / "temporary")
 
 
-def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path, run: Run) -> None:
+def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
     (loops / "__pycache__").touch()  # a file: not even root can create a folder there
     cache = loops.parent / "cache"
     first = run(loops, XDG_CACHE_HOME=str(cache))
@@ -162,7 +169,7 @@ def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_fol
         assert line.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.")
 
 
-def test_without_any_place_loops_are_compiled_anew(loops: Path, run: Run) -> None:
+def test_without_any_place_loops_are_compiled_anew(loops: Path) -> None:
     (loops / "__pycache__").touch()
     out, err = run(loops)
     assert out == "2\n", err
@@ -171,14 +178,14 @@ def test_without_any_place_loops_are_compiled_anew(loops: Path, run: Run) -> Non
     assert not code_in(loops.parent)
 
 
-def test_the_folder_that_the_operator_names_is_used_and_nothing_is_said(loops: Path, run: Run) -> None:
+def test_the_folder_that_the_operator_names_is_used_and_nothing_is_said(loops: Path) -> None:
     (loops / "__pycache__").touch()
     assert run(loops, NUMBA_CACHE_DIR=str(loops.parent / "named")) == ("2\n", "")
     assert code_in(loops.parent / "named")
 
 
 @pytest.mark.parametrize("mtime", [0, 4_000_000_000])
-def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, mtime: int, run: Run) -> None:
+def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, mtime: int) -> None:
     def answer() -> str:
         for source in loops.glob("*.py"):
             os.utime(source, (mtime, mtime))
@@ -194,15 +201,12 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
     assert answer() == "3\n"
 
 
-def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(
-    tmp_path: Path, run: Run, begun: Callable[..., Start]
-) -> None:
+def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
     processes = [begun(loops, **kept) for loops in 3 * releases]
     for process in processes:
-        process.told.write("\n")
-        process.told.flush()
+        process.tell("\n")
     assert [process.ended() for process in processes] == 3 * [("2\n", ""), ("3\n", "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
@@ -210,9 +214,7 @@ def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(
     assert code_in(tmp_path / "kept") == code
 
 
-def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(
-    loops: Path, run: Run, begun: Callable[..., Start]
-) -> None:
+def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(loops: Path) -> None:
     run(loops)
     older = code_in(loops)
     running = begun(loops)
@@ -223,9 +225,7 @@ def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(
     assert run(loops) == ("3\n", "")
 
 
-def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(
-    loops: Path, run: Run, begun: Callable[..., Start]
-) -> None:
+def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(loops: Path) -> None:
     running = begun(loops)
     (older,) = (loops / "__pycache__").iterdir()
     os.utime(older, (0, 0))
@@ -326,3 +326,53 @@ def test_nothing_else_imports_numba() -> None:
     importing = re.compile(r"^\s*(?:from|import) (?:numba|llvmlite)\b", re.MULTILINE)
     found = {path.parent.name for path in SOURCES.rglob("*.py") if importing.search(path.read_text(encoding="utf-8"))}
     assert found == {"loops"}
+
+
+@pytest.mark.parametrize("rows", [1, 2, 7, 100])
+@pytest.mark.parametrize("most_rows", [1, 3, 1000])
+def test_bands_cover_every_row_once(rows: int, most_rows: int) -> None:
+    seen: list[int] = []
+    lock = threading.Lock()
+
+    def work(first: int, end: int) -> None:
+        assert end - first <= most_rows
+        with lock:
+            seen.extend(range(first, end))
+
+    told: list[float] = []
+    over_bands(work, rows, most_rows=most_rows, progress=told.append)
+    assert sorted(seen) == list(range(rows))
+    assert told == sorted(told)
+    assert len(told) == len(row_bands(rows, most_rows))
+    assert told[-1] == 1
+
+
+def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
+    """Submitting all bands at once used to make the short job wait for the last of them."""
+    bands = 40 * available_cores()
+    begun = threading.Event()
+
+    def slow(first: int, end: int) -> None:
+        begun.set()
+        time.sleep(0.02)
+
+    long_job = threading.Thread(target=over_bands, args=(slow, bands), kwargs={"most_rows": 1})
+    long_job.start()
+    begun.wait()
+    over_bands(lambda first, end: None, 2)
+    assert long_job.is_alive()
+    long_job.join()
+
+
+def test_the_first_error_ends_the_job() -> None:
+    done: list[int] = []
+
+    def work(first: int, end: int) -> None:
+        if first == 0:
+            raise ValueError("a bad row")
+        time.sleep(0.01)
+        done.append(first)
+
+    with pytest.raises(ValueError, match="a bad row"):
+        over_bands(work, 1000, most_rows=1)
+    assert len(done) < 900

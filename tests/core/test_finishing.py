@@ -1,0 +1,551 @@
+"""Checks, filters and filling of a map, each compared with its plain formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pairs import shifted_pair
+from scenes import steps_pair
+from scipy import ndimage
+
+import stereolag as sl
+from stereolag.core.inputs import flat_energy, local_deviation
+from stereolag.stereo.finishing.checks import (
+    TextureTest,
+    ambiguous,
+    least_texture,
+    left_right_disagree,
+    left_right_disagree_reference,
+    rejected,
+)
+from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_behind, filled_from_ends
+from stereolag.stereo.finishing.stages import (
+    MedianFilter,
+    SpeckleFilter,
+    edge_respecting_median,
+    speckles,
+    speckles_reference,
+    weighted_median,
+    weighted_median_reference,
+    without_speckles,
+)
+from stereolag.stereo.finishing.surfaces import (
+    TRIALS,
+    Samples,
+    SurfaceFilling,
+    best_of_trials,
+    borders,
+    choose_patches,
+    choose_patches_reference,
+    filled_along_surfaces,
+    fitted,
+    mean_centres,
+    neighbours,
+    refitted,
+    refitted_reference,
+    sampled,
+    superpixels,
+)
+from stereolag.stereo.matcher import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+
+
+def test_agreeing_displacements_pass_and_what_leaves_the_frame_does_not() -> None:
+    dx = np.full((3, 10), -4, np.int16)
+    disagree = left_right_disagree(dx, dx, 0)
+    assert disagree[:, :4].all()
+    assert not disagree[:, 4:].any()
+
+
+def test_a_right_pixel_without_a_match_disagrees() -> None:
+    dx = np.zeros((2, 5), np.int16)
+    right = dx.copy()
+    right[0, 2] = -32768
+    expected = np.zeros((2, 5), bool)
+    expected[0, 2] = True
+    np.testing.assert_array_equal(left_right_disagree(dx, right, 16), expected)
+
+
+@given(st.integers(0, 99), st.integers(0, 3))
+def test_the_check_is_that_of_the_definition(seed: int, tolerance: int) -> None:
+    rng = np.random.default_rng(seed)
+    dx, right = rng.integers(-5, 6, (2, 4, 9)).astype(np.int16)
+    found = left_right_disagree(dx, right, tolerance)
+    np.testing.assert_array_equal(found, left_right_disagree_reference(dx, right, tolerance))
+    for y in range(4):
+        for x in range(9):
+            there = x + int(dx[y, x])
+            agrees = 0 <= there < 9 and abs(int(right[y, there]) - int(dx[y, x])) <= tolerance
+            assert found[y, x] == (not agrees)
+
+
+def test_a_hidden_strip_fails_the_check() -> None:
+    left = np.zeros((1, 20), np.int16)
+    left[:, 10:15] = -4  # a near object 5 px wide; the 4 px left of it are hidden from the right camera
+    right = np.zeros((1, 20), np.int16)
+    right[:, 6:11] = -4
+    np.testing.assert_array_equal(np.flatnonzero(left_right_disagree(left, right, 1)), [6, 7, 8, 9])
+
+
+def test_the_margin_is_what_the_next_best_must_cost_more() -> None:
+    lowest, runner_up = np.array([100, 100, 100, 100]), np.array([129, 130, 131, -1])
+    np.testing.assert_array_equal(ambiguous(lowest, runner_up, 30), [True, False, False, False])
+
+
+def test_the_first_reason_stays_and_the_arguments_are_left_alone() -> None:
+    disparity = np.array([[1, np.nan, 3]], np.float32)
+    reason = np.array([[Reason.MEASURED, Reason.OUT_OF_FRAME, Reason.MEASURED]], np.uint8)
+    lost, why = rejected(disparity, reason, np.array([[True, True, False]]), Reason.LEFT_RIGHT)
+    np.testing.assert_array_equal(lost, np.array([[np.nan, np.nan, 3]], np.float32))
+    np.testing.assert_array_equal(why, [[Reason.LEFT_RIGHT, Reason.OUT_OF_FRAME, Reason.MEASURED]])
+    assert disparity[0, 0] == 1 and reason[0, 0] == Reason.MEASURED
+    assert lost.dtype == np.float32 and why.dtype == np.uint8
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("size", [3, 4, 9])
+def test_the_local_deviation_is_that_of_the_window_and_a_flat_one_has_none(dtype: type, size: int) -> None:
+    image = (np.random.default_rng(0).random((30, 40)) * 200).astype(dtype)
+    image[5:25, 5:25] = image[0, 0]
+    before, after = size // 2, size - 1 - size // 2
+    framed = np.pad(image.astype(np.float64), (before, after), mode="reflect")
+    plain = np.lib.stride_tricks.sliding_window_view(framed, (size, size)).std(axis=(2, 3))
+    found = local_deviation(image, size)
+    np.testing.assert_allclose(found, plain, atol=1e-9)
+    assert not found[10:20, 10:20].any()
+
+
+def test_a_large_offset_hides_no_deviation() -> None:
+    faint = np.random.default_rng(0).normal(0, 0.01, (30, 40))
+    np.testing.assert_allclose(local_deviation(faint + 1e6, 5), local_deviation(faint, 5), rtol=1e-5)
+    assert not local_deviation(np.full((9, 9), 1e6 + 1 / 3), 5).any()
+
+
+@pytest.mark.parametrize(("dtype", "unit"), [(np.uint8, 1), (np.uint16, 257), (np.float32, 1 / 255)])
+def test_the_least_texture_is_in_the_units_of_the_images(dtype: type, unit: float) -> None:
+    image = (np.array([[0, 255]]) * unit).astype(dtype)
+    assert least_texture(TextureTest(least=2.0), image, image) == pytest.approx(2 * unit, rel=1e-5)
+    assert 0 < least_texture(None, image, image) < 1e-5 * unit
+
+
+@pytest.mark.parametrize(("dtype", "scale"), [(np.uint16, 1), (np.uint16, 4), (np.uint16, 16), (np.float32, 12)])
+@pytest.mark.parametrize("hot", [False, True])
+def test_neither_empty_bits_nor_a_hot_pixel_take_the_texture_away(dtype: type, scale: int, hot: bool) -> None:
+    """Cameras of 10 and 12 bits leave the upper bits of 16 empty; a pixel that is always white is not texture."""
+    faint = np.linspace(0, 0.3, 160)
+    left, right = (np.rint(128 + (image - 128.0) * faint).astype(np.uint8) for image in shifted_pair(90, 160, 0, -9))
+    left[:8], right[:8] = 255, 0
+    matcher = CorrelationMatcher(search=SearchArea.centred(24), texture=TextureTest(least=8.0))
+    plain = matcher.compute(left, right).reason == Reason.LOW_TEXTURE
+    one, other = (image.astype(dtype) * dtype(scale) for image in (left, right))
+    if hot:
+        one[40, 80] = 65535
+    assert 0.2 < plain.mean() < 0.8
+    same = plain == (matcher.compute(one, other).reason == Reason.LOW_TEXTURE)
+    assert same.mean() > (0.95 if hot else 0.98)
+
+
+@given(st.integers(2, 12), st.integers(0, 255))
+def test_no_window_of_whole_numbers_that_varies_is_flat(side: int, level: int) -> None:
+    window = np.full((side, side), level)
+    assert window.var() * window.size <= flat_energy(window.size, 255, exact=True)
+    window[0, 0] += 1 if level < 255 else -1
+    assert window.var() * window.size > flat_energy(window.size, 255, exact=True)
+
+
+@given(st.integers(0, 99))
+def test_only_measured_pixels_are_rejected(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = rng.normal(size=(5, 7)).astype(np.float32)
+    reason = rng.integers(0, 3, (5, 7)).astype(np.uint8)
+    where = rng.random((5, 7)) < 0.5
+    lost = where & (reason == Reason.MEASURED)
+    kept, why = rejected(disparity, reason, where, Reason.SPECKLE)
+    np.testing.assert_array_equal(kept, np.where(lost, np.nan, disparity))
+    np.testing.assert_array_equal(why, np.where(lost, Reason.SPECKLE, reason))
+
+
+FloatMap = npt.NDArray[np.float32]
+NAN = np.float32(np.nan)
+
+
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 99),
+    reach=st.integers(1, 2),
+    spacing=st.integers(1, 3),
+    channels=st.sampled_from([1, 3]),
+    contrast=st.integers(1, 255),
+)
+def test_the_weighted_median_is_that_of_the_definition(
+    seed: int, reach: int, spacing: int, channels: int, contrast: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    values = (rng.integers(-999, 999, (9, 11)) / 8).astype(np.float32)
+    values[rng.random((9, 11)) < 0.3] = np.nan
+    guide = rng.integers(0, 256, (9, 11, channels), dtype=np.uint8)
+    radius = reach * spacing
+    found = weighted_median(values, guide, radius, spacing, contrast)
+    np.testing.assert_array_equal(found, weighted_median_reference(values, guide, radius, spacing, contrast))
+
+
+def test_even_colour_gives_the_plain_median() -> None:
+    rng = np.random.default_rng(0)
+    values = (rng.integers(0, 999, (20, 300)) / 8).astype(np.float32)
+    found = edge_respecting_median(values, np.zeros((20, 300), np.uint8), MedianFilter(radius=2))
+    inside = (slice(2, -2), slice(2, -2))
+    np.testing.assert_array_equal(found[inside], ndimage.median_filter(values, 5)[inside])
+
+
+def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
+    guide = np.zeros((30, 30, 3), np.uint8)
+    guide[:, 15:] = 200
+    disparity = np.full((30, 30), 5, np.float32)
+    disparity[:, 17:] = 20  # fattened by two columns
+    found = edge_respecting_median(disparity, guide, MedianFilter())
+    assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("spread", [40.0, 900.0])
+def test_rows_of_any_length_and_values_far_apart_have_the_same_median(channels: int, spread: float) -> None:
+    rng = np.random.default_rng(3)
+    values = (rng.integers(-256, 256, (7, 37)) * spread / 256).astype(np.float32)
+    values[rng.random(values.shape) < 0.2] = np.nan
+    values[2] = np.nan
+    guide = rng.integers(0, 60, (*values.shape, channels), dtype=np.uint8)
+    expected = weighted_median_reference(np.rint(values * 256) / np.float32(256), guide, 4, 2, 25)
+    np.testing.assert_array_equal(weighted_median(values, guide, 4, 2, 25), expected)
+
+
+def test_a_map_without_a_value_has_no_median() -> None:
+    found = weighted_median(np.full((5, 20), NAN), np.zeros((5, 20, 1), np.uint8), 2, 1, 25)
+    assert np.isnan(found).all()
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 99),
+    rows=st.integers(1, 40),
+    cols=st.integers(1, 40),
+    size=st.sampled_from([1, 2, 5, 30, 200]),
+    difference=st.sampled_from([0.06, 0.5, 2.0]),
+    smooth=st.integers(0, 2),
+)
+def test_speckles_are_those_of_opencv(
+    seed: int, rows: int, cols: int, size: int, difference: float, smooth: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = (ndimage.gaussian_filter(rng.normal(size=(rows, cols)), smooth) * 9).astype(np.float32)
+    disparity[rng.random((rows, cols)) < 0.2] = np.nan
+    found = speckles(disparity, size, difference)
+    np.testing.assert_array_equal(found, speckles_reference(disparity, size, difference))
+
+
+def measured(disparity: FloatMap) -> npt.NDArray[np.uint8]:
+    return np.where(np.isfinite(disparity), Reason.MEASURED, Reason.LEFT_RIGHT).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("size", "kept"), [(12, True), (13, False)])
+def test_a_surface_of_fewer_pixels_is_a_speckle(size: int, kept: bool) -> None:
+    disparity = np.full((20, 20), 8, np.float32)
+    disparity[5:8, 5:9] = 30
+    found, reason = without_speckles(disparity, measured(disparity), SpeckleFilter(size=size))
+    assert np.isfinite(found[6, 6]) == kept
+    assert np.isnan(found).sum() == (0 if kept else 12) == (reason == Reason.SPECKLE).sum()
+
+
+def test_a_slope_is_one_surface() -> None:
+    disparity = np.tile(np.arange(20, dtype=np.float32), (20, 1))
+    reason = measured(disparity)
+    assert np.isfinite(without_speckles(disparity, reason, SpeckleFilter(size=400, difference=1))[0]).all()
+    assert np.isnan(without_speckles(disparity, reason, SpeckleFilter(size=400, difference=0.5))[0]).all()
+
+
+def test_gaps_before_speckles_keep_their_reason() -> None:
+    disparity = np.full((9, 9), NAN)
+    found, reason = without_speckles(disparity, measured(disparity), SpeckleFilter())
+    assert np.isnan(found).all() and (reason == Reason.LEFT_RIGHT).all()
+
+
+def test_a_gap_takes_the_farther_end() -> None:
+    disparity = np.array([[NAN, 4, NAN, NAN, 9, NAN]], np.float32)
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    np.testing.assert_array_equal(filled, [[4, 4, 4, 4, 9, 9]])
+    np.testing.assert_array_equal(reason == Reason.FILLED, np.isnan(disparity))
+
+
+def test_an_empty_row_repeats_the_nearest_that_is_not() -> None:
+    disparity = np.full((7, 3), NAN)
+    disparity[2], disparity[5] = 1, 2
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    np.testing.assert_array_equal(filled[:, 0], [1, 1, 1, 1, 2, 2, 2])
+    assert (reason[[0, 1, 3, 4, 6]] == Reason.FILLED).all() and (reason[[2, 5]] == Reason.MEASURED).all()
+
+
+def test_nothing_to_fill_from_stays_empty() -> None:
+    disparity = np.full((3, 3), NAN)
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    assert np.isnan(filled).all() and (reason == Reason.LEFT_RIGHT).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 999), st.floats(0, 0.9), st.integers(1, 9))
+def test_rows_are_filled_as_by_the_formula(seed: int, gaps: float, length: int) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = (rng.normal(0, 2, (30, 60)) + rng.uniform(-0.1, 0.1) * np.arange(60)).astype(np.float32)
+    disparity[np.repeat(rng.random((30, 60)) < gaps / length, length, axis=1)[:, :60]] = np.nan
+    disparity[: rng.integers(0, 30), : rng.integers(0, 12)] = np.nan
+    np.testing.assert_allclose(filled_from_ends(disparity), fill_between_ends_reference(disparity), rtol=0, atol=1e-4)
+
+
+def test_one_noisy_pixel_at_the_end_of_a_gap_makes_no_stripe() -> None:
+    road = np.repeat(np.linspace(4, 20, 40, dtype=np.float32)[:, None], 100, axis=1)
+    noisy = road + np.random.default_rng(0).normal(0, 0.5, road.shape).astype(np.float32)
+    noisy[:, 30:70] = np.nan
+    filled = filled_from_ends(noisy)[5:-5, 30:70]
+    # Noise decides which end is used, but the mean of 42 pixels has little, and the slope of the road cancels in it.
+    assert np.abs(filled - road[5:-5, 30:70]).max() < 0.35
+
+
+def test_a_gap_takes_the_farther_surface() -> None:
+    disparity = np.full((20, 40), 5, np.float32)
+    disparity[:, 20:] = 12
+    disparity[:, 10:20] = np.nan
+    np.testing.assert_array_equal(filled_from_ends(disparity)[:, 10:20], 5)
+
+
+def test_a_wall_goes_on_beyond_what_the_right_camera_sees() -> None:
+    y, x = np.indices((60, 120), np.float32)
+    wall = 20 - 0.06 * x + 0.02 * y
+    seen = np.where(x < 30, NAN, wall).astype(np.float32)
+    np.testing.assert_allclose(filled_from_ends(seen)[:, :30], wall[:, :30], atol=0.04)
+
+
+def test_a_wall_that_recedes_goes_no_farther_than_what_was_measured() -> None:
+    x = np.indices((60, 120), np.float32)[1]
+    seen = np.where(x < 60, NAN, 0.05 * (x - 58)).astype(np.float32)
+    filled = filled_from_ends(seen)
+    assert filled.min() == np.nanmin(seen)
+    assert np.isfinite(filled).all()
+
+
+def test_a_ragged_wall_goes_on_level() -> None:
+    x = np.indices((60, 120), np.float32)[1]
+    seen = np.where((x < 30) | (np.random.default_rng(0).random(x.shape) < 0.3), NAN, 20 - 0.06 * x)
+    seen[:, 30] = 18.2
+    filled = filled_from_ends(seen.astype(np.float32))[:, :30]
+    assert (np.ptp(filled, axis=1) == 0).all()
+    assert (np.abs(filled - 18.05) < 0.2).all()
+
+
+def test_a_row_without_a_value_stays_empty() -> None:
+    disparity = np.full((3, 9), NAN)
+    disparity[1, 4] = 7
+    filled = filled_from_ends(disparity)
+    assert np.isnan(filled[[0, 2]]).all()
+    np.testing.assert_array_equal(filled[1], 7)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 999), st.sampled_from([1, 3]), st.integers(1, 30), st.integers(1, 40), st.integers(3, 12))
+def test_pixels_choose_as_by_the_formula(seed: int, channels: int, height: int, width: int, side: int) -> None:
+    rng = np.random.default_rng(seed)
+    planes = rng.integers(0, 255, (channels, height, width)).astype(np.float32)
+    grid = max(1, round(height / side)), max(1, round(width / side))
+    count = grid[0] * grid[1]
+    centres = np.column_stack(
+        [
+            *rng.integers(0, 255, (channels, count)),
+            rng.uniform(0, height, count),
+            rng.uniform(0, width, count),
+        ]
+    ).astype(np.float32)
+    weights = np.float32(0.001), np.float32(1 / side**2)
+    labels = np.full((height, width), -1, np.int32)
+    choose_patches(planes, centres, grid, weights, 0, grid[0], labels)
+    np.testing.assert_array_equal(labels, choose_patches_reference(planes, centres, grid, weights))
+    after = mean_centres(planes, labels, centres)
+    for patch in range(count):
+        inside = labels == patch
+        rows, cols = np.nonzero(inside)
+        mean = [*planes[:, inside].mean(axis=1), rows.mean(), cols.mean()] if inside.any() else centres[patch]
+        np.testing.assert_allclose(after[patch], mean, rtol=1e-5)
+
+
+def test_patches_keep_to_an_edge_of_colour() -> None:
+    y, x = np.indices((60, 90))
+    bright = x + y // 2 > 60
+    planes = np.where(bright, 200, 40).astype(np.float32)[None]
+    found = superpixels(planes, 15, 20)
+    for patch in range(len(found.centres)):
+        assert len(np.unique(bright[found.labels == patch])) <= 1
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 50), (40, 2), (33, 47)])
+def test_any_size_is_cut(shape: tuple[int, int]) -> None:
+    found = superpixels(np.zeros((3, *shape), np.float32), 15, 20)
+    assert found.labels.shape == shape
+    assert set(np.unique(found.labels)) <= set(range(found.grid[0] * found.grid[1]))
+    assert np.isfinite(found.centres).all()
+
+
+def test_borders_are_those_counted() -> None:
+    rng = np.random.default_rng(0)
+    found = superpixels(rng.integers(0, 255, (3, 60, 80)).astype(np.float32), 10, 10)
+    labels, near = found.labels, neighbours(found.grid)
+    long = borders(labels, found.grid)
+    pairs = np.concatenate(
+        [
+            np.stack([labels[:, 1:].ravel(), labels[:, :-1].ravel()]),
+            np.stack([labels[1:].ravel(), labels[:-1].ravel()]),
+        ],
+        axis=1,
+    )
+    # Patches that touch are at most three apart on the grid: the loop has no room for more, and needs none.
+    for patch in range(len(near)):
+        for number, other in enumerate(near[patch]):
+            if other != patch:
+                met = ((pairs == [[patch], [other]]).all(axis=0) | (pairs == [[other], [patch]]).all(axis=0)).sum()
+                assert long[patch, number, 0] == met
+    assert long[:, :, 0].sum() == 2 * (pairs[0] != pairs[1]).sum()
+
+
+def filled(disparity: FloatMap, guide: npt.NDArray[np.uint8]) -> FloatMap:
+    reason = np.where(np.isnan(disparity), np.uint8(Reason.LEFT_RIGHT), np.uint8(Reason.MEASURED))
+    return filled_along_surfaces(disparity, filled_from_behind(disparity, reason)[0], guide, SurfaceFilling())
+
+
+def painted(shape: tuple[int, int], seed: int = 0) -> npt.NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(90, 110, (*shape, 3), dtype=np.uint8)
+
+
+def test_samples_are_spread_evenly_over_a_patch() -> None:
+    labels = np.repeat([[0, 1]], 40, axis=0).astype(np.int32)
+    values = np.arange(80, dtype=np.float32).reshape(40, 2)
+    values[5:, 1] = np.nan
+    points, kept, counts = sampled(labels, values, 3, 8)
+    np.testing.assert_array_equal(counts, [40, 5, 0])
+    np.testing.assert_array_equal(kept, [8, 5, 0])
+    np.testing.assert_array_equal(points[0], [[0] * 8, np.arange(0, 40, 5), np.arange(0, 80, 10)])
+    np.testing.assert_array_equal(points[1, 2, :5], [1, 3, 5, 7, 9])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    patches = superpixels(rng.integers(0, 255, (3, 60, 80)).astype(np.float32), 15, 30)
+    y, x = np.indices((60, 80))
+    values = (20 + 0.05 * x - 0.1 * y + rng.normal(0, 1, (60, 80))).astype(np.float32)
+    gaps = (rng.random((60, 80)) < 0.5) & (x > 40)
+    count = len(patches.centres)
+    measured = Samples(*sampled(patches.labels, np.where(gaps, NAN, values), count, 32))
+    guessed = Samples(*sampled(patches.labels, np.where(gaps, values + np.float32(1), NAN), count, 16))
+    at = np.ascontiguousarray(patches.centres[:, -2:])
+    joins, near = borders(patches.labels, patches.grid), neighbours(patches.grid)
+    planes = best_of_trials(*guessed[:2], at, TRIALS)
+    assert 0 < np.isnan(planes[:, 2]).sum() < count
+    again = refitted(planes, *measured, *guessed, joins, near, at)
+    np.testing.assert_allclose(
+        again, refitted_reference(planes, measured, guessed, joins, near, at), rtol=1e-3, atol=2e-4
+    )
+
+
+def test_a_trial_plane_ignores_what_lies_elsewhere() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 30, (2, 1, 60)).astype(np.float32)
+    z = 10 + 0.2 * x - 0.1 * y
+    z[0, ::5] += 25
+    found = best_of_trials(
+        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), TRIALS
+    )
+    np.testing.assert_allclose(found, [[0.2, -0.1, 11.5]], atol=0.01)
+
+
+def test_patches_of_fewer_than_three_guesses_have_no_plane_and_all_others_have() -> None:
+    patches = superpixels(np.full((1, 40, 60), 50, np.float32), 15, 20)
+    values = np.full((40, 60), 6, np.float32)
+    guesses = np.full((40, 60), NAN)
+    guesses[:, :20] = 6
+    count = len(patches.centres)
+    guessed = Samples(*sampled(patches.labels, guesses, count, 16))
+    planes = fitted(patches, Samples(*sampled(patches.labels, values, count, 32)), guessed)
+    np.testing.assert_array_equal(np.isnan(planes[:, 2]), guessed.kept < 3)
+    np.testing.assert_allclose(
+        planes[guessed.kept >= 3], np.tile([[0, 0, 6]], ((guessed.kept >= 3).sum(), 1)), atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("channels", [None, 1, 3])
+@pytest.mark.parametrize(("across", "down"), [(0.0, 0.0), (0.0, 0.1), (0.04, 0.1), (-0.05, -0.03)])
+def test_a_hole_in_a_plane_continues_it(across: float, down: float, channels: int | None) -> None:
+    y, x = np.indices((150, 200), np.float32)
+    plane = 30 + across * x + down * y
+    noisy = plane + np.random.default_rng(0).normal(0, 0.1, plane.shape)
+    noisy[40:110, 60:110] = np.nan
+    guide = painted((150, 200))
+    guide = guide[:, :, 0] if channels is None else np.ascontiguousarray(guide[:, :, :channels])
+    found = filled(noisy.astype(np.float32), guide)
+    assert np.abs(found - plane)[40:110, 60:110].max() < 0.5
+    np.testing.assert_array_equal(found[:40], noisy[:40].astype(np.float32))
+
+
+def test_an_empty_road_is_filled_smoothly_where_rows_make_stripes() -> None:
+    y, _ = np.indices((160, 240), np.float32)
+    road = 5 + 0.3 * y
+    rng = np.random.default_rng(0)
+    noisy = (road + rng.normal(0, 0.4, road.shape)).astype(np.float32)
+    # As far down a road, few pixels are measured, and some of them wrongly.
+    noisy[rng.random(road.shape) < 0.02] += 9
+    noisy[:, 40:210][rng.random((160, 170)) < 0.97] = np.nan
+    found = filled(noisy, painted(road.shape))
+    gaps = np.isnan(noisy)
+    assert np.mean(np.abs(found - road)[gaps] > 1) < 0.02
+    reason = np.full(road.shape, Reason.LEFT_RIGHT, np.uint8)
+    along_rows = filled_from_behind(noisy, reason)[0]
+    assert np.abs(found - road)[gaps].mean() < 0.75 * np.abs(along_rows - road)[gaps].mean()
+
+
+def test_what_is_hidden_behind_a_box_is_the_wall_and_not_the_box() -> None:
+    disparity = np.full((120, 200), 8, np.float32)
+    guide = painted((120, 200))
+    disparity[30:90, 90:150] = 25
+    guide[30:90, 90:150] //= 2
+    disparity[30:90, 73:90] = np.nan
+    found = filled(disparity, guide)
+    np.testing.assert_allclose(found[30:90, 73:90], 8, atol=0.3)
+
+
+def test_a_map_without_measurements_or_without_gaps_stays_as_it_is() -> None:
+    guide = painted((30, 40))
+    for value in (NAN, np.float32(3)):
+        disparity = np.full((30, 40), value)
+        np.testing.assert_array_equal(filled_along_surfaces(disparity, disparity, guide, SurfaceFilling()), disparity)
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (3, 5), (17, 8)])
+def test_small_maps_are_filled_too(shape: tuple[int, int]) -> None:
+    disparity = np.full(shape, 4, np.float32)
+    disparity.flat[1:3] = np.nan
+    np.testing.assert_allclose(filled(disparity, np.zeros(shape, np.uint8)), 4, atol=1e-3)
+
+
+def test_nothing_is_filled_beyond_what_was_measured() -> None:
+    rng = np.random.default_rng(3)
+    disparity = np.where(rng.random((80, 90)) < 0.8, NAN, rng.uniform(0, 60, (80, 90))).astype(np.float32)
+    found = filled(disparity, rng.integers(0, 255, (80, 90, 3), dtype=np.uint8))
+    assert np.isfinite(found).all()
+    assert np.nanmin(disparity) <= found.min() and found.max() <= np.nanmax(disparity)
+
+
+def test_alpha_of_sixteen_bits_changes_nothing() -> None:
+    left, right, _ = steps_pair(noise=2.0)
+    colours = [np.repeat(one[:, :, None].astype(np.uint16) * 16, 3, axis=2) for one in (left, right)]
+    opaque = [np.dstack([one, np.full(one.shape[:2], 65535, np.uint16)]) for one in colours]
+    matcher = sl.preset("accurate", num_disparities=32)
+    maps = [matcher.compute(*pair).disparity for pair in (colours, opaque)]
+    np.testing.assert_array_equal(maps[0], maps[1])

@@ -1,0 +1,505 @@
+"""The windows' loops against plain formulas: sums, both engines, peak fits, and the spread over pixels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pairs import shifted_pair, texture
+from skimage import data
+
+from stereolag.core.inputs import Image
+from stereolag.stereo.matcher import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher, Engine, cheaper_engine, find_matches
+from stereolag.stereo.windows.pixels import (
+    fit_peaks,
+    fit_peaks_reference,
+    spread_over_pixels,
+    spread_over_pixels_reference,
+)
+from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH
+from stereolag.stereo.windows.scores import describe_windows, describe_windows_reference, score_volume_reference
+from stereolag.stereo.windows.search import LagRange, Score, SearchArea, WindowMatches, WindowQuery
+from stereolag.stereo.windows.window_fft import score_surface
+from stereolag.stereo.windows.window_sums import match_windows, right_view_reference
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20)
+
+
+SCORES = ["zncc", "ncc", "cross"]
+DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
+
+
+def picture(rng, shape, dtype):
+    noise = rng.normal(size=shape)
+    noise = (noise + np.roll(noise, 1, 0) + np.roll(noise, 1, 1)) * 20
+    if np.issubdtype(dtype, np.integer):
+        return np.clip(noise + 128, 0, 255).astype(dtype) * np.asarray(257 if dtype == np.uint16 else 1, dtype)
+    return noise.astype(dtype)
+
+
+def at_lag(volume, search, dy, dx):
+    """Return each window's score from the volume at its own lag; NaN outside the range."""
+    row, col = dy.astype(int) - search.dy_first, dx.astype(int) - search.dx_first
+    inside = (row >= 0) & (row < search.rows) & (col >= 0) & (col < search.cols)
+    i, j = np.indices(dy.shape)
+    return np.where(inside, volume[np.where(inside, row, 0), np.where(inside, col, 0), i, j], np.nan)
+
+
+def assert_equals_reference(query):
+    found = match_windows(replace(query, runner_up=True))
+    left, right, search = query.left, query.right, query.lags
+    window_size, score = query.window_size, query.score
+    volume = score_volume_reference(query)
+    # Plain correlation has no scale of its own: compare it with the largest value the brightest windows could have.
+    unit = 1.0
+    if score == "cross":
+        unit = max(1.0, window_size * float(np.ptp(left.astype(float)))) * max(
+            1.0, window_size * float(np.ptp(right.astype(float)))
+        )
+    tolerance = 4e-6 * unit
+    none = np.isnan(volume).all((0, 1))
+    best = np.where(none, np.nan, np.nanmax(np.where(np.isnan(volume), -np.inf, volume), (0, 1)))
+    np.testing.assert_array_equal(np.isnan(found.score), none)
+    np.testing.assert_allclose(found.score, best, atol=tolerance, rtol=0)
+    dy, dx = found.dy, found.dx
+    there = np.where(none, np.nan, at_lag(volume, search, dy, dx))
+    np.testing.assert_allclose(there, best, atol=tolerance, rtol=0)
+    for up in (-1, 0, 1) if search.rows > 1 and len(found.around) > 1 else (0,):
+        for aside in (-1, 0, 1):
+            expected = np.where(none, np.nan, at_lag(volume, search, dy + up, dx + aside))
+            actual = found.around[up + len(found.around) // 2, aside + 1]
+            np.testing.assert_allclose(actual, expected, atol=tolerance, rtol=0, err_msg=f"{up}, {aside}")
+    lag_dy, lag_dx = np.mgrid[search.dy_first : search.dy_last + 1, search.dx_first : search.dx_last + 1]
+    far = np.maximum(abs(lag_dy[..., None, None] - dy), abs(lag_dx[..., None, None] - dx)) > 1
+    elsewhere = np.where(far & ~np.isnan(volume), volume, -np.inf).max((0, 1))
+    elsewhere = np.where(none | np.isinf(elsewhere), np.nan, elsewhere)
+    np.testing.assert_allclose(found.runner_up, elsewhere, atol=tolerance, rtol=0)
+    return found
+
+
+@st.composite
+def cases(draw):
+    window_size = draw(st.integers(2, 9))
+    height, width = draw(st.integers(window_size, 22)), draw(st.integers(window_size, 40))
+    dy_first, dx_first = draw(st.integers(-8, 8)), draw(st.integers(-45, 45))
+    search = LagRange(dy_first, dy_first + draw(st.integers(0, 6)), dx_first, dx_first + draw(st.integers(0, 50)))
+    dtype = draw(st.sampled_from(DTYPES))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    left, right = picture(rng, (height, width), dtype), picture(rng, (height, width), dtype)
+    for image in (left, right):
+        for _ in range(draw(st.integers(0, 2))):
+            y, x = draw(st.integers(0, height - 1)), draw(st.integers(0, width - 1))
+            image[y:, x:] = draw(st.sampled_from([0, 1, 200]))
+    step, score = draw(st.integers(1, window_size + 1)), draw(st.sampled_from(SCORES))
+    return WindowQuery(left, right, window_size, step, search, score)
+
+
+@given(cases())
+@settings(max_examples=150)
+def test_equals_the_plain_formula(query):
+    assert_equals_reference(query)
+
+
+def test_a_faint_picture_beside_a_bright_one_loses_nothing():
+    left = np.array([[35980, 0], [37265, 0]], np.uint16)
+    right = np.array([[0, 1], [0, 1]], np.uint16)
+    assert_equals_reference(WindowQuery(left, right, 2, 1, LagRange(0, 0, 0, 0), "cross"))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("score", SCORES)
+@pytest.mark.parametrize(("dy", "dx"), [(0, 0), (0, -7), (0, 7), (3, -2), (-4, 5)])
+def test_recovers_a_known_shift(rng, dtype, score, dy, dx):
+    scene = picture(rng, (60, 90), dtype)
+    left = scene[10:50, 10:80]
+    right = scene[10 - dy : 50 - dy, 10 - dx : 80 - dx]
+    found = match_windows(WindowQuery(left, right, 15, 2, LagRange(-5, 5, -8, 8), score))
+    inside = np.s_[5:8, 5:20]
+    share = ((found.dy == dy) & (found.dx == dx))[inside].mean()
+    assert share == 1 if score == "zncc" else share > 0.8
+
+
+@pytest.mark.parametrize("columns_in_cache", [1, 20_000])
+def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.CACHE_BYTES", columns_in_cache)
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 1.0)
+    left, right = picture(rng, (40, 130), np.uint8), picture(rng, (40, 130), np.uint8)
+    assert_equals_reference(WindowQuery(left, right, 6, 1, LagRange(-1, 1, -20, 13), "zncc"))
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
+def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype):
+    scene = 20_000 + 2 * rng.normal(size=(50, 110))
+    scene = scene.round().astype(dtype) if dtype != np.float64 else scene
+    left, right = scene[:, 5:95].copy(), scene[:, 10:100].copy()
+    left[:, 45:], right[:, 40:] = left[:, 45:] // 2, right[:, 40:] // 2  # no single mean suits both halves
+    found = match_windows(WindowQuery(left, right, 9, 1, LagRange(0, 0, -12, 12), "zncc"))
+    half = np.s_[:, 12:36]
+    assert (found.dx[half] == -5).all()
+    np.testing.assert_allclose(found.score[half], 1, atol=1e-4)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_the_unit_of_float_images_does_not_matter(rng, scale):
+    scene = rng.normal(size=(30, 80)) + 0.3
+    left, right = scene[:, :60], scene[:, 4:64] + 0.1 * rng.normal(size=(30, 60))
+    query = WindowQuery(left, right, 9, 2, LagRange(0, 0, -12, 12))
+    found = match_windows(query)
+    scaled = match_windows(replace(query, left=left * scale, right=right * scale))
+    np.testing.assert_array_equal(scaled.dx, found.dx)
+    np.testing.assert_allclose(scaled.score, found.score, atol=2e-6)
+    volume = score_volume_reference(query)
+    np.testing.assert_allclose(found.score, np.nanmax(volume, (0, 1)), atol=2e-6)
+
+
+def test_equal_scores_go_to_the_shortest_displacement(rng):
+    row = np.tile(rng.integers(0, 255, 8, dtype=np.uint8), 10)
+    image = np.tile(row, (30, 1))
+    found = match_windows(WindowQuery(image, image, 8, 1, LagRange(-3, 3, -20, 20), "zncc"))
+    assert not found.dx.any() and not found.dy.any()
+    # The match is as far to the left as to the right: the left one comes first by the documented order.
+    shifted = np.roll(image, 4, axis=1)
+    found = match_windows(WindowQuery(image, shifted, 8, 1, LagRange(0, 0, -20, 20), "zncc"))
+    assert (found.dx[:, 10:-10] == -4).all()
+    assert found.runner_up is None
+
+
+def test_a_flat_window_has_no_match(rng):
+    left, right = picture(rng, (30, 60), np.uint8), picture(rng, (30, 60), np.uint8)
+    left[:, 20:40] = 77
+    found = match_windows(WindowQuery(left, right, 8, 1, LagRange(0, 0, -10, 10), "zncc"))
+    assert np.isnan(found.score[:, 20:33]).all()
+    assert (found.texture[:, 20:33] == 0).all()
+    assert np.isfinite(found.score[:, :20]).all()
+
+
+@pytest.mark.parametrize("score", SCORES)
+@pytest.mark.parametrize("search", [LagRange(0, 0, -25, 0), LagRange(0, 0, -5, 40), LagRange(0, 0, -200, 200)])
+def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
+    left, right = picture(rng, (20, 70), np.uint8), picture(rng, (20, 70), np.uint8)
+    found = match_windows(WindowQuery(left, right, 7, 1, search, score, runner_up=True, right_matches=True))
+    volume = score_volume_reference(WindowQuery(left, right, 7, 1, search, score))
+    plain = right_view_reference(volume, search, NO_RIGHT_MATCH)
+    assert found.right_dx is not None
+    np.testing.assert_array_equal(found.right_dx == NO_RIGHT_MATCH, plain == NO_RIGHT_MATCH)
+    assert (found.right_dx == plain).mean() > 0.99  # scores within the precision of float32 are equal
+
+
+def test_a_range_out_of_the_frame_finds_nothing(rng):
+    image = picture(rng, (20, 30), np.uint8)
+    for search in (LagRange(0, 0, 500, 600), LagRange(-90, -50, 0, 0)):
+        found = match_windows(WindowQuery(image, image, 7, 1, search, "zncc", runner_up=True))
+        assert np.isnan(found.score).all() and np.isnan(found.around).all() and np.isnan(found.runner_up).all()
+
+
+def test_large_windows_of_bytes_do_not_overflow():
+    image = np.full((300, 300), 255, np.uint8)
+    image[::7, ::5] = 0
+    for window_size in (181, 182, 260):
+        found = match_windows(WindowQuery(image, image, window_size, 20, LagRange(0, 0, -3, 3), "ncc"))
+        assert (found.dx == 0).all()
+        np.testing.assert_allclose(found.score, 1, atol=1e-6)
+
+
+def test_progress_rises_to_one(rng, monkeypatch):
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 2e4)
+    image = picture(rng, (60, 90), np.uint8)
+    told: list[float] = []
+    match_windows(WindowQuery(image, image, 7, 1, LagRange(0, 0, -30, 0), "zncc"), told.append)
+    assert len(told) > 4
+    assert told == sorted(told) and told[-1] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"window_size": 31}, "window of 31 px"),
+        ({"step": 0}, "step is 0"),
+        ({"score": "sad"}, "'sad'"),
+        ({"lags": LagRange(0, 1, 0, 0), "right_matches": True}, "no vertical search"),
+        ({"right": np.zeros((30, 41), np.uint8)}, "one size"),
+        ({"right": np.zeros((30, 40), np.float32)}, "type"),
+    ],
+)
+def test_bad_settings_are_named(rng, change, message):
+    image = picture(rng, (30, 40), np.uint8)
+    good = WindowQuery(image, image, 7, 1, LagRange(0, 0, -5, 0))
+    with pytest.raises(ValueError, match=message):
+        match_windows(replace(good, **change))
+
+
+def test_too_many_lags_are_refused(rng):
+    image = picture(rng, (400, 400), np.uint8)
+    with pytest.raises(ValueError, match="65535"):
+        match_windows(WindowQuery(image, image, 5, 1, LagRange(-200, 200, -200, 200), "zncc"))
+
+
+def test_a_search_ends_after_it_begins():
+    with pytest.raises(ValueError, match="before its start"):
+        LagRange(0, 0, 5, 4)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+@pytest.mark.parametrize("norm", [0.0, 7.0])
+@pytest.mark.parametrize("keep_mean", [False, True])
+@pytest.mark.parametrize(("window", "step"), [(3, 1), (8, 1), (5, 3)])
+def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, window, step):
+    image = picture(rng, (30, 40), dtype)
+    image[5:20, 5:25] = 77
+    share = 0.0 if keep_mean else 1 / window**2
+    shape = [(side - window) // step + 1 for side in image.shape]
+    total = np.zeros(shape, np.int32 if dtype == np.uint8 else np.float64)
+    inverse, texture = np.zeros((2, *shape), np.float32)
+    describe_windows(image, window, step, 0, share, norm, 0.25, total, inverse, texture)
+    plain = describe_windows_reference(image, window, step, share, norm, 0.25)
+    for found, expected in zip((total, inverse, texture), plain, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+    assert np.isnan(inverse[shape[0] // 3, shape[1] // 3])
+
+
+IMAGE = (400, 881)
+
+
+def test_the_cost_model_knows_where_each_engine_pays() -> None:
+    strip, square = LagRange(0, 0, -63, 0), LagRange(-60, 60, -60, 60)
+    assert cheaper_engine(IMAGE, 20, 1, strip) == "window_sums"
+    assert cheaper_engine(IMAGE, 20, 20, strip) == "window_sums"
+    assert cheaper_engine(IMAGE, 20, 1, square) == "window_sums"
+    assert cheaper_engine(IMAGE, 40, 40, square) == "fft"
+
+
+def by_both(query: WindowQuery) -> tuple[WindowMatches, WindowMatches]:
+    return find_matches(query, "window_sums"), find_matches(query, "fft")
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 1000),
+    dtype=st.sampled_from([np.uint8, np.uint16]),
+    window_size=st.integers(3, 14),
+    step=st.integers(1, 9),
+    lags=st.tuples(st.integers(-6, 0), st.integers(0, 6), st.integers(-12, 3), st.integers(3, 8)),
+    score=st.sampled_from(["zncc", "ncc", "cross"]),
+    flat=st.booleans(),
+)
+def test_both_engines_give_the_same_to_the_bit(
+    seed: int, dtype: type, window_size: int, step: int, lags: tuple[int, int, int, int], score: Score, flat: bool
+) -> None:
+    left, right = (image.copy() for image in shifted_pair(36, 52, 1, -3, dtype=dtype, seed=seed))
+    if flat:
+        left[5:25, 10:30] = right[8:28, 12:40] = 100
+    query = WindowQuery(left, right, window_size, step, LagRange(*lags), score, runner_up=True)
+    sums, fft = by_both(query)
+    for name in ("dy", "dx", "score", "around", "texture", "runner_up"):
+        np.testing.assert_array_equal(getattr(sums, name), getattr(fft, name), err_msg=name)
+
+
+SEARCHES = {
+    "square": (20, 0.95, SearchArea.centred(40)),
+    "strip": (11, 0.9, SearchArea.rectified(32)),
+    "reach": (15, 0.8, SearchArea.rectified(16, -4, 3)),
+    "apart": (16, 0.0, SearchArea.centred(33)),
+}
+
+
+def landscape(part: str, dtype: type) -> tuple[Image, Image]:
+    """Return a bright, plain sky above a texture, and the same scene moved by 5 px, with noise."""
+    rng = np.random.default_rng(0)
+    left = np.linspace(190, 215, 90)[:, None] + rng.normal(0, 0.7, (90, 120))
+    left[54:] = texture(36, 120)
+    left = np.clip(np.rint(left), 0, 255)[{"whole": np.s_[:], "sky": np.s_[:50]}[part]]
+    right = np.clip(np.rint(np.roll(left, -5, axis=1) + rng.normal(0, 1, left.shape)), 0, 255)
+    unit = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
+    return (left * unit).astype(dtype), (right * unit).astype(dtype)
+
+
+def test_both_engines_agree_on_the_sky_of_a_photograph() -> None:
+    left = data.camera()[:120]
+    right = np.clip(np.rint(np.roll(left, -5, axis=1) + np.random.default_rng(0).normal(0, 1, left.shape)), 0, 255)
+    matcher = CorrelationMatcher(search=SearchArea.centred(40), score="ncc", overlap=0.9)
+    sums, fft = (
+        matcher.model_copy(update={"engine": engine}).compute(left, right.astype(np.uint8))
+        for engine in ("window_sums", "fft")
+    )
+    np.testing.assert_array_equal(sums.disparity, fft.disparity)
+    np.testing.assert_array_equal(sums.reason, fft.reason)
+
+
+TYPES = (np.uint8, np.uint16, np.float32)
+
+
+@pytest.mark.parametrize("part", ["whole", "sky"])
+@pytest.mark.parametrize(
+    ("search", "score", "dtype"),
+    [(name, score, TYPES[(row + col) % 3]) for row, name in enumerate(SEARCHES) for col, score in enumerate(SCORES)],
+)
+def test_both_engines_give_the_same_map(part: str, dtype: type, score: str, search: str) -> None:
+    """With ncc, 12 % of a photograph with much sky used to differ: each engine had its own ties and flatness rules."""
+    window_size, overlap, area = SEARCHES[search]
+    pair = landscape(part, dtype)
+    sums, fft = (
+        CorrelationMatcher(window_size=window_size, overlap=overlap, search=area, score=score, engine=engine).compute(
+            *pair
+        )
+        for engine in ("window_sums", "fft")
+    )
+    np.testing.assert_array_equal(sums.reason, fft.reason)
+    np.testing.assert_allclose(sums.disparity, fft.disparity, atol=0.01)
+    np.testing.assert_allclose(sums.dy, fft.dy, atol=0.01)
+
+
+@pytest.mark.parametrize("score", ["zncc", "ncc", "cross", "phase"])
+def test_the_surface_of_one_window_holds_what_its_match_saw(score: Score) -> None:
+    left, right = shifted_pair(40, 60, 1, -3)
+    query = WindowQuery(left, right, 9, 3, LagRange(-2, 60, -9, 2), score)
+    found = find_matches(query, "fft")
+    for row, col in ((0, 0), (4, 7), (10, 17)):
+        surface = score_surface(query, 3 * row, 3 * col)
+        assert surface.shape == (63, 12)
+        assert np.nanmax(surface) == pytest.approx(found.score[row, col], rel=1e-6)
+        assert surface[found.dy[row, col] + 2, found.dx[row, col] + 9] == found.score[row, col]
+    left[:9, :9] = 50
+    assert np.isnan(score_surface(query, 0, 0)).all()
+
+
+def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right = shifted_pair(60, 90, 2, -3)
+    query = WindowQuery(left, right, 16, 8, LagRange(-9, 9, -20, 20), runner_up=True)
+    few = find_matches(query, "fft")
+    monkeypatch.setattr("stereolag.stereo.windows.window_fft.MOST_LAGS", 100)
+    many = find_matches(query, "fft")
+    for name in ("dy", "dx", "score", "around"):
+        np.testing.assert_array_equal(getattr(many, name), getattr(few, name), err_msg=name)
+    np.testing.assert_allclose(many.runner_up, few.runner_up, atol=1.1 * 2**10 / 2**29)
+    assert cheaper_engine((800, 900), 16, 8, LagRange(-200, 200, -200, 200)) == "fft"
+    large = shifted_pair(100, 320, 0, -20)
+    result = CorrelationMatcher(window_size=20, overlap=0, search=SearchArea.centred(290)).compute(*large)
+    assert abs(np.nanmedian(result.disparity) - 20) < 0.1
+
+
+def test_matches_of_the_right_windows_are_not_to_be_had_by_fft() -> None:
+    image = np.zeros((20, 30), np.uint8)
+    with pytest.raises(ValueError, match="Only window sums"):
+        find_matches(WindowQuery(image, image, 5, 1, LagRange(0, 0, -5, 0), right_matches=True), "fft")
+
+
+@pytest.mark.parametrize("engine", ["window_sums", "fft"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_huge_offset_does_not_hide_the_peak(engine: Engine, dtype: type) -> None:
+    left, right = shifted_pair(40, 60, 0, -5, dtype=np.float64)
+    offset = 40 * 1e4
+    images = (image.astype(dtype) for image in (left + offset, right + offset))
+    found = find_matches(WindowQuery(*images, 9, 3, LagRange(0, 0, -9, 0)), engine)
+    assert np.mean(found.dx[:, 5:-2] == -5) == 1
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 3]), st.floats(-0.5, 0.9))
+def test_compiled_equals_plain(seed: int, rows: int, lowest: float) -> None:
+    rng = np.random.default_rng(seed)
+    around = rng.uniform(lowest, 0.95, (rows, 3, 7, 11)).astype(np.float32)
+    # The series is not accurate for positive scores below a fiftieth of the peak.
+    around[(around > 0) & (around < 0.02)] = 0.02
+    around[rng.random(around.shape) < 0.05] = np.nan
+    around[rows // 2, 1] = rng.uniform(0.95, 1, (7, 11))
+    for fast, slow in zip(fit_peaks(around), fit_peaks_reference(around), strict=True):
+        np.testing.assert_allclose(fast, slow, atol=3e-3)
+
+
+@pytest.mark.parametrize("dy", [-0.4, 0.0, 0.25])
+@pytest.mark.parametrize("dx", [-0.5, 0.1, 0.3])
+@pytest.mark.parametrize("tilt", [0.0, 0.15])
+def test_the_top_of_an_oblique_gaussian_is_found(dy: float, dx: float, tilt: float) -> None:
+    y, x = np.mgrid[-1:2, -1:2]
+    hill = np.exp(-0.2 * (y - dy) ** 2 - 0.3 * (x - dx) ** 2 - tilt * (y - dy) * (x - dx))
+    around = hill.astype(np.float32)[:, :, None, None]
+    for found in (fit_peaks_reference(around), fit_peaks(around)):
+        assert found[0].item() == pytest.approx(dy, abs=1e-3)
+        assert found[1].item() == pytest.approx(dx, abs=1e-3)
+
+
+@pytest.mark.parametrize("scores", [(np.nan, 1.0, 0.5), (1.0, 1.0, 1.0), (0.5, 1.0, np.nan)])
+def test_nothing_to_fit_is_no_offset(scores: tuple[float, float, float]) -> None:
+    around = np.array(scores, dtype=np.float32).reshape(1, 3, 1, 1)
+    assert fit_peaks(around)[1].item() == 0
+    assert fit_peaks_reference(around)[1].item() == 0
+
+
+def test_negative_scores_are_fitted_by_a_parabola() -> None:
+    around = np.array([-0.1, 0.4, 0.3], dtype=np.float32).reshape(1, 3, 1, 1)
+    parabola = (-0.1 - 0.3) / (2 * (-0.1 - 0.8 + 0.3))
+    assert fit_peaks(around)[1].item() == pytest.approx(parabola, abs=1e-6)
+
+
+@pytest.mark.parametrize("vertical", [0, 2])
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_the_surface_of_one_window_is_fitted_as_the_map_is(vertical: int, dtype: type) -> None:
+    """The explanation of a match and the map share one fit, so they cannot disagree."""
+    left, right = shifted_pair(40, 70, 0.3 * bool(vertical), -5.4, dtype=dtype)
+    search = SearchArea.rectified(12, 0, vertical)
+    matcher = CorrelationMatcher(window_size=9, search=search)
+    result, query = matcher.compute(left, right), matcher.query(left, right)
+    for row, col in ((8, 30), (20, 41), (29, 55)):
+        surface = score_surface(query, row, col)
+        dy, dx = np.unravel_index(np.nanargmax(surface), surface.shape)
+        rows = slice(dy - 1, dy + 2) if vertical else slice(0, 1)
+        around = surface[rows, dx - 1 : dx + 2, None, None].astype(np.float32)
+        offset_dy, offset_dx = fit_peaks(around)
+        pixel = row + 4, col + 4
+        assert dx + query.lags.dx_first + offset_dx.item() == pytest.approx(result.dx[pixel], abs=1e-5)
+        assert dy + query.lags.dy_first + offset_dy.item() == pytest.approx(result.dy[pixel], abs=1e-5)
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 999),
+    shape=st.tuples(st.integers(9, 24), st.integers(9, 30)),
+    window_size=st.integers(3, 9),
+    step=st.integers(1, 5),
+    vertical=st.integers(0, 2),
+    circular=st.booleans(),
+    refusals=st.booleans(),
+)
+def test_pixels_learn_from_their_window_as_by_the_formula(
+    seed: int, shape: tuple[int, int], window_size: int, step: int, vertical: int, circular: bool, refusals: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    image = np.zeros(shape, np.uint8)
+    asked = LagRange(-vertical, vertical, -6, 2)
+    query = WindowQuery(image, image, window_size, step, asked, circular=circular)
+    grid = query.grid
+    around = rng.uniform(-0.2, 0.9, (3 if vertical else 1, 3, *grid)).astype(np.float32)
+    around[len(around) // 2, 1] = rng.uniform(0.9, 1, grid)
+    around[:, :, rng.random(grid) < 0.1] = np.nan
+    matches = WindowMatches(
+        dy=rng.integers(-vertical - 1, vertical + 2, grid).astype(np.int16) * bool(vertical),
+        dx=rng.integers(-7, 4, grid).astype(np.int16),
+        score=around[len(around) // 2, 1],
+        around=around,
+        texture=rng.integers(0, 5, grid).astype(np.float32),
+    )
+    refused = rng.choice([Reason.MEASURED, Reason.LEFT_RIGHT], grid).astype(np.uint8) if refusals else None
+    found = spread_over_pixels(matches, query, asked=asked, flat=1.0, refused=refused)
+    plain = spread_over_pixels_reference(matches, query, asked=asked, flat=1.0, refused=refused)
+    for ours, expected in zip(found, plain, strict=True):
+        np.testing.assert_array_equal(ours, expected)
+
+
+@pytest.mark.parametrize("dx", [-3, 0, 2])
+def test_the_sign_turns_once(dx: int) -> None:
+    image = np.zeros((12, 30), np.uint8)
+    query = WindowQuery(image, image, 5, 1, LagRange(0, 0, -8, 8))
+    around = np.full((1, 3, *query.grid), 0.5, np.float32)
+    around[0, 1] = 1
+    lags = np.full(query.grid, dx, np.int16)
+    matches = WindowMatches(np.zeros_like(lags), lags, around[0, 1], around, np.full(query.grid, 9, np.float32))
+    found = spread_over_pixels(matches, query, asked=query.lags, flat=1.0, refused=None)
+    assert (found.disparity[2:-2, 10:-10] == -dx).all()
+    assert not np.signbit(found.disparity[found.disparity == 0]).any()
