@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import json
 
 import numpy as np
 import pytest
 import straight_and_raw
-from PIL import Image
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
@@ -127,51 +125,6 @@ def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> No
     assert (typeset("its width of 401 px is odd") in said(app).lower()) == (width == 401)
 
 
-def test_a_few_pixels_of_difference_are_cropped_with_the_truth_and_said() -> None:
-    app = own(right=("r.png", uploads.png(RIGHT[:-2, :-1])), truth=("t.png", uploads.png(TRUTH)))
-    pair = shown(app)
-    assert pair.left.shape == pair.right.shape == (118, 199, 3)
-    assert pair.truth is not None
-    assert pair.truth.shape == (118, 199)
-    assert "cropped to 199 × 118" in said(app)
-
-
-def test_16_bits_beside_8_are_brought_to_one_range_and_said() -> None:
-    grey = LEFT[:, :, 0].astype(np.uint16)
-    app = own(left=("l.png", uploads.png(grey * 16)), right=("r.png", uploads.png(RIGHT[:, :, 0])))
-    pair = shown(app)
-    assert pair.left.dtype == pair.right.dtype == np.uint16
-    assert np.abs(pair.left[:, 5:].astype(float) - pair.right[:, :-5]).max() <= 257
-    assert "One image has 8 bits per channel and the other 16" in said(app)
-
-
-def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
-    app = own(calibration=("calib.txt", MIDDLEBURY.encode()))
-    calibration = shown(app).calibration
-    assert calibration is not None
-    assert (calibration.focal_px, calibration.doffs_px) == (200, 5)
-    assert shown(app).num_disparities == 32
-    assert (
-        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).id.searched)).value
-        == 32
-    )
-    assert "The calibration was scaled to 200 × 120 pixels." in said(app)
-
-
-def test_both_cameras_rectify_the_pair_and_drop_the_truth() -> None:
-    app = own(calibration=("rig.json", json.dumps(RIG).encode()), truth=("t.png", uploads.png(TRUTH)))
-    app.button_group(key="pairs.unit").set_value("mm").run()
-    pair = shown(app)
-    assert pair.left.shape == LEFT.shape
-    assert not np.array_equal(pair.left, LEFT)
-    assert pair.truth is None
-    assert pair.calibration is not None
-    assert pair.calibration.rig is None
-    assert pair.calibration.baseline_m == pytest.approx(0.1)
-    assert "undistorted and rectified" in said(app)
-    assert "Its ground truth belongs to the image before that" in said(app)
-
-
 STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"
 
 
@@ -195,18 +148,6 @@ def test_a_rectified_pair_is_left_so_with_the_calibration_of_both_cameras_and_th
     assert "undistorted and rectified with its calibration, as you said: rows differ by " in said(app)
     app.button(key=UNDO).click().run()
     np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
-
-
-def test_a_raw_pair_is_rectified_and_that_can_be_undone() -> None:
-    raw = straight_and_raw.raw_pair()
-    app = with_both_cameras(raw)
-    middle = slice(60, -60), slice(60, -60)
-    difference = shown(app).left[middle].astype(float) - STRAIGHT[0][middle]
-    assert np.abs(difference).mean() < 3
-    app.button(key=UNDO).click().run()
-    np.testing.assert_array_equal(shown(app).left, raw[0])
-    app.button_group(key="pairs.pictures_are").set_value("raw").run()
-    assert np.abs(shown(app).left[middle].astype(float) - STRAIGHT[0][middle]).mean() < 3
 
 
 def test_alpha_is_asked_where_the_file_does_not_say_how_it_was_rectified() -> None:
@@ -245,16 +186,6 @@ def test_two_files_of_one_camera_each_are_told_apart_by_their_names() -> None:
     app.file_uploader(key="pairs.calibration").set_value([(*file, "application/json") for file in files]).run()
     known = app.session_state["pairs.calibration.kept"].upload.content
     np.testing.assert_array_equal(known.rig.left_matrix, straight_and_raw.M1)
-
-
-def test_a_smaller_pair_has_the_calibration_that_came_last() -> None:
-    app = own()
-    app.button_group(key="pairs.size").set_value("1/2").run()
-    given(app, calibration=("c.json", b'{"focal_px": 300, "baseline_m": 0.2}'))
-    assert shown(app).calibration is not None
-    assert shown(app).calibration.focal_px == 150
-    given(app, calibration=("c.json", b'{"focal_px": 500, "baseline_m": 0.2}'))
-    assert shown(app).calibration.focal_px == 250
 
 
 RANGE = "search.rectified.num_disparities"
@@ -334,30 +265,3 @@ def test_settings_are_as_at_first_after_other_sizes_unless_they_were_moved_there
     app.button_group(key="pairs.size").set_value("Full").run()
     assert app.session_state["shown"][2].window_size == 38
     assert app.session_state["shown"][1] == first[0]
-
-
-def test_more_than_a_megapixel_is_shown_smaller_until_full_size_is_asked_for() -> None:
-    large = np.asarray(Image.fromarray(SCENE).resize((2000, 1200)))
-    file = io.BytesIO()
-    Image.fromarray(large).save(file, "BMP")
-    app = own(left=("l.bmp", file.getvalue()), right=("r.bmp", file.getvalue()))
-    assert shown(app).left.shape == (600, 1000, 3)
-    app.button_group(key="pairs.size").set_value("Full").run()
-    assert shown(app).left.shape == (1200, 2000, 3)
-
-
-@pytest.mark.parametrize(
-    ("files", "sentence"),
-    [
-        ({"calibration": ("c.txt", b"nothing")}, "calibration"),
-        ({"right": ("r.png", uploads.png(RIGHT[:-20]))}, "give or take 3 %"),
-        ({"truth": ("t.png", uploads.png(TRUTH[:50]))}, "the left image is 200 × 120 pixels"),
-        ({"calibration": ("c.txt", MIDDLEBURY.replace("240", "400").encode())}, "The calibration is for 400 × 400"),
-    ],
-)
-def test_what_does_not_belong_together_is_answered_with_one_sentence(
-    files: dict[str, tuple[str, bytes]], sentence: str
-) -> None:
-    app = own(**files)
-    assert len(app.error) == 1
-    assert typeset(sentence) in app.error[0].value

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any, NamedTuple
-
-import pytest
-
-from stereolag.commands import main
 
 
 class Ran(NamedTuple):
@@ -24,13 +21,7 @@ class Ran(NamedTuple):
         return dict(json.loads(line))
 
 
-def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ran:
-    """Run a command and return its exit code and output."""
-    try:
-        code = main([str(one) for one in arguments])
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    return Ran(code, *capsys.readouterr())
+Command = Callable[..., Ran]
 
 
 def assert_refused(told: Ran, command: str, code: int, said: str) -> None:

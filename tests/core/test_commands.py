@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import soundfile
-from commanded import assert_refused, ran
+from commanded import Command, assert_refused
 from scipy.signal import resample_poly
 
 import stereolag as sl
@@ -30,7 +30,7 @@ SQUARE_M, PAIRS = 0.03, 11
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recordings_made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with two recordings 123 samples apart, in several formats and rates."""
     folder = tmp_path_factory.mktemp("recordings")
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, 4123)
@@ -46,29 +46,30 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def recordings(recordings_made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Enter the folder of the recordings."""
+    monkeypatch.chdir(recordings_made)
+    return recordings_made
+
+
 @pytest.mark.parametrize(
     "files",
     [("first.wav", "second.wav"), ("both.wav",), ("both.wav", "second.wav"), ("both.wav", "--channels", "1", "2")],
 )
-def test_lag_tells_samples_seconds_and_metres(
-    recordings: Path, files: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(recordings)
-    figures = ran(capsys, "lag", *files, "--speed", 340, "--json").figures
+def test_lag_tells_samples_seconds_and_metres(recordings: Path, files: tuple[str, ...], ran: Command) -> None:
+    figures = ran("lag", *files, "--speed", 340, "--json").figures
     assert figures["lag_samples"] == 123
     assert figures["time_s"] == pytest.approx(123 / 8000)
     assert figures["distance_m"] == pytest.approx(123 / 8000 * 340)
     assert figures["score"] > 0.99
     assert figures["settings"]["sampling_rate"] == 8000
-    said = ran(capsys, "lag", *files).out
+    said = ran("lag", *files).out
     assert said.startswith("lag       123 samples")
     assert "verdict   sure: a clear peak" in said
 
 
-def test_lag_gives_no_metres_where_it_is_not_sure(
-    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(recordings)
+def test_lag_gives_no_metres_where_it_is_not_sure(recordings: Path, ran: Command) -> None:
     random = np.random.default_rng(1)
     soundfile.write("other.wav", random.uniform(-0.5, 0.5, 4000), 8000)
     tone = 0.5 * np.sin(2 * np.pi * np.arange(4100) / 100)
@@ -80,49 +81,43 @@ def test_lag_gives_no_metres_where_it_is_not_sure(
         (("tone_1.wav", "tone_2.wav"), "verdict   ambiguous: it repeats"),
         (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording reversed"),
     ):
-        said = ran(capsys, "lag", *files).out
+        said = ran("lag", *files).out
         assert verdict in said
         assert " m " not in said and said.startswith("highest   at ")
 
 
-def test_lag_brings_two_rates_to_one_and_tells_what_it_compares(
-    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(recordings)
-    figures = ran(capsys, "lag", "first.wav", "faster.wav", "--json").figures
+def test_lag_brings_two_rates_to_one_and_tells_what_it_compares(recordings: Path, ran: Command) -> None:
+    figures = ran("lag", "first.wav", "faster.wav", "--json").figures
     assert (figures["lag_samples"], figures["settings"]["sampling_rate"]) == (123, 8000)
     told = [(one["resampled"], one["sampling_rate_in_file"], one["samples"]) for one in figures["recordings"]]
     assert told == [(False, 8000, 4000), (True, 16000, 4000)]
-    said = ran(capsys, "lag", "first.wav", "faster.wav").out
+    said = ran("lag", "first.wav", "faster.wav").out
     assert "faster.wav: 0.5 s, 4000 samples at 8000 Hz, resampled from 16000 Hz" in said
     lines = (recordings / "first.txt").read_bytes().split(b"\n")
     (recordings / "damaged.txt").write_bytes(b"\n".join([*lines[:5], lines[5] + b"\0", *lines[6:]]))
-    said = ran(capsys, "lag", "damaged.txt", "second.txt").out
+    said = ran("lag", "damaged.txt", "second.txt").out
     assert "at 44100 Hz, rate assumed, the file states none, 1 damaged line mended" in said
-    assert "channel 2 of 2" in ran(capsys, "lag", "both.wav").out
+    assert "channel 2 of 2" in ran("lag", "both.wav").out
 
 
-def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(
-    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(recordings)
+def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(recordings: Path, ran: Command) -> None:
     text = ("lag", "first.txt", "second.txt", "--json")
-    assert ran(capsys, *text).figures["settings"]["sampling_rate"] == 44_100
+    assert ran(*text).figures["settings"]["sampling_rate"] == 44_100
     for files in (text[1:3], ("first.wav", "second.wav")):
-        told = ran(capsys, "lag", *files, "--json", "--sampling-rate", 1000).figures
+        told = ran("lag", *files, "--json", "--sampling-rate", 1000).figures
         assert told["time_s"] == pytest.approx(0.123)
 
 
-def test_lag_of_the_bundled_recordings(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lag_of_the_bundled_recordings(ran: Command) -> None:
     coast = samples.recordings()["coast"]
     for method in ("fft", "phat", "sampled"):
-        told = ran(capsys, "lag", coast.signal_1, coast.signal_2, "--json", "--method", method)
+        told = ran("lag", coast.signal_1, coast.signal_2, "--json", "--method", method)
         assert told.figures["lag_samples"] == coast.lag == 50_082
 
 
-def test_a_ratio_without_end_is_null(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_ratio_without_end_is_null(tmp_path: Path, ran: Command) -> None:
     np.savetxt(tmp_path / "a.txt", [0, 0, 1, 0])
-    told = ran(capsys, "lag", tmp_path / "a.txt", tmp_path / "a.txt", "--max-lag", 0, "--json")
+    told = ran("lag", tmp_path / "a.txt", tmp_path / "a.txt", "--max-lag", 0, "--json")
     assert told.figures["peak_ratio"] is None
 
 
@@ -153,15 +148,13 @@ def test_lag_refuses_in_one_sentence(
     arguments: list[str],
     code: int,
     said: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    ran: Command,
 ) -> None:
-    monkeypatch.chdir(recordings)
-    assert_refused(ran(capsys, "lag", *arguments), "lag", code, said)
+    assert_refused(ran("lag", *arguments), "lag", code, said)
 
 
 @pytest.fixture(scope="module")
-def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def picture_made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a picture, a template from its rows 20 to 40 and columns 30 to 60, and an unrelated one."""
     folder = tmp_path_factory.mktemp("picture")
     noise = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
@@ -177,61 +170,62 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def picture(picture_made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Enter that folder."""
+    monkeypatch.chdir(picture_made)
+    return picture_made
+
+
 @pytest.mark.parametrize("method", ["fft", "sampled", "direct"])
-def test_find_tells_the_place(
-    picture: Path, method: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(picture)
-    told = ran(capsys, "find", "image.png", "template.png", "--method", method, "--json")
+def test_find_tells_the_place(picture: Path, method: str, ran: Command) -> None:
+    told = ran("find", "image.png", "template.png", "--method", method, "--json")
     assert told.code == 0
     (match,) = told.figures["matches"]
     assert (match["row"], match["col"], match["height"], match["width"]) == (20, 30, 20, 30)
     assert match["score"] == pytest.approx(1)
-    assert ran(capsys, "find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
+    assert ran("find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
 
 
-def test_find_ends_with_three_where_there_is_nothing(
-    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(picture)
-    told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9")
+def test_find_ends_with_three_where_there_is_nothing(picture: Path, ran: Command) -> None:
+    told = ran("find", "image.png", "stranger.png", "--min-score", "0.9")
     assert told.code == 3
     assert told.out.startswith("Not found: no place scores 0.9 or more. The best: row ")
-    told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9", "--json")
+    told = ran("find", "image.png", "stranger.png", "--min-score", "0.9", "--json")
     assert told.code == 3
     assert told.figures["found"] is False
     assert (told.figures["reason"], told.figures["matches"]) == ("low_score", [])
     assert told.figures["best"]["score"] < 0.9
-    assert "3 nothing is found" in ran(capsys, "find", "--help").out.replace("\n", " ")
+    assert "3 nothing is found" in ran("find", "--help").out.replace("\n", " ")
 
 
 def test_find_tells_size_angle_and_look_alikes(
-    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    picture: Path, ran: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
     noise = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8), (0, 0), 2)
     template = cv2.resize(noise[20:50, 30:60], (40, 40), interpolation=cv2.INTER_AREA)
     Path("image.png").write_bytes(image_png(noise))
     Path("template.png").write_bytes(image_png(template))
-    told = ran(capsys, "find", "image.png", "template.png", "--min-scale", "0.6", "--max-rotation", "10")
+    told = ran("find", "image.png", "template.png", "--min-scale", "0.6", "--max-rotation", "10")
     assert told.code == 0
     assert re.match(r"row (20|21), column (30|31), score 0\.9\d+, size 0\.7\d, turned [+-]\d\.\d°\n", told.out), (
         told.out
     )
     Path("image.png").write_bytes(image_png(np.hstack([noise, noise])))
     Path("template.png").write_bytes(image_png(noise[20:50, 30:60]))
-    told = ran(capsys, "find", "image.png", "template.png")
+    told = ran("find", "image.png", "template.png")
     assert told.code == 3
     assert told.out.splitlines() == [
         "Not found: 2 places fit about equally well.",
         "row 20, column 30, score 1.000",
         "row 20, column 150, score 1.000",
     ]
-    assert ran(capsys, "find", "image.png", "template.png", "--max-matches", "2").code == 0
+    assert ran("find", "image.png", "template.png", "--max-matches", "2").code == 0
 
 
 def test_find_prints_no_place_that_cannot_be_relied_on(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ran: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
     noise = np.random.default_rng(1).integers(0, 200, (200, 240), dtype=np.uint8)
@@ -242,19 +236,16 @@ def test_find_prints_no_place_that_cannot_be_relied_on(
     Path("image.png").write_bytes(image_png(image))
     Path("template.png").write_bytes(image_png(template))
     files = "image.png", "template.png", "--max-matches", "2"
-    figures = ran(capsys, "find", *files, "--json").figures
+    figures = ran("find", *files, "--json").figures
     assert (len(figures["matches"]), figures["clear"]) == (2, 1)
-    told = ran(capsys, "find", *files)
+    told = ran("find", *files)
     assert told.code == 0
     assert told.out == "row 40, column 70, score 1.000\n"
 
 
-def test_find_leaves_out_what_the_mask_leaves_out(
-    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(picture)
-    assert ran(capsys, "find", "image.png", "spoilt.png", "--min-score", "0.99").code == 3
-    told = ran(capsys, "find", "image.png", "spoilt.png", "--min-score", "0.99", "--mask", "mask.png", "--json")
+def test_find_leaves_out_what_the_mask_leaves_out(picture: Path, ran: Command) -> None:
+    assert ran("find", "image.png", "spoilt.png", "--min-score", "0.99").code == 3
+    told = ran("find", "image.png", "spoilt.png", "--min-score", "0.99", "--mask", "mask.png", "--json")
     assert [(match["row"], match["col"]) for match in told.figures["matches"]] == [(20, 30)]
 
 
@@ -268,16 +259,8 @@ def test_find_leaves_out_what_the_mask_leaves_out(
         (["image.png"], 2, "TEMPLATE"),
     ],
 )
-def test_find_refuses_in_one_sentence(
-    picture: Path,
-    arguments: list[str],
-    code: int,
-    said: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(picture)
-    assert_refused(ran(capsys, "find", *arguments), "find", code, said)
+def test_find_refuses_in_one_sentence(picture: Path, arguments: list[str], code: int, said: str, ran: Command) -> None:
+    assert_refused(ran("find", *arguments), "find", code, said)
 
 
 def drawn_rig() -> StereoRig:
@@ -294,7 +277,7 @@ def drawn_rig() -> StereoRig:
 
 
 @pytest.fixture(scope="module")
-def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def boards_made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with pictures of a board in `left` and `right`, the same in one folder, and as a ZIP."""
     folder = tmp_path_factory.mktemp("boards")
     for side in ("left", "right"):
@@ -311,11 +294,16 @@ def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_calibrate_finds_the_camera_and_writes_what_others_read(
-    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def boards(boards_made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Enter that folder."""
+    monkeypatch.chdir(boards_made)
+    return boards_made
+
+
+def test_calibrate_finds_the_camera_and_writes_what_others_read(boards: Path, tmp_path: Path, ran: Command) -> None:
     arguments = ("--square", SQUARE_M, "--out", tmp_path, "--json")
-    figures = ran(capsys, "calibrate", boards / "pairs.zip", *arguments).figures
+    figures = ran("calibrate", boards / "pairs.zip", *arguments).figures
     assert (figures["pairs"], figures["board"]) == (PAIRS, [6, 4])
     assert figures["pairs_used"] >= PAIRS - 1
     assert figures["rms_px"] < 0.5
@@ -332,10 +320,7 @@ def test_calibrate_finds_the_camera_and_writes_what_others_read(
     [["sides"], ["flat"], ["pairs.zip"], ["flat/left*.png", "flat/right*.png"], ["sides/left", "sides/right"]],
     ids=str,
 )
-def test_pictures_are_paired_however_they_are_given(
-    boards: Path, pictures: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(boards)
+def test_pictures_are_paired_however_they_are_given(boards: Path, pictures: list[str]) -> None:
     names, pairs = board_pictures(pictures)
     assert len(names) == len(pairs) == PAIRS
     for number, pair in enumerate(pairs):
@@ -365,11 +350,9 @@ def test_calibrate_refuses_in_one_sentence(
     arguments: list[str],
     code: int,
     said: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    ran: Command,
 ) -> None:
-    monkeypatch.chdir(boards)
-    assert_refused(ran(capsys, "calibrate", *arguments), "calibrate", code, said)
+    assert_refused(ran("calibrate", *arguments), "calibrate", code, said)
 
 
 def by_console(*arguments: object, script: str = "") -> subprocess.CompletedProcess[str]:
@@ -412,9 +395,9 @@ def test_help_waits_for_nothing() -> None:
     assert ran.stderr.split() == []
 
 
-def test_the_list_of_commands_is_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    said = ran(capsys, "--help").out
+def test_the_list_of_commands_is_in_the_help(ran: Command) -> None:
+    said = ran("--help").out
     for name, gives in MEASURING.items():
         assert name in said
         assert gives in " ".join(said.split())
-        assert "exit codes: 0 done" in ran(capsys, name, "--help").out
+        assert "exit codes: 0 done" in ran(name, "--help").out

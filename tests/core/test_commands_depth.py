@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from commanded import assert_refused, ran
+from commanded import Command, assert_refused
 from ply_reader import read_ply
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
@@ -39,10 +39,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_figures_are_those_of_the_library(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_figures_are_those_of_the_library(folder: Path, ran: Command) -> None:
     truth = folder / "truth.pfm"
     arguments = (folder / "left.png", folder / "right.png", "--preset", "fast", "--num-disparities", 16)
-    told = ran(capsys, "depth", *arguments, "--truth", truth, "--json")
+    told = ran("depth", *arguments, "--truth", truth, "--json")
     assert (told.code, told.err) == (0, "")
     matcher = sl.preset("fast", num_disparities=16)
     result = matcher.compute(sl.read_image(folder / "left.png"), sl.read_image(folder / "right.png"))
@@ -53,19 +53,17 @@ def test_the_figures_are_those_of_the_library(folder: Path, capsys: pytest.Captu
     assert figures["bad_2_percent"] == judged["bad_2_percent"] < 10
     assert figures["epe_px"] == judged["epe_px"]
     assert 0 < figures["elapsed_s"] < 60
-    in_words = ran(capsys, "depth", *arguments, "--truth", truth).out
+    in_words = ran("depth", *arguments, "--truth", truth).out
     assert f"bad-2 {judged['bad_2_percent']:.2f} %" in in_words
     assert "0 to 15 px searched" in in_words
 
 
 @pytest.mark.parametrize("preset", ["fast", "accurate", "report"])
-def test_the_files_are_those_of_the_page(
-    folder: Path, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_files_are_those_of_the_page(folder: Path, preset: str, tmp_path: Path, ran: Command) -> None:
     out = tmp_path / "new" / "folder"
     calibration = folder / "calibration.json"
     pair = folder / "left.png", folder / "right.png"
-    told = ran(capsys, "depth", *pair, "--preset", preset, "--calibration", calibration, "--out", out, "--json").figures
+    told = ran("depth", *pair, "--preset", preset, "--calibration", calibration, "--out", out, "--json").figures
     left, right = map(sl.read_image, pair)
     result = sl.preset(preset).compute(left, right)  # type: ignore[arg-type]
     disparity, palette = result.disparity, VIRIDIS[::-1] if preset == "report" else VIRIDIS
@@ -83,57 +81,55 @@ def test_the_files_are_those_of_the_page(
     assert np.median(read_ply(expected["cloud.ply"])["z"]) == pytest.approx(100 * 0.2 / SHIFT, rel=0.02)
 
 
-def test_a_format_that_cannot_hold_the_map_is_left_out_and_said(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_format_that_cannot_hold_the_map_is_left_out_and_said(folder: Path, tmp_path: Path, ran: Command) -> None:
     exchanged = folder / "right.png", folder / "left.png", "--min-disparity", -16, "--out", tmp_path
-    told = ran(capsys, "depth", *exchanged)
+    told = ran("depth", *exchanged)
     assert told.code == 0
     assert "disparity_kitti.png is left out: disparity reaches from -" in told.out
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted({*MAP_FILES} - {"disparity_kitti.png"})
 
 
 def test_without_a_folder_nothing_is_written_and_without_a_calibration_no_cloud(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, ran: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert ran(capsys, "depth", folder / "left.png", folder / "right.png").code == 0
+    assert ran("depth", folder / "left.png", folder / "right.png").code == 0
     assert not list(tmp_path.iterdir())
-    assert ran(capsys, "depth", folder / "left.png", folder / "right.png", "--out", ".").code == 0
+    assert ran("depth", folder / "left.png", folder / "right.png", "--out", ".").code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == MAP_FILES
 
 
 @pytest.mark.parametrize("start", ["fast", "accurate", "bm", "sgbm"])
 def test_settings_that_were_written_make_the_same_map_and_a_flag_goes_on_top(
-    folder: Path, start: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, start: str, tmp_path: Path, ran: Command
 ) -> None:
     pair = folder / "left.png", folder / "right.png"
     choice = "--preset" if start in ("fast", "accurate") else "--method"
-    assert ran(capsys, "depth", *pair, choice, start, "--num-disparities", 32, "--out", tmp_path / "a").code == 0
+    assert ran("depth", *pair, choice, start, "--num-disparities", 32, "--out", tmp_path / "a").code == 0
     written = tmp_path / "a" / "settings.json"
-    assert ran(capsys, "depth", *pair, "--settings", written, "--out", tmp_path / "b").code == 0
+    assert ran("depth", *pair, "--settings", written, "--out", tmp_path / "b").code == 0
     for name in MAP_FILES:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    assert ran(capsys, "depth", *pair, "--settings", written, "--min-disparity", -16, "--out", tmp_path / "c").code == 0
+    assert ran("depth", *pair, "--settings", written, "--min-disparity", -16, "--out", tmp_path / "c").code == 0
     once, again = (sl.read_matcher(tmp_path / one / "settings.json") for one in "ac")
     assert once.search_range() == (0, 32)
     assert again == once.with_search_range(-16, 32)
 
 
 def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, ran: Command
 ) -> None:
     calibration = tmp_path / "calibration.json"
     calibration.write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2, "num_disparities": 27}))
     arguments = ("depth", folder / "left.png", folder / "right.png", "--calibration", calibration, "--json")
-    assert ran(capsys, *arguments).figures["range_px"] == [0, 27]
-    assert ran(capsys, *arguments, "--method", "bm").figures["range_px"] == [0, 32]
-    assert ran(capsys, *arguments, "--num-disparities", 40).figures["range_px"] == [0, 40]
+    assert ran(*arguments).figures["range_px"] == [0, 27]
+    assert ran(*arguments, "--method", "bm").figures["range_px"] == [0, 32]
+    assert ran(*arguments, "--num-disparities", 40).figures["range_px"] == [0, 40]
 
 
-def test_the_bundled_pair_is_as_right_as_by_the_library(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bundled_pair_is_as_right_as_by_the_library(ran: Command) -> None:
     cube = samples.stereo_pairs()["cube"]
-    told = ran(capsys, "depth", cube.left, cube.right, "--truth", cube.disparity, "--json")
+    told = ran("depth", cube.left, cube.right, "--truth", cube.disparity, "--json")
     assert told.figures["method"] == "SemiGlobalMatcher"
     assert told.figures["bad_2_percent"] < 1
 
@@ -150,9 +146,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(
-    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: Path, ran: Command) -> None:
     arguments = (
         "--method",
         "bm",
@@ -164,10 +158,10 @@ def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(
         "--out",
         tmp_path,
     )
-    straight = ran(capsys, "depth", rig / "straight_left.png", rig / "straight_right.png", *arguments)
+    straight = ran("depth", rig / "straight_left.png", rig / "straight_right.png", *arguments)
     assert straight.figures["rectified_here"] is False
     assert not (tmp_path / "left.png").exists()
-    raw = ran(capsys, "depth", rig / "raw_left.png", rig / "raw_right.png", *arguments)
+    raw = ran("depth", rig / "raw_left.png", rig / "raw_right.png", *arguments)
     assert raw.figures["rectified_here"] is True
     made = sl.rectify(*raw_pair(), sl.read_calibration(rig / "rig.json"))
     np.testing.assert_array_equal(sl.read_image(tmp_path / "left.png"), made.left)
@@ -188,12 +182,11 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
     rig: Path,
     arguments: list[str],
     said: str | None,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(rig)
     told = ran(
-        capsys,
         "depth",
         "straight_left.png",
         "straight_right.png",
@@ -240,17 +233,15 @@ def test_what_cannot_be_is_refused_in_one_sentence(
     arguments: list[str],
     code: int,
     said: str,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(folder)
-    assert_refused(ran(capsys, "depth", *arguments), "depth", code, said)
+    assert_refused(ran("depth", *arguments), "depth", code, said)
 
 
-def test_images_that_do_not_belong_together_are_refused(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_images_that_do_not_belong_together_are_refused(folder: Path, tmp_path: Path, ran: Command) -> None:
     (tmp_path / "small.png").write_bytes(image_png(np.zeros((20, 20), np.uint8)))
-    told = ran(capsys, "depth", folder / "left.png", tmp_path / "small.png")
+    told = ran("depth", folder / "left.png", tmp_path / "small.png")
     assert told.code == 1
     assert "both images must have the same size" in told.err

@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from commanded import ran
+from commanded import Command
 
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
@@ -125,11 +125,11 @@ def test_a_flag_reaches_the_matcher_and_changes_nothing_else(
     images: tuple[Path, Path],
     computed: list[StereoMatcher],
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
 ) -> None:
     file = tmp_path / "settings.json"
     write_matcher(file, start)
-    assert ran(capsys, "depth", *images, "--settings", file, *flag_of(name, value)).code == 0
+    assert ran("depth", *images, "--settings", file, *flag_of(name, value)).code == 0
     assert expected != start
     assert computed[-1] == expected
 
@@ -201,12 +201,10 @@ def test_a_flag_is_refused_in_the_words_of_the_settings(
     + [["--method", kind.short_name] for kind in METHODS],
     ids=str,
 )
-def test_help_tells_every_setting_with_its_bounds_and_what_holds(
-    choice: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_tells_every_setting_with_its_bounds_and_what_holds(choice: list[str], ran: Command) -> None:
     kinds = {kind.short_name: kind() for kind in METHODS}
     start = kinds[choice[1]] if choice[0] == "--method" else preset(choice[1])  # type: ignore[arg-type]
-    said = " ".join(ran(capsys, "depth", *choice, "--help").out.split())
+    said = " ".join(ran("depth", *choice, "--help").out.split())
     for name, field in leaves(start):
         assert f"--{name.replace('_', '-')}" in said
         if base_type(field) is int and Bounds.of(field).high is not None and "multiple" not in str(field.metadata):

@@ -15,7 +15,7 @@ from pathlib import Path
 import moving_drives
 import numpy as np
 import pytest
-from commanded import assert_refused, ran
+from commanded import Command, assert_refused
 from small_drives import archive, write_folders
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
@@ -45,13 +45,13 @@ def noted(out: Path) -> dict[str, object]:
     return {name: one["settings"] for name, one in made_of["settings"].items()}
 
 
-def test_maps_a_table_and_a_video(sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_maps_a_table_and_a_video(sides: tuple[Path, Path], tmp_path: Path, ran: Command) -> None:
     out, video = tmp_path / "out", tmp_path / "drive.mp4"
     calibration = tmp_path / "calibration.json"
     calibration.write_text('{"focal_px": 100, "baseline_m": 0.5}')
     beside = ("--compare", "bm", "--compare", "sgbm", "--truth", tmp_path / "drive" / "truth")
     files = ("--out", out, "--video", video, "--calibration", calibration)
-    told = ran(capsys, "sequence", *sides, *RANGE, *beside, *files, "--json")
+    told = ran("sequence", *sides, *RANGE, *beside, *files, "--json")
     figures = told.figures
     assert (told.code, told.err) == (0, "")
     assert (figures["frames"], figures["matched"], figures["finished_before"], figures["damaged"]) == (3, 3, 0, {})
@@ -82,13 +82,13 @@ def test_settings_come_from_the_same_flags_as_those_of_a_pair(
     choice: tuple[str, ...],
     folder: str,
     start: StereoMatcher,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     sl.write_matcher("settings.json", sl.StereoSGBM(uniqueness_ratio=3))
     side = "--window-size" if "window_size" in type(start).model_fields else "--block-size"
-    told = ran(capsys, "sequence", *sides, "--out", "out", *choice, *RANGE, side, 9)
+    told = ran("sequence", *sides, "--out", "out", *choice, *RANGE, side, 9)
     assert (told.code, told.err) == (0, "")
     expected = changed(start.with_search_range(0, 16), {side[2:].replace("-", "_"): 9})
     assert noted(tmp_path / "out") == {folder: expected.model_dump(mode="json")}
@@ -97,16 +97,14 @@ def test_settings_come_from_the_same_flags_as_those_of_a_pair(
     np.testing.assert_allclose(found, expected.compute(left, right).disparity, atol=1 / 256)
 
 
-def test_it_goes_on_and_refuses_other_settings(
-    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_goes_on_and_refuses_other_settings(sides: tuple[Path, Path], tmp_path: Path, ran: Command) -> None:
     command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
-    assert "3 of 3 frames matched" in ran(capsys, *command).out
-    again = ran(capsys, *command)
+    assert "3 of 3 frames matched" in ran(*command).out
+    again = ran(*command)
     assert again.code == 0 and "0 of 3 frames matched" in again.out and "3 were finished before" in again.out
-    told = ran(capsys, *command, "--window-size", 9)
+    told = ran(*command, "--window-size", 9)
     assert told.code == 1 and "made with other settings" in told.err
-    assert ran(capsys, *command, "--window-size", 9, "--again", "--json").figures["matched"] == 3
+    assert ran(*command, "--window-size", 9, "--again", "--json").figures["matched"] == 3
 
 
 @pytest.mark.parametrize(
@@ -118,42 +116,40 @@ def test_the_frame_before_takes_part_if_asked(
     tmp_path: Path,
     flags: tuple[object, ...],
     steadiness: object,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
 ) -> None:
     command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
-    told = ran(capsys, *command, *flags)
+    told = ran(*command, *flags)
     assert (told.code, told.err) == (0, "")
     assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
-    refused = ran(capsys, *command, "--steadiness.limit", -1)
+    refused = ran(*command, "--steadiness.limit", -1)
     assert refused.code == 2 and "limit is -1; allowed are numbers above 0 to 16" in refused.err
 
 
-def test_motion_is_told_if_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_motion_is_told_if_asked(tmp_path: Path, ran: Command) -> None:
     (tmp_path / "drive.zip").write_bytes(moving_drives.archive(3))
     (tmp_path / "camera.json").write_text(calibration_json(moving_drives.CAMERA))
     out = tmp_path / "out"
-    told = ran(
-        capsys, "sequence", tmp_path / "drive.zip", "--out", out, "--calibration", tmp_path / "camera.json", "--motion"
-    )
+    told = ran("sequence", tmp_path / "drive.zip", "--out", out, "--calibration", tmp_path / "camera.json", "--motion")
     assert (told.code, told.err) == (0, "")
     speeds = [float(row["own_speed_kmh"]) for row in rows_of(out) if row["method"] == "motion"]
     assert speeds == pytest.approx([moving_drives.OWN_KMH] * 2, rel=0.05)
 
 
-def test_an_archive_of_both_sides_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_archive_of_both_sides_alone(tmp_path: Path, ran: Command) -> None:
     (tmp_path / "drive.zip").write_bytes(archive([4, 5]))
-    told = ran(capsys, "sequence", tmp_path / "drive.zip", "--out", tmp_path / "out", *RANGE, "--json")
+    told = ran("sequence", tmp_path / "drive.zip", "--out", tmp_path / "out", *RANGE, "--json")
     assert (told.code, told.figures["matched"]) == (0, 2)
 
 
 def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
-    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sides: tuple[Path, Path], tmp_path: Path, ran: Command
 ) -> None:
     calibration = tmp_path / "calibration.json"
     calibration.write_text(json.dumps({"focal_px": 100, "baseline_m": 0.5, "num_disparities": 27}))
     arguments = ("sequence", *sides, "--calibration", calibration, "--json", "--out")
-    assert ran(capsys, *arguments, tmp_path / "known").figures["range_px"] == [0, 27]
-    assert ran(capsys, *arguments, tmp_path / "given", *RANGE).figures["range_px"] == [0, 16]
+    assert ran(*arguments, tmp_path / "known").figures["range_px"] == [0, 27]
+    assert ran(*arguments, tmp_path / "given", *RANGE).figures["range_px"] == [0, 16]
 
 
 @pytest.fixture(scope="module")
@@ -173,12 +169,12 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: Command) -> None:
     given = ("--method", "bm", "--num-disparities", 32, "--calibration", rig / "rig.json", "--json", "--out")
     raw = rig / "raw" / "left", rig / "raw" / "right"
-    told = ran(capsys, "sequence", *raw, *given, tmp_path / "raw")
+    told = ran("sequence", *raw, *given, tmp_path / "raw")
     assert told.code == 0 and told.figures["rectified_here"] is True
-    pair = ran(capsys, "depth", *(side / "0.png" for side in raw), *given, tmp_path / "pair")
+    pair = ran("depth", *(side / "0.png" for side in raw), *given, tmp_path / "pair")
     assert pair.figures["rectified_here"] is True
     for number in range(2):
         np.testing.assert_array_equal(
@@ -188,11 +184,11 @@ def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, capsys
     known = sl.read_calibration(tmp_path / "pair" / "calibration.json")
     for row in rows_of(tmp_path / "raw"):
         assert float(row["nearest_m"]) == pytest.approx(float(known.depth(float(row["nearest_px"]))), rel=1e-4)
-    straight = ran(capsys, "sequence", rig / "straight/left", rig / "straight/right", *given, tmp_path / "straight")
+    straight = ran("sequence", rig / "straight/left", rig / "straight/right", *given, tmp_path / "straight")
     assert straight.figures["rectified_here"] is False
-    refused = ran(capsys, "sequence", *raw, *given, tmp_path / "raw", "--rectify", "no")
+    refused = ran("sequence", *raw, *given, tmp_path / "raw", "--rectify", "no")
     assert refused.code == 1 and "made with other frames" in refused.err
-    refused = ran(capsys, "sequence", *raw, *given, tmp_path / "new", "--truth", rig / "truth")
+    refused = ran("sequence", *raw, *given, tmp_path / "new", "--truth", rig / "truth")
     assert refused.code == 1 and "belongs to them before rectification" in refused.err
 
 
@@ -220,44 +216,40 @@ def test_what_is_refused_is_told_in_one_line(
     flags: list[str],
     code: int,
     sentence: str,
-    capsys: pytest.CaptureFixture[str],
+    ran: Command,
 ) -> None:
-    told = ran(capsys, "sequence", *sides, "--out", tmp_path / "out", *flags)
+    told = ran("sequence", *sides, "--out", tmp_path / "out", *flags)
     assert_refused(told, "sequence", code, sentence)
 
 
-def test_a_folder_to_write_to_is_needed(sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    told = ran(capsys, "sequence", *sides)
+def test_a_folder_to_write_to_is_needed(sides: tuple[Path, Path], ran: Command) -> None:
+    told = ran("sequence", *sides)
     assert told.code == 2 and "--out" in told.err
 
 
-def test_damaged_frames_have_an_exit_code_of_their_own(
-    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_damaged_frames_have_an_exit_code_of_their_own(sides: tuple[Path, Path], tmp_path: Path, ran: Command) -> None:
     whole = (sides[0] / "001.png").read_bytes()
     (sides[0] / "001.png").write_bytes(b"no picture")
     command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
-    told = ran(capsys, *command)
+    told = ran(*command)
     assert told.code == 4
     assert told.err.startswith("stereolag sequence: 001: ") and told.err.count("\n") == 1
     assert "2 of 3 frames matched" in told.out and "1 are damaged" in told.out
-    told = ran(capsys, *command, "--json")
+    told = ran(*command, "--json")
     assert told.code == 4 and [*told.figures["damaged"]] == ["001"]
     (sides[0] / "001.png").write_bytes(whole)
-    told = ran(capsys, *command, "--json")
+    told = ran(*command, "--json")
     assert (told.code, told.figures["matched"], told.figures["finished_before"]) == (0, 1, 2)
 
 
-def test_help_tells_the_codes_and_the_settings(capsys: pytest.CaptureFixture[str]) -> None:
-    said = " ".join(ran(capsys, "sequence", "--help").out.split())
+def test_help_tells_the_codes_and_the_settings(ran: Command) -> None:
+    said = " ".join(ran("sequence", "--help").out.split())
     assert "4 done, except for damaged frames; 130 stopped by Ctrl-C." in said
     assert "(default: fast)" in said and "--median.radius" in said and "--scheduler ADDRESS|local" in said
-    assert "--optimisation.penalty-small" in ran(capsys, "sequence", "--preset", "accurate", "--help").out
+    assert "--optimisation.penalty-small" in ran("sequence", "--preset", "accurate", "--help").out
 
 
-def test_a_process_that_is_ended_midway_goes_on_where_it_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_process_that_is_ended_midway_goes_on_where_it_was(tmp_path: Path, ran: Command) -> None:
     sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(400)])[:2]
     out = tmp_path / "out"
     arguments = ("sequence", *sides, "--out", out, "--method", "bm", *RANGE, "--json")
@@ -286,7 +278,7 @@ def test_a_process_that_is_ended_midway_goes_on_where_it_was(
         assert 400 > len(after) > len(before)
         assert sum(after[name] != moment for name, moment in before.items()) <= 1
         before = after
-    told = ran(capsys, *arguments)
+    told = ran(*arguments)
     assert (told.code, told.err) == (0, "")
     assert told.figures["matched"] + told.figures["finished_before"] == 400
     assert 400 > told.figures["finished_before"] >= len(before) - 1 > 0

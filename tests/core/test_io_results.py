@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from commanded import ran
+from commanded import Command
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
@@ -170,12 +170,10 @@ def recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("search", LAG_SEARCHES, ids=str)
-def test_the_lag_command_says_what_the_file_says(
-    search: LagSearch, recordings: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_lag_command_says_what_the_file_says(search: LagSearch, recordings: Path, ran: Command) -> None:
     command = shlex.split(lag_command(search, "first.npy", "second.npy"))
     assert command[0] == "stereolag"
-    told = without_time(ran(capsys, *command[1:], "--json").out)
+    told = without_time(ran(*command[1:], "--json").out)
     assert told == without_time(lag_json(measured(123, search), search))
     assert told["lag_samples"] == 123
     assert told["settings"] == search.model_dump()
@@ -225,11 +223,9 @@ QUERIES = [
 
 
 @pytest.mark.parametrize("query", QUERIES, ids=str)
-def test_the_find_command_says_what_the_file_says(
-    query: TemplateQuery, pictures: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_find_command_says_what_the_file_says(query: TemplateQuery, pictures: Path, ran: Command) -> None:
     command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
-    told = without_time(ran(capsys, *command[1:], "--json").out)
+    told = without_time(ran(*command[1:], "--json").out)
     result = found(query)
     assert told == without_time(matches_json(result, query))
     assert told["found"] == (query not in QUERIES[2:4])

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from commanded import ran
+from commanded import Command
 from PIL import Image
 
 import stereolag as sl
@@ -89,14 +89,14 @@ def test_the_drive_is_computed(folder: Path) -> None:
     assert len([*(folder / "maps").rglob("*.png")]) == FRAMES
 
 
-def test_the_commands_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_run(folder: Path, ran: Command) -> None:
     shown = commands("README.md")
     assert [line.split()[1] for line in shown] == ["lag", "find", "depth", "sequence", "calibrate"]
     *lines, calibrating = commands("docs/command_line.md")
     assert {*shown} <= {*lines, calibrating}
     said = []
     for line in lines:
-        told = ran(capsys, *line.split()[1:])
+        told = ran(*line.split()[1:])
         assert (told.code, told.err) == (0, ""), line
         said.append(told.out)
     assert said[0].startswith("lag       50082 samples")
@@ -105,7 +105,7 @@ def test_the_commands_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "bad-2 0." in said[3]
     assert sl.read_matcher(folder / "map/settings.json") == changed(sl.preset("fast"), {"median.radius": 4})
     assert said[-1].startswith(f"{FRAMES} of {FRAMES} frames matched in ")
-    refused = ran(capsys, *calibrating.split()[1:])
+    refused = ran(*calibrating.split()[1:])
     assert refused.err == "stereolag calibrate: pairs.zip: there is no such file or folder.\n"
 
 
