@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import plotly.graph_objects as go
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 LEGEND_ABOVE = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
 
@@ -24,6 +25,8 @@ def laid_out(figure: go.Figure, height: int, x: Axis, y: Axis, *, margin: int = 
 
 def rings(x: Any, y: Any, colour: str, size: int, thickness: float, **more: Any) -> go.Scatter:
     """Return points marked by rings; with `text`, each is labelled in its colour."""
+    import plotly.graph_objects as go  # a command draws no charts
+
     if "text" in more:
         more = {"mode": "markers+text", "textfont": {"color": colour}, "cliponaxis": False} | more
     marker = {"color": colour, "size": size, "symbol": "circle-open", "line": {"width": thickness}}

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
@@ -19,6 +19,9 @@ from stereolag.core.typography import typeset
 from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, colour_wheel, data_url, palette, png, thinned
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import DisparityMap
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 FAR_TO_NEAR = VIRIDIS
 """Near is bright."""
@@ -229,6 +232,8 @@ def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[flo
 
 @lru_cache(maxsize=32)
 def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tuple[float, str], ...]) -> go.Figure:
+    import plotly.graph_objects as go  # a command draws no charts
+
     palette = np.frombuffer(colours, dtype=np.uint8).reshape(-1, 3)
     shares = np.linspace(0, 1, len(palette))
     scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]

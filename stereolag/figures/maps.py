@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 
 from stereolag.assess.judging import Criterion
 from stereolag.assess.sweep import Sweep
@@ -39,6 +38,9 @@ from stereolag.io.disparities import ply
 from stereolag.io.images import image_png
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.matcher import Reason
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 
 def image_into_map(image: Image, disparity: FloatMap, low: float, high: float) -> bytes:
@@ -127,6 +129,8 @@ def error_legend() -> go.Figure:
 
 def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -> go.Figure:
     """Return the error rate of each method as its least sure pixels are dropped; a method without scores is a dot."""
+    import plotly.graph_objects as go  # a command draws no charts
+
     figure = go.Figure()
     for number, (name, curve) in enumerate(curves.items()):
         colour = METHOD_COLOURS[number % len(METHOD_COLOURS)]
@@ -211,6 +215,8 @@ def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, st
     words
         Name of each reason on the page.
     """
+    import plotly.graph_objects as go  # a command draws no charts
+
     figure = go.Figure()
     names = list(reasons)
     for cause, colour in REASON_COLOURS.items():
@@ -323,6 +329,8 @@ def sweep_maps(
     current
         (row, col) of the cell whose settings are in use.
     """
+    import plotly.graph_objects as go  # a command draws no charts
+
     figure = go.Figure(
         go.Image(
             source=_sheet_png(sheet, colours),
@@ -342,6 +350,8 @@ def sweep_maps(
 
 def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
     """Return bad-2 over the same grid as a heat map, low values bright; a click returns the number of the cell."""
+    import plotly.graph_objects as go  # a command draws no charts
+
     figure = go.Figure(
         go.Heatmap(
             z=sheet.bad.astype(np.float32),
@@ -369,6 +379,8 @@ def _as_grid(
     figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
 ) -> go.Figure:
     """Label the cells, frame the best and the current one, and make every cell clickable."""
+    import plotly.graph_objects as go  # a command draws no charts
+
     n_rows, n_cols = sheet.bad.shape
     rows, cols = np.indices(sheet.bad.shape)
     figure.add_trace(
