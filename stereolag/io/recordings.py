@@ -167,8 +167,7 @@ def read_signal(source: Source) -> Recording:
     sampling_rate, mended_lines = None, 0
     if isinstance(source, str | PathLike) and _is_audio(head := _head(source)):
         # An hour has more bytes than `read_bytes` accepts.
-        with _AudioFile(source) as file:
-            channels, sampling_rate = _parse_audio(file, head)
+        channels, sampling_rate = _parse_audio(str(source), head)
     elif _is_audio(data := read_bytes(source, WHAT)):
         channels, sampling_rate = _parse_audio(_AudioBytes(data), data[:HEADER_BYTES])
     elif data.startswith(NPY_MAGIC):
@@ -226,17 +225,7 @@ class _AudioBytes(io.BytesIO):
             return self.tell()
 
 
-class _AudioFile(io.FileIO):
-    """A file on disk that does the same."""
-
-    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        try:
-            return super().seek(offset, whence)
-        except OSError:
-            return self.tell()
-
-
-def _parse_audio(stream: _AudioBytes | _AudioFile, head: bytes) -> tuple[Channels, float]:
+def _parse_audio(stream: str | _AudioBytes, head: bytes) -> tuple[Channels, float]:
     try:
         with soundfile.SoundFile(stream) as file:
             _check_size(file.channels, file.frames)

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import streamlit as st
 
@@ -53,18 +53,35 @@ class _Kept(Generic[T]):
     """An upload with its files and variant, and their bytes if they may have to be read again."""
 
     upload: Upload[T]
-    files: tuple[str, ...]
-    variant: str | None
+    source: tuple[tuple[str, ...], str | None]
     contents: list[bytes]
 
 
-@dataclass(frozen=True)
-class _Refusal:
-    """The error sentence for unreadable files, kept so that they are not read again in every rerun."""
+@dataclass
+class _State(Generic[T]):
+    """What is known of one uploader.
 
-    files: tuple[str, ...]
-    variant: str | None
-    sentence: str
+    Attributes
+    ----------
+    kept
+        The content in use.
+    refused, sentence
+        Files and variant that cannot be read, and why, so that they are not read again in every rerun.
+    emptied
+        Whether the uploader was emptied, by the visitor or because another file is on its way.
+    set_aside
+        When a file seemed removed, and the content read from it.
+    """
+
+    kept: _Kept[T] | None = None
+    refused: tuple[tuple[str, ...], str | None] | None = None
+    sentence: str = ""
+    emptied: bool = False
+    set_aside: tuple[float, _Kept[T] | None] = (-math.inf, None)
+
+    def forget(self) -> None:
+        """Forget the content, but not what was set aside."""
+        self.kept, self.refused, self.emptied = None, None, False
 
 
 def upload(
@@ -119,7 +136,7 @@ def upload_together(
     They are read in order of their names, whichever arrived first: left before right, camera 0 before camera 1.
     """
     files = _ask_several(label, key=key, types=types, note=note)
-    return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant, True)
+    return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant)
 
 
 def upload_named(
@@ -133,7 +150,7 @@ def upload_named(
     """Ask for files and return the content of all of them, read with their names, as :func:`upload` does for one."""
     files = _ask_several(label, key=key, types=types, note=note)
     names = [file.name for file in files]
-    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None, True)
+    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None)
 
 
 def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> list[UploadedFile]:
@@ -190,49 +207,54 @@ def refused() -> bool:
 
 
 def _read_once(
-    files: Sequence[UploadedFile], read: Callable[[list[bytes]], T], key: str, variant: str | None, lasting: bool
+    files: Sequence[UploadedFile],
+    read: Callable[[list[bytes]], T],
+    key: str,
+    variant: str | None,
+    lasting: bool = True,
 ) -> Upload[T] | None:
     """Return the content read from these files before; read it now if there is none."""
-    kept: _Kept[T] | None = st.session_state.get(_kept_key(key))
+    state: _State[T] = _state(key)
     if not files:
-        if kept is not None and lasting and st.session_state.get(_emptied_key(key)):
+        if state.kept is not None and lasting and state.emptied:
             _wait_for_another()
-            st.session_state[_set_aside_key(key)] = time.monotonic(), kept
-            kept = None
-        if kept is None or not lasting:
-            _forget(key)
+            state.set_aside = time.monotonic(), state.kept
+            state.forget()
+        if state.kept is None or not lasting:
+            state.forget()
             return None
         _say_still_in_use(key)
-        if kept.variant == variant:
-            return kept.upload
-        names, contents = kept.files, kept.contents
+        source, contents = (state.kept.source[0], variant), state.kept.contents
     else:
-        st.session_state.pop(_emptied_key(key), None)
-        names = tuple(file.file_id for file in files)
-        if kept is not None and (kept.files, kept.variant) == (names, variant):
-            return kept.upload
-        contents = [file.getvalue() for file in files]
-    kept = kept or _taken_back(key)
-    refusal: _Refusal | None = st.session_state.get(_refusal_key(key))
-    if refusal is None or (refusal.files, refusal.variant) != (names, variant):
+        state.emptied = False
+        source, contents = (tuple(file.file_id for file in files), variant), [file.getvalue() for file in files]
+    if state.kept is not None and state.kept.source == source:
+        return state.kept.upload
+    if state.kept is None:
+        moment, before = state.set_aside
+        state.set_aside = -math.inf, None
+        state.kept = before if time.monotonic() - moment <= SET_ASIDE_S else None
+    if state.refused != source:
         digest = " ".join(hashlib.sha256(content).hexdigest() for content in contents) + (variant or "")
         try:
             with st.spinner("Reading the file …"):
                 read_now = Upload(digest, read(contents))
         except ValueError as error:
-            refusal = _Refusal(names, variant, str(error))
+            state.refused, state.sentence = source, str(error)
         else:
-            _forget(key)
-            again = [] if variant is None else contents
-            st.session_state[_kept_key(key)] = _Kept(read_now, names, variant, again)
+            state.forget()
+            state.kept = _Kept(read_now, source, [] if variant is None else contents)
             return read_now
-    st.session_state[_refusal_key(key)] = refusal
-    show_refused(f"{refusal.sentence} The previous file stays in use." if kept else refusal.sentence)
-    if kept is None:
-        st.session_state[REFUSED_KEY] = True
+    if state.kept is None:
+        refuse(state.sentence)
         return None
-    st.session_state[_kept_key(key)] = kept
-    return kept.upload
+    show_refused(f"{state.sentence} The previous file stays in use.")
+    return state.kept.upload
+
+
+def _state(key: str) -> _State[Any]:
+    state: _State[Any] = st.session_state.setdefault(f"{key}.state", _State())
+    return state
 
 
 def _wait_for_another() -> None:
@@ -245,39 +267,12 @@ def _wait_for_another() -> None:
             pulse.empty()
 
 
-def _taken_back(key: str) -> _Kept[T] | None:
-    """Return the file that seemed removed a short while ago, or None."""
-    moment, kept = st.session_state.pop(_set_aside_key(key), (-math.inf, None))
-    return kept if time.monotonic() - moment <= SET_ASIDE_S else None
-
-
 def _say_still_in_use(key: str) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.caption("The file you uploaded here before is still in use.", width="content")
-        st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_forget, args=(key,))
+        st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_state(key).forget)
 
 
 def _note_emptied(key: str) -> None:
     if not st.session_state[key]:
-        st.session_state[_emptied_key(key)] = True
-
-
-def _forget(key: str) -> None:
-    for place in (_kept_key(key), _refusal_key(key), _emptied_key(key)):
-        st.session_state.pop(place, None)
-
-
-def _kept_key(key: str) -> str:
-    return f"{key}.kept"
-
-
-def _set_aside_key(key: str) -> str:
-    return f"{key}.aside"
-
-
-def _refusal_key(key: str) -> str:
-    return f"{key}.refusal"
-
-
-def _emptied_key(key: str) -> str:
-    return f"{key}.emptied"
+        _state(key).emptied = True
