@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import singledispatch
 from itertools import product
@@ -260,7 +260,7 @@ class Suggestion:
     >>> left = random.normal(128, 40, (60, 100))
     >>> right = np.roll(left, -5, axis=1) + random.normal(0, 20, left.shape)  # disparity 5 px
     >>> start = sl.CorrelationMatcher(window_size=3, search=sl.SearchArea.rectified(16))
-    >>> suggestion = sl.suggest(start, left, right, ground_truth=np.full(left.shape, 5.0))
+    >>> suggestion = sl.suggest(start, left, right, ground_truth=np.full(left.shape, 5.0), budget_s=120)
     >>> suggestion.outcome.value, suggestion.finished
     ('better', True)
     >>> suggestion.bad < suggestion.bad_before  # %
@@ -290,12 +290,12 @@ class Suggestion:
 class Clock:
     """The clock of a search: time left, progress reported, and whether it was cancelled."""
 
-    def __init__(self, budget_s: float, progress: Progress, cancelled: Callable[[], bool]) -> None:
+    def __init__(self, budget_s: float, progress: Progress | None, cancelled: Callable[[], bool]) -> None:
         if not 0 < budget_s < math.inf:
             raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
         self._end = time.perf_counter() + budget_s
         self._budget_s = budget_s
-        self._progress = progress
+        self._progress = progress or silent
         self._told = 0.0
         self.cancelled = cancelled
 
@@ -323,34 +323,13 @@ def search(
     judge are left out.
     """
     why = [pair.unjudged(start) for pair in pairs]
-    pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
-    if not pairs:
-        return nothing_to_judge_by(start, next(filter(None, why)), clock)
-    run = _Run(start, pairs, clock, found, criterion_of(pairs))
-    tried = candidates(start)
-    total_s = sum(map(run.seconds, tried))
-    if total_s <= FOR_ALL * clock.left_s:
-        finished, ranked = run.tried(pairs, tried, steps=len(tried))
-        return run.outcome(ranked, finished=finished)
-    share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
-    strips = [pair.strips(share, side_of(start)) for pair in pairs]
-    finished, ranked = run.tried(
-        strips,
-        tried,
-        steps=2 * len(tried),
-        whole=False,
-        reserved_s=max(map(run.seconds, tried)),
-        at_least=LIKELIEST,
-    )
-    finalists = [one.matcher for one in ranked if one.gain.points > 0]
-    _, ranked = run.tried(pairs, finalists, steps=2 * len(tried), at_least=1, despite_cancel=True)
-    return run.outcome(ranked, finished=finished)
-
-
-def nothing_to_judge_by(start: StereoMatcher, why: Unjudged, clock: Clock) -> Suggestion:
-    """Return the initial settings, because others cannot be judged."""
+    judging = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+    if judging:
+        result = _Trials(start, judging, clock, found or (lambda _: None)).suggestion()
+    else:
+        result = Suggestion(start, start, next(filter(None, why)), Criterion.ESTIMATED_BAD_2)
     clock.report(1.0)
-    return Suggestion(start, start, why, Criterion.ESTIMATED_BAD_2)
+    return result
 
 
 class _Found(NamedTuple):
@@ -363,36 +342,50 @@ class _Found(NamedTuple):
         return all(one.dense for one in self.after)
 
 
-@dataclass
-class _Run:
-    """The trials so far."""
+class _Trials:
+    """The trials of a search, each told to `found` with those before it."""
 
-    start: StereoMatcher
-    pairs: Sequence[TuningPair]
-    clock: Clock
-    found: Callable[[Suggestion], None] | None
-    criterion: Criterion
-    trials: list[Trial] = field(default_factory=list)
+    def __init__(
+        self, start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None]
+    ) -> None:
+        self.start, self.pairs, self.clock, self.found = start, pairs, clock, found
+        began = clock.left_s
+        self.before = self._judged(start, pairs)
+        self.once_s = began - clock.left_s
+        bad = _mean_bad(self.before)
+        self.so_far = Suggestion(start, start, Outcome.AS_GOOD, criterion_of(pairs), bad, bad, finished=False)
+        found(self.so_far)
 
-    def __post_init__(self) -> None:
-        began = self.clock.left_s
-        self._before = self._judged(self.start, self.pairs)
-        self._once_s = began - self.clock.left_s
-        bad = _mean_bad(self._before)
-        self._so_far = Suggestion(self.start, self.start, Outcome.AS_GOOD, self.criterion, bad, bad)
-        self._tell()
+    def suggestion(self) -> Suggestion:
+        """Make the trials, and return the suggestion that follows from those on the whole images."""
+        start, clock = self.start, self.clock
+        tried = candidates(start)
+        total_s = sum(map(self._seconds, tried))
+        if total_s <= FOR_ALL * clock.left_s:
+            finished, ranked = self._ranked(self.pairs, tried, steps=len(tried))
+        else:
+            share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
+            strips = [pair.strips(share, side_of(start)) for pair in self.pairs]
+            reserved_s = max(map(self._seconds, tried))
+            steps = 2 * len(tried)
+            finished, ranked = self._ranked(
+                strips, tried, steps, whole=False, reserved_s=reserved_s, at_least=LIKELIEST
+            )
+            finalists = [one.matcher for one in ranked if one.gain.points > 0]
+            _, ranked = self._ranked(self.pairs, finalists, steps, at_least=1, despite_cancel=True)
+        end = replace(self.so_far, finished=finished)
+        better = [one for one in ranked if self._merit(one) > 0 and one.gain.points > SMALLEST_GAIN]
+        if not better:
+            return end
+        best = _finest(better) if end.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
+        return replace(end, matcher=best.matcher, bad=_mean_bad(best.after), outcome=Outcome.BETTER)
 
-    def seconds(self, matcher: StereoMatcher) -> float:
-        """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
-        mine, first = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
-        return self._once_s * mine / first
-
-    def tried(
+    def _ranked(
         self,
         pairs: Sequence[TuningPair],
         those: Sequence[StereoMatcher],
-        *,
         steps: int,
+        *,
         whole: bool = True,
         reserved_s: float = 0.0,
         at_least: int = 0,
@@ -417,63 +410,55 @@ class _Run:
         despite_cancel
             Whether to try these even if the search was cancelled.
         """
-        before = self._before if whole else self._judged(self.start, pairs)
+        before = self.before if whole else self._judged(self.start, pairs)
+        share = pairs[0].left.shape[0] / self.pairs[0].left.shape[0]
         results: list[_Found] = []
+        finished = True
         for number, matcher in enumerate(those):
-            needed_s = self.seconds(matcher) * pairs[0].left.shape[0] / self.pairs[0].left.shape[0] + reserved_s
             cancelled = self.clock.cancelled()
             forced = number < at_least and (despite_cancel or not cancelled)
-            if (cancelled or self.clock.left_s < needed_s) and not forced:
-                return False, self._ranked(results)
+            late = self.clock.left_s < self._seconds(matcher) * share + reserved_s
+            if (cancelled or late) and not forced:
+                finished = False
+                break
             try:
                 after = self._judged(matcher, pairs)
             except ValueError:  # settings that do not fit the images, or need too much memory
                 continue
             gain = Gain.between(before, after)
             results.append(_Found(matcher, after, gain))
-            self.trials.append(Trial(matcher, _mean_bad(after), gain.points, whole))
-            self.clock.report(len(self.trials) / steps)
-            self._tell()
-        return True, self._ranked(results)
+            trials = (*self.so_far.trials, Trial(matcher, _mean_bad(after), gain.points, whole))
+            self.so_far = replace(self.so_far, trials=trials)
+            self.clock.report(len(trials) / steps)
+            self.found(self.so_far)
+        return finished, sorted(results, key=self._merit, reverse=True)
 
-    def outcome(self, ranked: Sequence[_Found], *, finished: bool) -> Suggestion:
-        """Return the suggestion that follows from the trials on the whole images, given best first."""
-        self.clock.report(1.0)
-        end = replace(self._so_far, trials=tuple(self.trials), finished=finished)
-        better = [one for one in ranked if self._merit(one.gain) > 0 and one.gain.points > SMALLEST_GAIN]
-        if not better:
-            return end
-        best = self._finest(better) if self.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
-        return replace(end, matcher=best.matcher, bad=_mean_bad(best.after), outcome=Outcome.BETTER)
-
-    @staticmethod
-    def _finest(better: Sequence[_Found]) -> _Found:
-        """Return the settings with the smallest window among the best and those indistinguishable from them.
-
-        Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
-        made with windows, and it does not judge occluded areas, so it slightly favours large windows. Hence within one
-        standard error the smaller window wins (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
-        """
-        best = better[0]
-
-        def as_good(other: _Found) -> bool:
-            lead = Gain.between(other.after, best.after)
-            return other is best or (best.dense and other.dense and lead.points <= lead.error)
-
-        return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
+    def _seconds(self, matcher: StereoMatcher) -> float:
+        """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
+        mine, first = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
+        return self.once_s * mine / first
 
     def _judged(self, matcher: StereoMatcher, pairs: Sequence[TuningPair]) -> list[Judgement]:
         return [pair.judge(matcher, progress=self.clock.tick) for pair in pairs]
 
-    def _merit(self, gain: Gain) -> float:
-        return gain.sure if self.criterion is Criterion.ESTIMATED_BAD_2 else gain.points
+    def _merit(self, one: _Found) -> float:
+        return one.gain.sure if self.so_far.criterion is Criterion.ESTIMATED_BAD_2 else one.gain.points
 
-    def _ranked(self, results: Sequence[_Found]) -> list[_Found]:
-        return sorted(results, key=lambda one: -self._merit(one.gain))
 
-    def _tell(self) -> None:
-        if self.found is not None:
-            self.found(replace(self._so_far, trials=tuple(self.trials), finished=False))
+def _finest(better: Sequence[_Found]) -> _Found:
+    """Return the settings with the smallest window among the best and those indistinguishable from them.
+
+    Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
+    made with windows, and it does not judge occluded areas, so it slightly favours large windows. Hence within one
+    standard error the smaller window wins (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
+    """
+    best = better[0]
+
+    def as_good(other: _Found) -> bool:
+        lead = Gain.between(other.after, best.after)
+        return other is best or (best.dense and other.dense and lead.points <= lead.error)
+
+    return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
 
 
 def _mean_bad(judgements: Sequence[Judgement]) -> float:
@@ -542,10 +527,11 @@ def suggest(
     (3, ...)
     """
     images = as_stereo_pair(left, right)
-    clock = Clock(budget_s, progress or silent, cancelled)
+    clock = Clock(budget_s, progress, cancelled)
     if ground_truth is None and judges_itself(matcher):
-        return nothing_to_judge_by(matcher, Unjudged.JUDGES_ITSELF, clock)
-    pair = TuningPair.of(*images, ground_truth, search_range=matcher.search_range(), progress=clock.tick)
+        pair = TuningPair.unjudgeable(*images)
+    else:
+        pair = TuningPair.of(*images, ground_truth, search_range=matcher.search_range(), progress=clock.tick)
     return search(matcher, [pair], clock, found)
 
 
@@ -571,7 +557,7 @@ def suggest_for_all(
     ValueError
         If there are no pairs, or the initial settings do not fit the images.
     """
-    clock = Clock(budget_s, progress or silent, cancelled)
+    clock = Clock(budget_s, progress, cancelled)
     made = []
     for pair in pairs:
         made.append(pair)
