@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import cv2
@@ -224,17 +223,10 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
 def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
     """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
 
-    `ticks` maps values to labels; without it the axis chooses its own. The same arguments return the same figure, which
-    must not be changed: making one takes Plotly longer than a small map takes OpenCV.
+    `ticks` maps values to labels; without it the axis chooses its own.
     """
-    return _legend(low, high, palette.tobytes(), title, tuple((ticks or {}).items()))
-
-
-@lru_cache(maxsize=32)
-def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tuple[float, str], ...]) -> go.Figure:
     import plotly.graph_objects as go  # a command draws no charts
 
-    palette = np.frombuffer(colours, dtype=np.uint8).reshape(-1, 3)
     shares = np.linspace(0, 1, len(palette))
     scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
     figure = go.Figure(
@@ -249,5 +241,5 @@ def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tu
     figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
     figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
     if ticks:
-        figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
+        figure.update_xaxes(tickvals=[*ticks], ticktext=[*ticks.values()])
     return figure.update_yaxes(visible=False, fixedrange=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -121,8 +122,9 @@ def _thickened(picture: Rgb, known: Mask) -> Rgb:
     return picture[1:-1, 1:-1]
 
 
+@cache
 def error_legend() -> go.Figure:
-    """Return the legend of the error colours."""
+    """Return the legend of the error colours, made once; it must not be changed."""
     ticks = {0: "0", 1: "1", 2: "2", 3: "3", MOST_SHOWN_PX: "≥ 4"}
     return legend(0, MOST_SHOWN_PX, ERROR_COLOURS, "right ← error, px → wrong", ticks)
 

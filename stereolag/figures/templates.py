@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import TypeAlias
 
 import cv2
@@ -104,8 +105,9 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
     return png(shown)
 
 
+@cache
 def score_legend() -> go.Figure:
-    """Return the legend of the score colours."""
+    """Return the legend of the score colours, made once; it must not be changed."""
     return legend(0, 1, VIRIDIS, "score")
 
 

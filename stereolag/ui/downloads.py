@@ -203,37 +203,54 @@ def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: s
     )
 
 
-def show_taken(files: Sequence[File], whole: Callable[[], bytes], memory: int, *, key: str) -> None:
-    """Draw the button of the ZIP made by `whole`, then the file buttons as :func:`show_file_buttons` does."""
-    with st.container(horizontal=True, gap="small"):
-        show_zip_button(whole, memory, key=key, refusal=too_large(memory))
-        show_file_buttons(files, memory, key=key)
-
-
-def show_reproduction(command: str, does: str, *, own: bool, by_hand: Sequence[str] = ()) -> None:
-    """Show the command that reproduces the result from the unpacked ZIP, and say what the page address includes.
+def take_away(
+    files: Callable[[], Sequence[File]],
+    memory: int,
+    command: str,
+    does: str,
+    *,
+    own: bool,
+    by_hand: Sequence[str] = (),
+    key: str,
+) -> None:
+    """Offer files in a fold, with the command that reproduces the result, and say what the page address includes.
 
     Parameters
     ----------
+    files
+        Returns the files in button order; called once the fold is open.
+    memory
+        Memory needed to make all of them, bytes.
     command
-        One line.
+        One line, for the folder of the unpacked ZIP.
     does
         Its purpose: "measure this lag again".
     own
-        Whether the files are the visitor's own.
+        Whether the inputs are the visitor's own files.
     by_hand
         Parts of an example the visitor changed by hand, which the address cannot include: "mask you painted".
+    key
+        Prefix of the keys.
     """
-    prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
-    st.code(command, language=None, wrap_lines=True)
-    if own:
-        prose.caption("The address of this page holds its settings, but not your own files.")
+    opened = st.expander("Take it away", icon=":material/download:", key=f"{key}.opened", on_change="rerun")
+    if not opened.open:
         return
-    said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
-    if by_hand:
-        lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
-        said += f" {lacking} not in it: it opens the example’s template as it is."
-    prose.caption(said)
+    with opened:
+        offered = files()
+        whole = partial(archive, offered, f"To {does}, in the folder of these files: {command}")
+        with st.container(horizontal=True, gap="small"):
+            show_zip_button(whole, memory, key=key, refusal=too_large(memory))
+            show_file_buttons(offered, memory, key=key)
+        prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
+        st.code(command, language=None, wrap_lines=True)
+        if own:
+            prose.caption("The address of this page holds its settings, but not your own files.")
+            return
+        said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
+        if by_hand:
+            lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
+            said += f" {lacking} not in it: it opens the example’s template as it is."
+        prose.caption(said)
 
 
 def too_large(memory: int) -> str:

@@ -15,7 +15,7 @@ from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_
 from stereolag.signals import SignalLag
 from stereolag.signals.lag import aligned_length, mix
 from stereolag.ui import prose
-from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
+from stereolag.ui.downloads import File, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_numbers
 from stereolag.ui.lag.sentences import (
     RIBBON_EXPLAINED,
@@ -50,11 +50,7 @@ def show_verdict(result: SignalLag, search: LagSearch) -> None:
     announce(verdict_in_words(result))
     for sentence in verdict_explained(result, search.sampling_rate, search.speed):
         prose.markdown(sentence)
-    show_numbers((*(_sure(result) if result.verdict == "sure" else (_doubtful(result),)), *_always(result)))
-
-
-def _sure(result: SignalLag) -> tuple[Number, ...]:
-    return (
+    numbers = [
         Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
         Number("Time", f"{result.time_s:.4g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
         Number(
@@ -63,27 +59,20 @@ def _sure(result: SignalLag) -> tuple[Number, ...]:
             "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
             "farther.",
         ),
-    )
-
-
-def _doubtful(result: SignalLag) -> Number:
-    return Number("Highest point, samples", f"{result.lag:,}", "Where the curve is highest: not a lag to rely on.")
-
-
-def _always(result: SignalLag) -> tuple[Number, ...]:
-    numbers = [
-        Number("Score", f"{result.score:.3f}", "Pearson’s correlation where both overlap: 1 is perfect agreement."),
     ]
+    if result.verdict != "sure":
+        doubtful = "Where the curve is highest: not a lag to rely on."
+        numbers = [Number("Highest point, samples", f"{result.lag:,}", doubtful)]
+    agreement = "Pearson’s correlation where both overlap: 1 is perfect agreement."
+    numbers.append(Number("Score", f"{result.score:.3f}", agreement))
     if result.judgement is not None:
-        numbers.append(
-            Number(
-                "Above chance",
-                f"{result.judgement.evidence:.1f} σ",
-                "Agreement of the whitened recordings, in standard deviations of chance. For this many lags, "
-                f"{result.judgement.needed:.1f} σ are needed.",
-            )
+        evidence = (
+            "Agreement of the whitened recordings, in standard deviations of chance. For this many lags, "
+            f"{result.judgement.needed:.1f} σ are needed."
         )
-    return (*numbers, Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."))
+        numbers.append(Number("Above chance", f"{result.judgement.evidence:.1f} σ", evidence))
+    took = Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run.")
+    show_numbers((*numbers, took))
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -122,16 +111,10 @@ def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
     if both.open:
         with both:
             _hear_both(pair, result, search.sampling_rate)
-    opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
-    if opened.open:
-        with opened:
-            memory = BYTES_OF_A_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
-            memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
-            command = lag_command(search, *NAMES)
-            offered = lag_files(pair, result, search)
-            about = f"To measure this lag again, in the folder of these files: {command}"
-            show_taken(offered, partial(archive, offered, about), memory, key=KEY)
-            show_reproduction(command, "measure this lag again", own=not pair.shared)
+    memory = BYTES_OF_A_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
+    memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
+    files, command = partial(lag_files, pair, result, search), lag_command(search, *NAMES)
+    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key=KEY)
 
 
 def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:

@@ -15,7 +15,7 @@ from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
-from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
+from stereolag.ui.downloads import File, take_away
 from stereolag.ui.elements import Number, announce, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
@@ -103,15 +103,9 @@ def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
 
 def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Offer the files of a template search."""
-    opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
-    if opened.open:
-        with opened:
-            rows, cols = inputs.picture.shape[:2]
-            command = find_command(query, *_names(inputs))
-            offered = match_files(inputs, result, query)
-            about = f"To search again, in the folder of these files: {command}"
-            show_taken(offered, partial(archive, offered, about), BYTES_OF_A_PIXEL * rows * cols, key=KEY)
-            show_reproduction(command, "search again", own=inputs.own, by_hand=inputs.by_hand)
+    memory = BYTES_OF_A_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
+    files, command = partial(match_files, inputs, result, query), find_command(query, *_names(inputs))
+    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key=KEY)
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
