@@ -1,8 +1,13 @@
-"""Each page used by keyboard alone, with axe-core run on every state reached."""
+"""Each page used by keyboard, with axe-core run on every state reached.
+
+Components are tested alone elsewhere; here they must fit their page, be styled and be heard.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +16,8 @@ from playwright.sync_api import Locator, Page, expect
 from tests.app.test_driving_page import drive
 from tests.app.uploads import wav
 from tests.browser.axe import COLOURS_ALONE, Audit
-from tests.browser.visits import expect_visible, file_of, settled
+from tests.browser.parts import box_of, themes
+from tests.browser.visits import expect_fitting, expect_visible, file_of, resized, screenshot, settled
 
 MOST_IN_A_ROW = 10
 
@@ -33,6 +39,46 @@ PARTS = (
 )
 
 Journey = Callable[[Page, Audit], None]
+
+WATCH_RUNS = """
+() => {
+  window.runs?.disconnect();
+  delete document.body.dataset.reran;
+  window.runs = new MutationObserver(() => { document.body.dataset.reran = "yes"; });
+  runs.observe(document.querySelector("[data-testid=stApp]"), { attributeFilter: ["data-test-script-state"] });
+}
+"""
+
+WORN = """
+(one, names) => Object.fromEntries(names.map((name) => [name, getComputedStyle(one).getPropertyValue(name)]))
+"""
+
+SCORED_COLS = 2446 - 111 + 1
+"""Width of the maze's score map."""
+
+
+@contextmanager
+def without_a_run(page: Page) -> Iterator[None]:
+    """Expect an action to happen in the browser alone."""
+    page.evaluate(WATCH_RUNS)
+    yield
+    assert page.evaluate("document.body.dataset.reran") is None
+
+
+def expect_at_home(page: Page, selector: str) -> None:
+    """Expect a component to have the same style on its page as alone, and to fit."""
+    part = page.locator(selector).last
+    scheme = page.get_by_test_id("stApp").evaluate("(app) => getComputedStyle(app).colorScheme")
+    worn = part.evaluate(WORN, list(themes()[scheme]))
+    assert worn == themes()[scheme]
+    assert part.evaluate("(one) => one.getRootNode().host.dataset.testid") == "stBidiComponentIsolated"
+    assert page.viewport_size is not None
+    expect_fitting(page, page.viewport_size["width"])
+
+
+def expect_found(page: Page, row: int, col: int) -> None:
+    expect_visible(page.get_by_role("heading", name=f"Found at row {row}, column {col}", exact=True))
+    settled(page)
 
 
 def choose(page: Page, wanted: str, *, begin: str) -> None:
@@ -93,18 +139,38 @@ def through_home(page: Page, audit: Audit) -> None:
     settled(page)
 
 
+def _through_the_panels(page: Page, audit: Audit) -> None:
+    said = page.locator(".plan .said")
+    keys = {  # the control of each panel, what its End key leads to, and where that is said
+        "Slide it yourself": (".sliding .stage", "Lag 13 · sum 27", ".sliding .where"),
+        "Fool it": (".disturbances input[name=noise]", "Nothing in common found", ".disturbances .verdict"),
+        "Arrows that line up": (".phasors .lag", "Lag 12 ·", ".phasors .where"),
+        "From lag to metres": (".plan .apart input", "1,135 m", ".plan output"),
+    }
+    for here, tab in pairwise((None, *keys)):
+        control, result, place = keys[tab]
+        if here:
+            turn_to(page, here, tab)
+        with without_a_run(page):
+            page.locator(control).press("End")
+            expect(page.locator(place)).to_contain_text(re.compile(result.replace(" m", r"\sm")))
+        expect_at_home(page, control.split()[0])
+        screenshot(page, f"sensor-lag-{control.split()[0].strip('.')}")
+        audit.check(page, f"Sensor lag: {tab}")
+    page.locator(".plan .apart input").press("Home")
+    page.locator(".plan").get_by_role("button", name="In line").press("Enter")
+    expect(said).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
+
+
 def through_sensor_lag(page: Page, audit: Audit) -> None:
     region = announced(page)
     expect(region).to_have_text("Sensor 2 hears it 1.136 s after sensor 1: its path is 378.17 m longer.")
+    _through_the_panels(page, audit)
     choose(page, "Harbour in the wind", begin="Coast")
     expect_visible(page.get_by_role("heading", name="Sensor 1 hears it 0.7083 s after sensor 2"))
     expect(region).to_contain_text("Sensor 1 hears it 0.7083 s after sensor 2")
     unfold(page, "All four methods", "Hear both together", "Take it away", "The source report")
     audit.check(page, "Sensor lag")
-    for here, tab in pairwise(("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")):
-        turn_to(page, here, tab)
-        audit.check(page, f"Sensor lag: {tab}")
-    expect_visible(page.locator(".plan .stage"))
     with page.expect_download():
         page.get_by_test_id("stDownloadButton").get_by_role("button").first.press("Enter")
 
@@ -130,7 +196,16 @@ def through_sensor_lag(page: Page, audit: Audit) -> None:
 
 
 def through_rocketman_search(page: Page, audit: Audit) -> None:
-    page.get_by_role("button", name="Reveal").press("Enter")
+    where, stage = page.locator(".by-hand .where"), page.locator(".score-map .stage")
+    expect(where).to_contain_text("Row")
+    scale = box_of(stage)["width"] / SCORED_COLS
+    with without_a_run(page):
+        stage.click(position={"x": 982.5 * scale, "y": 528.5 * scale})
+        expect(where).to_have_text(re.compile(r"^Row 5[23]\d, column 9[789]\d: "))  # as precise as the screen allows
+        page.get_by_role("button", name="Reveal").press("Enter")
+        expect(page.locator(".by-hand .said")).to_contain_text("The peak is at row 528, column 982: 1.000.")
+    for part in (".score-map", ".by-hand"):
+        expect_at_home(page, part)
     unfold(page, "Paint a mask", "Take it away")
     audit.check(page, "Rocketman search")
     main = page.get_by_role("button", name="All in one ZIP")
@@ -139,12 +214,34 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     assert audit.findings(page, COLOURS_ALONE) == []
     for here, tab in pairwise(("Search by hand", "Step by step", "Damage it")):
         turn_to(page, here, tab)
+        if tab == "Step by step":
+            page.locator(".funnel .steps button").nth(3).press("Enter")
+            expect(page.locator(".funnel .said")).to_contain_text("Best: row 528, column 982, score 1.000.")
+            expect_at_home(page, ".funnel")
         audit.check(page, f"Rocketman search: {tab}")
     expect_visible(page.get_by_role("button", name="Undo all damage"))
+    use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
+    page.locator(".painting .stage").press(" ")
+    expect(counts).not_to_have_text("7,913 of 13,653 pixels count")
+    painted = counts.inner_text()
+    use.press("Enter")
+    settled(page)
+    expect_found(page, 528, 982)
+    expect(counts).to_have_text(painted)
+    expect(use).to_be_disabled()
+    expect_at_home(page, ".painting")
+    choose(page, "Cut from the image", begin="The example’s")
+    expect_found(page, 636, 1070)
+    page.locator(".cutting .stage").press("Shift+ArrowDown")
+    expect_found(page, 646, 1070)
+    expect_at_home(page, ".cutting")
+    press(page, "Search with OpenCV too")
+    expect_visible(page.get_by_text("The same place; the scores differ by less than"))
+    audit.check(page, "Rocketman search: a template cut out")
+    page.get_by_role("radio", name="The example’s", exact=True).press("Enter")
+    expect_found(page, 528, 982)
     choose(page, "Rocketman in the dust of the moon", begin="Rocketman in the garden maze")
     expect_visible(page.get_by_role("heading", name="Found at row 1048, column 1707"))
-    choose(page, "Cut from the image", begin="The example’s")
-    audit.check(page, "Rocketman search: a template cut out")
     choose(page, "Your own files", begin="Rocketman in the dust of the moon")
     _give(page, "broken.png", b"this is no picture")
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
@@ -177,6 +274,24 @@ def _along_the_maps(page: Page) -> None:
     page.get_by_role("button", name="Side by side").press("Enter")
 
 
+def _under_the_pointer(page: Page) -> None:
+    reading, picture = page.locator(".hovered .reading"), page.locator(".linked").last.locator(".viewport").first
+    before = str(reading.text_content())
+    with without_a_run(page):
+        picture.hover(position={"x": 40, "y": 60})
+        expect(reading).not_to_have_text(before)
+    for part in (".linked", ".hovered"):
+        expect_at_home(page, part)
+    expect_visible(page.get_by_text(re.compile("px windows, ")).first)
+    chart = page.get_by_test_id("stPlotlyChart").last
+    expect(chart.locator(".shapelayer path, .layer-between path").first).to_be_attached()
+    resized(page, 420)
+    expect_fitting(page, 420)
+    box = box_of(chart)
+    assert box["x"] + box["width"] <= 420
+    resized(page, 1280)
+
+
 def through_depth_maps(page: Page, audit: Audit) -> None:
     _along_the_maps(page)
     region, figures = announced(page), page.locator(".figures").first
@@ -189,8 +304,16 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
     expect(region).to_contain_text("Bad-2")
     unfold(page, "choose a pair or bring your own")  # folded again
     audit.check(page, "Depth maps")
+    for count in (2, 0):
+        press(page, "Colours")
+        page.get_by_text("Outlines of the left image").click()
+        settled(page)
+        page.keyboard.press("Escape")
+        expect(page.locator(".linked .outlines")).to_have_count(count)
     for here, part in pairwise((PARTS[0], *PARTS)):
         choose(page, part, begin=here)
+        if part == "Why this match?":
+            _under_the_pointer(page)
         audit.check(page, f"Depth maps: {part}", but=BENCH)
     unfold(page, "choose a pair or bring your own")
     choose(page, "Your own files", begin="Puzzle cube")

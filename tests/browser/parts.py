@@ -1,7 +1,7 @@
 """Components of the pages alone in a browser, mounted with their data from Python as Streamlit does it.
 
-A page of the app takes seconds to open, a component by itself a tenth of one. ``in_place.py`` checks on the real pages
-that the component is there and that the page hears it.
+A page of the app takes seconds to open, a component by itself a tenth of one. ``journeys.py`` checks on the
+real pages that the component is there and that the page hears it.
 """
 
 from __future__ import annotations

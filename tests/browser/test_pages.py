@@ -10,7 +10,6 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.ui.navigation import PAGES
-from tests.browser import in_place
 from tests.browser.axe import Audit, nameless
 from tests.browser.journeys import JOURNEYS
 from tests.browser.layout import cut, jumps
@@ -23,9 +22,6 @@ NARROW, USUAL, WIDE = 420, 1280, 2560
 
 MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
 """A slider on each page that has one."""
-
-WORKED_BY_HAND = {"Sensor lag": in_place.sensor_lag}
-"""Components tested alone elsewhere; those of other pages would leave the page changed."""
 
 RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
  duration * iterations > 10).length"
@@ -103,8 +99,6 @@ def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
     assert page.evaluate("transitions") == 0  # inherited colours start thousands of 1 ms transitions: half of all time
     no_exception(page)
     screenshot(page, f"{file}-phone")
-    if name in WORKED_BY_HAND:
-        WORKED_BY_HAND[name](page)
     resized(page, USUAL)
     screenshot(page, f"{file}-dark")
     page.emulate_media(color_scheme="light")
@@ -134,11 +128,3 @@ def test_axe_looks_into_components(page: Page, audit: Audit) -> None:
     page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")
     assert "button-name" in {one.rule for one in audit.findings(page)}
     assert len(nameless(page)) == 1
-
-
-def test_components_of_the_search_have_their_place(open_page: OpenPage) -> None:
-    in_place.rocketman(open_page("Rocketman_search"))
-
-
-def test_components_of_the_depth_page_have_their_place(open_page: OpenPage) -> None:
-    in_place.depth_maps(open_page("Depth_maps?pair=cube&overlap=0.9", scheme="dark", width=420))
