@@ -55,84 +55,30 @@ MOVES: dict[str, dict[str, Any]] = {
     DEPTH: {
         "pairs": "square",
         "pairs.size": "1/2",
-        keys.WINDOW: 9,
-        keys.OVERLAP: 0.5,
-        keys.SEARCH: "centred",
-        keys.DISPARITIES: 32,
-        keys.SMALLEST: 20,
-        keys.VERTICAL: 1,
-        keys.setting("correlation", "score"): "cross",
-        keys.setting("correlation", "texture"): True,
-        keys.setting("correlation", "ambiguity"): True,
-        keys.LEFT_RIGHT: True,
-        keys.setting("correlation", "speckle"): True,
-        keys.setting("correlation", "filling"): True,
-        keys.MEDIAN: True,
-        keys.BLOCK: 9,
-        keys.setting("bm", "num_disparities", keys.CUBE): 32,
-        keys.BLOCK_SMALLEST: 20,
-        keys.BLOCK_UNIQUENESS: 60,
-        keys.setting("bm", "texture_threshold"): 8_010,
-        keys.BLOCK_SPECKLES: 200,
-        keys.setting("bm", "disp12_max_diff"): 0,
-        keys.setting("bm", "pre_filter_cap"): 3,
         keys.PART: "Scoreboard",
         "depth.colours.range.pair cube.far": 10.0,
         "depth.colours.range.pair cube.near": 90.0,
         "depth.colours.inverted": True,
         "depth.colours.palette": "turbo",
         "depth.colours.outlined": True,
-        keys.setting("sgbm", "block_size"): 9,
-        keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
-        keys.setting("sgbm", "min_disparity", keys.CUBE): 20,
-        keys.setting("sgbm", "uniqueness_ratio"): 60,
-        keys.setting("sgbm", "mode"): "hh",
-        keys.setting("sgbm", "p1"): 600,
-        keys.setting("sgbm", "p2"): 3_000,
-        keys.setting("sgbm", "speckle_window_size"): 0,
-        keys.setting("sgbm", "speckle_range"): 0,
-        keys.setting("sgbm", "disp12_max_diff"): 8,
-        keys.setting("sgbm", "pre_filter_cap"): 63,
-        keys.setting("sgm", "window_size"): 15,
-        keys.setting("sgm", "num_disparities", keys.CUBE): 32,
-        keys.setting("sgm", "min_disparity", keys.CUBE): 20,
-        keys.setting("sgm", "cost.correlation"): 0,
-        keys.setting("sgm", "cost.census"): 0,
-        keys.setting("sgm", "cost.gradient"): 0,
-        keys.setting("sgm", "cost.gradient_limit"): 40,
-        keys.setting("sgm", "optimisation.penalty_small"): 70,
-        keys.setting("sgm", "optimisation.penalty_large"): 121,
-        keys.setting("sgm", "optimisation.penalty_at_edges"): 361,
-        keys.setting("sgm", "optimisation.edge_contrast"): 200,
-        keys.setting("sgm", "texture"): True,
-        keys.setting("sgm", "ambiguity"): True,
-        keys.setting("sgm", "left_right"): True,
-        keys.setting("sgm", "speckle"): True,
-        keys.setting("sgm", "filling"): True,
-        keys.setting("sgm", "median"): True,
         keys.SHOWN: ["correlation", "sgbm"],
     },
 }
 # Controls that must be set first.
 FIRST: dict[str, dict[str, Any]] = {
     "template.min_score": {"template.max_matches": 5},  # the second match scores lower
-    keys.SEARCH: {keys.OVERLAP: 0.5},  # few windows make a square search fast
-    keys.setting("correlation", "texture"): {"pairs": "road"},  # its sky is flat
-    keys.setting("sgm", "texture"): {"pairs": "road"},
+    "pairs.size": {keys.SHOWN: ["correlation"]},  # StereoBM's odd block is rounded on the way to half its size and back
 }
-FIRST["pairs.size"] = {
-    keys.SHOWN: ["correlation"]
-}  # StereoBM's odd block is rounded on the way to half its size and back
 for one in MOVES[SEARCH]:
     if one != "pictures":
         FIRST[one] = {"pictures": "own"} | FIRST.get(one, {})  # a part of the maze is searched faster than all of it
-OTHER_TABS = [method.short_name for method in METHODS[1:]]
-for one in MOVES[DEPTH]:
-    for name in OTHER_TABS:
-        if one.startswith(f"depth.{name}."):  # its controls and its map
-            FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
 SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
+# The same for the settings of methods, by the end of their keys.
+FIRST_OF_METHODS: dict[str, dict[str, Any]] = {
+    ".texture": {"pairs": "road"},  # its sky is flat
+    "search.kind": {keys.OVERLAP: 0.5},  # few windows make a square search fast
+}
 
 
 def controls(app: AppTest) -> dict[str, Any]:
@@ -143,11 +89,8 @@ def controls(app: AppTest) -> dict[str, Any]:
 
 @pytest.mark.parametrize("page", MOVES)
 def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
-    app = open_unfolded(page)
-    found = controls(app).keys()
-    for tab in OTHER_TABS if page == DEPTH else []:
-        app.button_group(key=keys.TAB).set_value(tab).run()
-        found |= controls(app).keys()
+    settings = tuple(f"depth.{method.short_name}." for method in METHODS)
+    found = {key for key in controls(open_unfolded(page)) if not key.startswith(settings)}
     found -= SEEN_IN_THE_TIME_ALONE | {keys.TAB}
     unmoved, absent = sorted(found - MOVES[page].keys()), sorted(MOVES[page].keys() - found)
     assert not unmoved, f"MOVES does not say what these are moved to: {unmoved}"
@@ -239,6 +182,50 @@ def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: 
     assert shown(app) == before, (
         "what was moved before was not set back, so that any control seemed to change something"
     )
+
+
+def other_values(control: Any) -> list[Any]:
+    """Return the values that a control of a setting is moved to, until one changes what is shown."""
+    if control.type == "toggle":
+        return [not control.value]
+    if control.type == "slider":
+        return [value for value in (control.min, control.max, control.value + control.step) if value != control.value]
+    return [option for option in control.options if option != control.value]
+
+
+@pytest.mark.parametrize("method", [method.short_name for method in METHODS])
+def test_moving_any_setting_of_a_method_changes_what_is_shown(
+    open_unfolded: OpenPage, shown: Shown, method: str
+) -> None:
+    def opened(first: dict[str, Any]) -> AppTest:
+        app = open_unfolded(DEPTH)
+        app.button_group(key=keys.TAB).set_value(method)
+        app.button_group(key=keys.SHOWN).set_value(list(dict.fromkeys(["correlation", method]))).run()
+        for name, value in first.items():
+            controls(app)[name].set_value(value).run()
+        return app
+
+    def changes(app: AppTest, key: str) -> bool:
+        before, at_first = shown(app), controls(app)[key].value
+        seen = False
+        for value in other_values(controls(app)[key]):
+            controls(app)[key].set_value(value).run()
+            assert not app.exception, key
+            seen = shown(app) != before and not app.error
+            controls(app)[key].set_value(at_first).run()
+            assert shown(app) == before, key
+            if seen:
+                break
+        return seen
+
+    plain = opened({})
+    settings = [key for key in controls(plain) if key.startswith(f"depth.{method}.")]
+    for key in sorted(set(settings) - SEEN_IN_THE_TIME_ALONE):
+        first = next((first for end, first in FIRST_OF_METHODS.items() if key.endswith(end)), None)
+        app = plain if first is None else opened(first)
+        assert changes(
+            app, key.replace("pair cube", f"pair {first['pairs']}") if first and "pairs" in first else key
+        ), key
 
 
 @pytest.mark.parametrize("key", ONLY_WITH_A_SQUARE_SEARCH)
