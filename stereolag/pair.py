@@ -40,7 +40,7 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.sessions import Session, holds_session, read_session
-from stereolag.io.sources import MAX_BYTES, harmless
+from stereolag.io.sources import MAX_BYTES, escape
 from stereolag.samples import StereoExample
 
 T = TypeVar("T")
@@ -404,7 +404,7 @@ class PairSet:
 
     def name(self, number: int) -> str:
         """Return the name of a pair, safe to show."""
-        return harmless(self.pairs[number].name)
+        return escape(self.pairs[number].name)
 
     def pair(self, number: int) -> Pair:
         """Decode one pair; its changes say what was decided.
@@ -431,7 +431,7 @@ class PairSet:
                 calibration = guarded(read_calibration)(*map(self.read, files.calibrations))
             except ValueError as error:
                 notes.append(f"The pair’s calibration is not used. {error}")
-        description = f"Pair “{harmless(files.name)}”."
+        description = f"Pair “{escape(files.name)}”."
         return assemble_pair(left, right, truth, calibration, id=pair_id, notes=notes, description=description)
 
 

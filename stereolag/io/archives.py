@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
 
-from stereolag.io.sources import MAX_BYTES, Source, quoted, read_bytes
+from stereolag.io.sources import MAX_BYTES, Source, quote, read_bytes
 
 WHAT = "archive"
 MAGIC = b"PK"
@@ -67,7 +67,7 @@ class Archive:
             No such file, or one that is damaged.
         """
         if name not in self.names:
-            raise ValueError(f"The {WHAT} holds no {quoted(name)}.")
+            raise ValueError(f"The {WHAT} holds no {quote(name)}.")
         try:
             with self._opened.open(name) as file:
                 data = file.read()  # no more than the directory states, which was checked
@@ -120,9 +120,9 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     for member in kept:
         _check_name(member.filename)
         if member.flag_bits & _ENCRYPTED:
-            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is encrypted; pack it without a password.")
+            raise ValueError(f"{quote(member.filename)} in the {WHAT} is encrypted; pack it without a password.")
         if member.compress_type not in _METHODS:
-            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is packed by a method other than “deflate”.")
+            raise ValueError(f"{quote(member.filename)} in the {WHAT} is packed by a method other than “deflate”.")
     unpacked = sum(member.file_size for member in kept)
     if unpacked > MAX_BYTES:
         raise ValueError(
@@ -131,7 +131,7 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     names = tuple(member.filename for member in kept)
     twin = next(_twins(names), None)
     if twin is not None:
-        raise ValueError(f"The {WHAT} holds two files named {quoted(twin)}.")
+        raise ValueError(f"The {WHAT} holds two files named {quote(twin)}.")
     return Archive(names, packed)
 
 
@@ -153,9 +153,9 @@ def _check_directory(packed: bytes) -> None:
 def _check_name(name: str) -> None:
     parts = PurePosixPath(name.replace("\\", "/")).parts
     if len(name) > MAX_NAME or len(parts) > MAX_DEPTH:
-        raise ValueError(f"{quoted(name)} in the {WHAT} has too long a name.")
+        raise ValueError(f"{quote(name)} in the {WHAT} has too long a name.")
     if ".." in parts or name.startswith(("/", "\\")) or "\0" in name or ":" in parts[0]:
-        raise ValueError(f"{quoted(name)} in the {WHAT} points outside it; only names within are accepted.")
+        raise ValueError(f"{quote(name)} in the {WHAT} points outside it; only names within are accepted.")
 
 
 def _is_hidden(name: str) -> bool:
@@ -172,7 +172,7 @@ def _twins(names: tuple[str, ...]) -> Iterator[str]:
 
 
 def _damaged_file(name: str) -> ValueError:
-    return ValueError(f"{quoted(name)} in the {WHAT} is damaged or cut short.")
+    return ValueError(f"{quote(name)} in the {WHAT} is damaged or cut short.")
 
 
 def _damaged() -> ValueError:

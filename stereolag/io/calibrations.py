@@ -21,7 +21,7 @@ import numpy as np
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
 from stereolag.io.notations import Entries, Entry, Matrix, names_found, parse_entries
-from stereolag.io.sources import Source, quoted, read_bytes
+from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 
 
@@ -330,7 +330,7 @@ def _complete_projections(parts: Parts, entries: Entries) -> None:
         parts[left] = Entry(parts[right].name, _projection(parts[right]) * [[1, 1, 1, 0]])
     elif left in parts:
         raise ValueError(
-            f"The calibration (ROS) is of the left camera alone: {quoted(parts[left].name)} has no baseline; give the "
+            f"The calibration (ROS) is of the left camera alone: {quote(parts[left].name)} has no baseline; give the "
             "file of the right camera, or both."
         )
     else:
@@ -357,7 +357,7 @@ def _projection(entry: Entry) -> Matrix:
     found = entry.matrix(3, 4)
     if found[0, 0] <= 0:
         raise ValueError(
-            f"{quoted(entry.name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
+            f"{quote(entry.name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
         )
     return found
 
@@ -367,7 +367,7 @@ def _reprojected(entry: Entry) -> tuple[float, float, float, float, float]:
     q = entry.matrix(4, 4)
     if q[3, 2] == 0:
         raise ValueError(
-            f"{quoted(entry.name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
+            f"{quote(entry.name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
         )
     return float(q[2, 3]), float(q[3, 2]), float(q[3, 3]), -float(q[0, 3]), -float(q[1, 3])
 
@@ -436,7 +436,7 @@ def _check_models(files: list[Entries]) -> None:
             allowed = _MODELS.get(name.rsplit(".", 1)[-1])
             if allowed and str(entry.value).lower() not in allowed:
                 raise ValueError(
-                    f"The calibration has {quoted(str(entry.value))} for {quoted(name)}, which is not known here; "
+                    f"The calibration has {quote(str(entry.value))} for {quote(name)}, which is not known here; "
                     f"allowed are {', '.join(allowed)}."
                 )
 

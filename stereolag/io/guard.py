@@ -154,6 +154,7 @@ class _Worker:
         memory = min(MEMORY + BYTES_PER_VALUE * (most.max_pixels + most.max_samples), machine_memory())
         late = threading.Event()
         watch = threading.Timer(PATIENCE * seconds, self._end_late, (late,))
+        watch.daemon = True
         watch.start()
         try:
             outcome, content = self._answer((most.model_dump(), (seconds, 2 * PATIENCE * seconds, memory), job))

@@ -21,7 +21,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import iterparse
 
 from stereolag.io.numpy_files import ZIP_MAGIC, parse_npz
-from stereolag.io.sources import quoted
+from stereolag.io.sources import quote
 
 MAX_TEXT_BYTES = 2**20
 MAX_ARCHIVE_BYTES = 2**24
@@ -56,9 +56,9 @@ class Entry(NamedTuple):
 
     def numbers(self, count: int | None = None) -> Matrix:
         """Return the numbers as a vector, of length `count` if given; ValueError if they are not such numbers."""
-        name, values = quoted(self.name), self.value
+        name, values = quote(self.name), self.value
         if isinstance(values, str):
-            raise ValueError(f"{name} in the calibration must hold numbers, not {quoted(values)}.")
+            raise ValueError(f"{name} in the calibration must hold numbers, not {quote(values)}.")
         if not np.isfinite(values).all():
             raise ValueError(f"{name} in the calibration must hold finite numbers only.")
         largest = max(values.flat, key=abs, default=0.0)
@@ -80,9 +80,7 @@ class Entry(NamedTuple):
         numbers = self.numbers(count).tolist()
         for number in numbers:
             if not 1 <= number <= MAX_SIDE:
-                raise ValueError(
-                    f"The calibration has {number:g} for {quoted(self.name)}; allowed are 1 to {MAX_SIDE}."
-                )
+                raise ValueError(f"The calibration has {number:g} for {quote(self.name)}; allowed are 1 to {MAX_SIDE}.")
         return [round(number) for number in numbers]
 
 
@@ -313,7 +311,7 @@ def _announced(name: str, data: Any, sizes: Any) -> Matrix:
         return _NO_NUMBERS
     if not ((shape >= 0) & (shape <= values.size)).all() or math.prod(map(int, shape.flat)) != values.size:
         announced = " × ".join(f"{side:g}" for side in list(shape.flat)[:3])
-        raise ValueError(f"{quoted(name)} in the calibration announces {announced} numbers and holds {values.size}.")
+        raise ValueError(f"{quote(name)} in the calibration announces {announced} numbers and holds {values.size}.")
     return values.reshape([int(side) for side in shape.flat])
 
 

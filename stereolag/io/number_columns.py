@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.sources import quoted
+from stereolag.io.sources import quote
 
 ALLOWED = "allowed are finite numbers, in columns separated by comma, semicolon, tab or space"
 MAX_BYTES = 64 * 2**20
@@ -172,7 +172,7 @@ def _fault(block: str, first_line: int, separator: str | None, columns: int) -> 
         for field in fields:
             number = _number(field)
             if number is None:
-                wrong = f"holds {quoted(field.strip())}" if field.strip() else "lacks a number"
+                wrong = f"holds {quote(field.strip())}" if field.strip() else "lacks a number"
                 return f"Line {line_number} {wrong}; {ALLOWED}."
             if not math.isfinite(number):
                 return f"Line {line_number} holds {number}; {ALLOWED}."

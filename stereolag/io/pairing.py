@@ -13,7 +13,7 @@ from stereolag.core.inputs import Image
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
-from stereolag.io.sources import quoted
+from stereolag.io.sources import quote
 
 K = TypeVar("K", bound=Hashable)
 
@@ -299,4 +299,4 @@ class PicturesOfFiles:
         try:
             return self.decode(self.read(name))
         except ValueError as error:
-            raise ValueError(f"{quoted(name)}: {error}") from error
+            raise ValueError(f"{quote(name)}: {error}") from error

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 
 from stereolag.core.settings import SettingsError
-from stereolag.io.sources import Source, harmless, quoted, read_bytes, write_file
+from stereolag.io.sources import Source, escape, quote, read_bytes, write_file
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import BlockMatcher
@@ -67,11 +67,11 @@ def matcher_from(document: Any, what: str) -> StereoMatcher:
     method = next((one for one in METHODS if one.__name__ == name), None)
     if method is None:
         known = ", ".join(one.__name__ for one in METHODS)
-        raise ValueError(f"The {what} names the method {quoted(str(name))}; known are {known}.")
+        raise ValueError(f"The {what} names the method {quote(str(name))}; known are {known}.")
     try:
         return method.model_validate(document["settings"])
     except SettingsError as error:
-        raise ValueError(f"The {what} for {name} is refused. {harmless(str(error))}") from error
+        raise ValueError(f"The {what} for {name} is refused. {escape(str(error))}") from error
 
 
 def parsed_json(data: bytes, what: str) -> Any:

@@ -80,13 +80,13 @@ def check_pixels(width: int, height: int, what: str) -> None:
         )
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML."""
     start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 
-def harmless(text: str) -> str:
+def escape(text: str) -> str:
     """Return a sentence that quotes untrusted text, without characters active in Markdown or HTML."""
     return re.sub(r"[^\w .,:;'+=>?()-]", "?", text[:300])
 

@@ -20,7 +20,7 @@ from av.video.stream import VideoStream
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.io.guard import GuardedObject
-from stereolag.io.sources import Source, check_pixels, quoted, read_bytes
+from stereolag.io.sources import Source, check_pixels, quote, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
 WHAT = "video"
@@ -134,7 +134,7 @@ class VideoFile:
         stream = self._container.streams.video[0]
         context = stream.codec_context
         if context is None or context.name not in CODECS:
-            name = quoted(context.name if context else "unknown")
+            name = quote(context.name if context else "unknown")
             raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9 and Motion JPEG are decoded.")
         check_pixels(context.width, context.height, WHAT)
         # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.

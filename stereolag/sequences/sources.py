@@ -23,7 +23,7 @@ from stereolag.io.disparities import read_disparity
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
-from stereolag.io.sources import Source, quoted
+from stereolag.io.sources import Source, quote
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
@@ -324,7 +324,7 @@ def example_sequence(example: DriveExample) -> StereoSequence:
 def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[VideoFile]) -> StereoSequence:
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
     if path is not None and path.is_dir():
-        raise ValueError(f"{quoted(path.name)} is a folder; give two, of the left and of the right pictures.")
+        raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(_beginning(source)):
         return SideBySideVideo(video(source), frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)

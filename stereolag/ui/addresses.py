@@ -22,7 +22,7 @@ from stereolag import samples
 from stereolag import streamlit_inside as inside
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Problem, Settings, SettingsError
-from stereolag.io.sources import harmless, quoted
+from stereolag.io.sources import escape, quote
 from stereolag.ui import pictures, prose, recordings
 from stereolag.ui.choices import OWN
 from stereolag.ui.controls import adopt_value, from_another_page
@@ -94,7 +94,7 @@ def recalled_settings(
             refused = _refused(error, wanted)
         for reason in dict.fromkeys(refused.values()):
             alike = [name for name, why in refused.items() if why == reason]
-            said = " and ".join(f"{quoted(prefix + name)} = {quoted(wanted[name])}" for name in alike)
+            said = " and ".join(f"{quote(prefix + name)} = {quote(wanted[name])}" for name in alike)
             ignored.append(f"{said} {'is' if len(alike) == 1 else 'are'} ignored: {reason}")
         wanted = {name: text for name, text in wanted.items() if name not in refused}
     return Recalled(first, ignored)
@@ -138,8 +138,8 @@ def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, s
         parts = set(name.split(".")) - {""}
         blamed = [one for one in parameters if parts and parts <= {part for part in one.split(".") if part != KIND}]
         blamed = blamed or [one for one in parameters if parts & {one.split(".")[0]}]
-        refused |= dict.fromkeys(blamed, harmless(sentence))
-    return refused or dict.fromkeys(parameters, harmless(str(error)))
+        refused |= dict.fromkeys(blamed, escape(sentence))
+    return refused or dict.fromkeys(parameters, escape(str(error)))
 
 
 InputsT = TypeVar("InputsT")
@@ -230,7 +230,7 @@ def write_parameters(written: str, parameters: dict[str, str]) -> None:
 
 def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
     """Warn that a parameter is ignored because its value is not allowed."""
-    prose.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
+    prose.warning(f"{name} = {quote(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import streamlit as st
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.images import IMAGE_SUFFIXES
-from stereolag.io.sources import quoted
+from stereolag.io.sources import quote
 from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose
 from stereolag.ui.elements import show_refused
@@ -120,7 +120,7 @@ def upload(
         try:
             return read(contents[0])
         except ValueError as error:
-            raise ValueError(f"{quoted(file.name)}: {error}" if file else str(error)) from error
+            raise ValueError(f"{quote(file.name)}: {error}" if file else str(error)) from error
 
     given = _read_once(files, read_one, key, variant, lasting)
     if OPTIONAL not in label:

@@ -19,7 +19,7 @@ from stereolag.io.archives import is_archive, read_archive
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
-from stereolag.io.sources import MAX_BYTES, harmless
+from stereolag.io.sources import MAX_BYTES, escape
 from stereolag.ui.choices import choose, own_or_example, show_limits
 from stereolag.ui.uploads import PICTURE_TYPES, upload_named
 
@@ -173,4 +173,4 @@ def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs
     pictures = PicturesOfFiles(pairs, lambda name: readers[name](), guarded(read_image))
     pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
     alone = len([name for name in readers if name.lower().endswith(PICTURE_TYPES)]) - 2 * len(pairs)
-    return tuple(harmless(pair.name) for pair in pairs), pictures, pixels, max(0, alone)
+    return tuple(escape(pair.name) for pair in pairs), pictures, pixels, max(0, alone)
