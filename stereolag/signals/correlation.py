@@ -305,12 +305,7 @@ def transform_length(size: int) -> int:
 
 def _right_angle(size: int) -> Spectrum:
     """Return ``exp(-0.5j * pi * i / size)``; the last two are cached unless they are large."""
-    return _kept_right_angle(size) if size <= _LARGEST_KEPT else _computed_right_angle(size)
-
-
-@lru_cache(maxsize=2)
-def _kept_right_angle(size: int) -> Spectrum:
-    return _computed_right_angle(size)
+    return (_kept_right_angle if size <= _LARGEST_KEPT else _computed_right_angle)(size)
 
 
 def _computed_right_angle(size: int) -> Spectrum:
@@ -321,6 +316,9 @@ def _computed_right_angle(size: int) -> Spectrum:
     turn = steps.ravel()[:size]
     turn.flags.writeable = False
     return turn
+
+
+_kept_right_angle = lru_cache(maxsize=2)(_computed_right_angle)
 
 
 Lags = npt.NDArray[np.int64]

@@ -32,7 +32,7 @@ from stereolag.signals.search import (
     search_whole,
     suits_blocks,
 )
-from stereolag.signals.verdict import Judgement, Verdict, judge
+from stereolag.signals.verdict import LagJudgement, Verdict, judge
 from stereolag.signals.whitening import LongPair, Pair, WhitePair
 
 AUDIO_RATE = 44_100.0
@@ -237,10 +237,10 @@ class SignalLag:
     correlation: npt.NDArray[np.float64] | None
     votes: dict[int, int] | None
     elapsed_s: float
-    _judge: Callable[[], Judgement] | None = field(default=None, repr=False)
+    _judge: Callable[[], LagJudgement] | None = field(default=None, repr=False)
 
     @cached_property
-    def judgement(self) -> Judgement | None:
+    def judgement(self) -> LagJudgement | None:
         """Whether the lag is reliable, and why; `verdict`, `rivals` and the properties below read it.
 
         Computed on first access, which takes about twice as long as the search; until then the result keeps the

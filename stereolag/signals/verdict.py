@@ -297,7 +297,7 @@ _SAMPLED = 2**16
 
 
 @dataclass(frozen=True)
-class Judgement:
+class LagJudgement:
     """The evidence for and against a lag.
 
     Attributes
@@ -347,7 +347,7 @@ def judge(
     curve: Vector | None = None,
     votes: dict[int, int] | None = None,
     opposite_lag: int | None = None,
-) -> Judgement:
+) -> LagJudgement:
     """Return whether `lag` is reliable, whatever method found it.
 
     The height of a peak in its curve is not enough: the curve of two unrelated recordings with one loud event each is
@@ -385,7 +385,7 @@ def judge(
     verdict, reason = _decided(agreement, rivals, needed, drift, opposite, votes)
     if verdict != "ambiguous":
         rivals = ()
-    return Judgement(
+    return LagJudgement(
         verdict,
         reason,
         rivals,

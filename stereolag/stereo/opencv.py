@@ -212,14 +212,10 @@ class StereoBM(BlockMatcher):
 
     def opencv_matcher(self) -> Any:
         """Return a ``cv2.StereoBM`` with these settings."""
-        matcher = cv2.StereoBM.create(self.num_disparities, self.block_size)
-        matcher.setMinDisparity(self.min_disparity)
-        matcher.setPreFilterCap(self.pre_filter_cap)
-        matcher.setTextureThreshold(self.texture_threshold)
-        matcher.setUniquenessRatio(self.uniqueness_ratio)
-        matcher.setSpeckleWindowSize(self.speckle_window_size)
-        matcher.setSpeckleRange(self.speckle_range)
-        matcher.setDisp12MaxDiff(self.disp12_max_diff)
+        matcher = cv2.StereoBM.create()
+        for name in StereoBM.model_fields:
+            title = self.other_name(name)
+            getattr(matcher, f"set{title[0].upper()}{title[1:]}")(getattr(self, name))
         return matcher
 
 

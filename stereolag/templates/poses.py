@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
-import cv2
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress, silent
 from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped, warped_shape
-from stereolag.templates.score_maps import elsewhere, fft_score_map, finished, peaks, scores_at
+from stereolag.templates.score_maps import elsewhere, fft_score_map, in_threads, peaks, scores_at
 from stereolag.templates.verdict import Places
 
 Range = tuple[float, float]
@@ -153,20 +152,17 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     level = _Level(reduced(image, between), image.shape, pattern, poses) if between > 1 else None
     fine = _Level(reduced(image, finest) if finest > 1 else image, image.shape, pattern, poses)
     first = level or fine
-    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
-    try:
-        jobs = [pool.submit(first.refined, pose, *steps, 2) for pose in coarse[:REFINED]]
-        share = (1 - COARSE_SHARE) / 2
-        for fraction in finished(jobs):
-            progress(COARSE_SHARE + share * fraction)
-        best = _apart([job.result() for job in jobs], pattern.shape, 0.5)[:FINAL]
-        jobs = [pool.submit(fine.finished, pose, *steps) for pose in best]
-        for fraction in finished(jobs):
-            progress(1 - share * (1 - fraction))
-    finally:
-        pool.shutdown(cancel_futures=True)
+    share = (1 - COARSE_SHARE) / 2
+    refined = in_threads(
+        [partial(first.refined, pose, *steps, 2) for pose in coarse[:REFINED]],
+        lambda done: progress(COARSE_SHARE + share * done),
+    )
+    best = _apart(refined, pattern.shape, 0.5)[:FINAL]
+    places = in_threads(
+        [partial(fine.finished, pose, *steps) for pose in best], lambda done: progress(1 - share * (1 - done))
+    )
     scored = first.scored(len(coarse[:REFINED]), 1) + fine.scored(len(best), 3)
-    return _as_places([job.result() for job in jobs], image.shape, pattern), candidates + scored
+    return _as_places(places, image.shape, pattern), candidates + scored
 
 
 def _coarse(
@@ -198,14 +194,7 @@ def _coarse(
         ]
         return places, score_map.size
 
-    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
-    try:
-        jobs = [pool.submit(search, *pose) for pose in poses.grid()]
-        for fraction in finished(jobs):
-            progress(COARSE_SHARE * fraction)
-    finally:
-        pool.shutdown(cancel_futures=True)
-    found = [job.result() for job in jobs]
+    found = in_threads([partial(search, *pose) for pose in poses.grid()], lambda done: progress(COARSE_SHARE * done))
     return _apart([pose for poses, _ in found for pose in poses], pattern.shape, 0.3), sum(size for _, size in found)
 
 

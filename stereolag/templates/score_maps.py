@@ -10,10 +10,11 @@ from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -24,6 +25,7 @@ from stereolag.core.jobs import Progress
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
 
+Result = TypeVar("Result")
 Plane = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
@@ -242,24 +244,18 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
     spectra = _Spectra.of(pattern, (fft_rows, fft_cols))
     scores = np.empty(places, dtype=np.float32)
-    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
-    try:
-        jobs = [
-            pool.submit(
-                _score_tile,
-                scores[row : row + down, col : col + across],
-                image[row : row + down + height - 1, col : col + across + width - 1],
-                pattern,
-                spectra,
-            )
-            for row in range(0, places[0], down)
-            for col in range(0, places[1], across)
-        ]
-        for fraction in finished(jobs):
-            progress(fraction)
-    finally:
-        # A progress callback may raise to cancel the search: tiles that have not started then never do.
-        pool.shutdown(cancel_futures=True)
+    tiles = [
+        partial(
+            _score_tile,
+            scores[row : row + down, col : col + across],
+            image[row : row + down + height - 1, col : col + across + width - 1],
+            pattern,
+            spectra,
+        )
+        for row in range(0, places[0], down)
+        for col in range(0, places[1], across)
+    ]
+    in_threads(tiles, progress)
     return scores
 
 
@@ -350,14 +346,24 @@ def _fft_length(least: int) -> int:
     return FFT_UNIT * int(cv2.getOptimalDFTSize(-(-least // FFT_UNIT)))
 
 
-def finished(jobs: list[Future[Any]]) -> Iterator[float]:
-    """Yield the fraction of jobs done, at least ten times a second, until all are; raise any exception of a job."""
-    pending = set(jobs)
-    while pending:
-        done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
-        for job in done:
-            job.result()
-        yield 1 - len(pending) / len(jobs)
+def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list[Result]:
+    """Run jobs on as many threads as OpenCV uses, and return their results in order.
+
+    `progress` is called in the caller's own thread, with the fraction done, at least ten times a second. If it or a job
+    raises, jobs that have not started never do.
+    """
+    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
+    try:
+        futures = [pool.submit(job) for job in jobs]
+        pending = set(futures)
+        while pending:
+            done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
+            for future in done:
+                future.result()
+            progress(1 - len(pending) / len(jobs))
+        return [future.result() for future in futures]
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 Scores = npt.NDArray[np.floating[Any]]

@@ -43,29 +43,13 @@ MOST_RIVALS = 20
 """Rivals kept: as many as a page offers matches."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Number of reliable matches, and why there are not more.
-
-    Parameters
-    ----------
-    clear
-        Number of matches, best first, that clearly lead every other place.
-    reason
-        Reason for that number.
-    """
-
-    clear: int
-    reason: Reason
-
-
 def leads(score: float, rival: float) -> bool:
     """Return whether a place with this score has a clear lead over a rival with its score."""
     return 1 - score + ROUNDING <= CLEAR_RATIO * (1 - rival + ROUNDING)
 
 
-def verdict(scores: Sequence[float], next_scores: Sequence[float]) -> Verdict:
-    """Return the verdict with as many clear matches as possible.
+def verdict(scores: Sequence[float], next_scores: Sequence[float]) -> tuple[int, Reason]:
+    """Return how many matches, best first, clearly lead every other place, as many as possible, and why not more.
 
     Parameters
     ----------
@@ -76,10 +60,10 @@ def verdict(scores: Sequence[float], next_scores: Sequence[float]) -> Verdict:
         other place.
     """
     if not scores:
-        return Verdict(0, "low_score")
+        return 0, "low_score"
     clear = [leads(score, after) for score, after in zip(scores, next_scores, strict=True)]
     count = len(clear) - clear[::-1].index(True) if any(clear) else 0
-    return Verdict(count, "clear" if count else "look_alikes")
+    return count, "clear" if count else "look_alikes"
 
 
 @dataclass(frozen=True)
@@ -250,9 +234,9 @@ def judged(
     kept = [
         int(enough[one]) for one in suppress(rows[enough], cols[enough], scores[enough], (height, width), max_matches)
     ]
-    judgement = verdict([float(scores[one]) for one in kept], next_elsewhere(rows, cols, scores, shape, kept))
+    clear, reason = verdict([float(scores[one]) for one in kept], next_elsewhere(rows, cols, scores, shape, kept))
     best = int(np.argmax(scores)) if scores.size else None
-    sure = kept[: judgement.clear] or ([] if best is None else [best])
+    sure = kept[:clear] or ([] if best is None else [best])
     return TemplateSearch(
         matches=[places.match(one) for one in kept],
         score_map=score_map,
@@ -260,8 +244,8 @@ def judged(
         elapsed_s=0.0,
         best=None if best is None else places.match(best),
         rivals=[places.match(one) for one in elsewhere(rows, cols, scores, shape, sure, MOST_RIVALS)],
-        clear=judgement.clear,
-        reason=judgement.reason,
+        clear=clear,
+        reason=reason,
     )
 
 

@@ -20,7 +20,7 @@ from stereolag.signals import SignalLag, SignalMethod, signal_lag
 from stereolag.signals import whitening as long_pairs
 from stereolag.signals.correlation import find_peak, overlap_length
 from stereolag.signals.search import CentredRecording
-from stereolag.signals.verdict import Judgement, judge, median_line, regular_spacing
+from stereolag.signals.verdict import LagJudgement, judge, median_line, regular_spacing
 from stereolag.signals.whitening import (
     LongPair,
     WhitePair,
@@ -37,7 +37,7 @@ METHODS = get_args(SignalMethod)
 
 
 def reason(result: SignalLag) -> str:
-    assert isinstance(result.judgement, Judgement)
+    assert isinstance(result.judgement, LagJudgement)
     return result.judgement.reason
 
 
