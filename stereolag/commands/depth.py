@@ -17,8 +17,7 @@ from stereolag.commands.pairs import (
 )
 from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
 from stereolag.core.settings import FitsImage, marker
-from stereolag.figures.legends import searched_range
-from stereolag.figures.maps import cloud_ply, coloured_png
+from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json, read_calibration
 from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity

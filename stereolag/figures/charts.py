@@ -1,12 +1,14 @@
-"""The common look of all charts: narrow margins, a legend above, and rings around points."""
+"""The common look of all charts: narrow margins, a legend above, rings around points, and the legend of colours."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
+import numpy as np
+import plotly.graph_objects as go
+
+from stereolag.core.arrays import Rgb
 
 LEGEND_ABOVE = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
 
@@ -25,9 +27,30 @@ def laid_out(figure: go.Figure, height: int, x: Axis, y: Axis, *, margin: int = 
 
 def rings(x: Any, y: Any, colour: str, size: int, thickness: float, **more: Any) -> go.Scatter:
     """Return points marked by rings; with `text`, each is labelled in its colour."""
-    import plotly.graph_objects as go  # a command draws no charts
-
     if "text" in more:
         more = {"mode": "markers+text", "textfont": {"color": colour}, "cliponaxis": False} | more
     marker = {"color": colour, "size": size, "symbol": "circle-open", "line": {"width": thickness}}
     return go.Scatter(**{"x": x, "y": y, "mode": "markers", "marker": marker} | more)
+
+
+def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+
+    `ticks` maps values to labels; without it the axis chooses its own.
+    """
+    shares = np.linspace(0, 1, len(palette))
+    scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
+    figure = go.Figure(
+        go.Heatmap(
+            z=np.arange(256, dtype=np.uint8)[None, :],
+            x=np.linspace(low, high, 256, dtype=np.float32),
+            colorscale=scale[::15],
+            showscale=False,
+            hovertemplate="%{x:.3g}<extra></extra>",
+        )
+    )
+    figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
+    figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
+    if ticks:
+        figure.update_xaxes(tickvals=[*ticks], ticktext=[*ticks.values()])
+    return figure.update_yaxes(visible=False, fixedrange=True)

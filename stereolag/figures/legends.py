@@ -1,11 +1,10 @@
-"""Colours of disparity maps and their legends: on the page, as a chart, and printed below a picture."""
+"""Colours of disparity maps, their legends on the page and below a picture, and their coloured files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -14,13 +13,24 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
 from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset
-from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, colour_wheel, data_url, palette, png, thinned
+from stereolag.figures.pictures import (
+    NO_ANSWER,
+    VIRIDIS,
+    as_rgb,
+    colour_wheel,
+    coloured,
+    data_url,
+    palette,
+    png,
+    thinned,
+)
 from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scene import clean_point_cloud
+from stereolag.io.disparities import ply
+from stereolag.io.images import image_png
 from stereolag.stereo.matcher import DisparityMap
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 FAR_TO_NEAR = VIRIDIS
 """Near is bright."""
@@ -220,26 +230,28 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
     return np.array(canvas)
 
 
-def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
-    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+LEGEND = "disparity, px: from far to near"
+MOST_POINTS = 2_000_000
 
-    `ticks` maps values to labels; without it the axis chooses its own.
+
+def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VIRIDIS) -> bytes:
+    """Return a coloured disparity map above its legend, as a PNG.
+
+    Parameters
+    ----------
+    disparity
+        (rows, cols) px, NaN = none.
+    low, high
+        Disparities at the first and the last colour, px, ``low < high``.
+    palette
+        (256, 3) uint8 RGB, from far to near.
     """
-    import plotly.graph_objects as go  # a command draws no charts
+    return image_png(with_legend(coloured(disparity, low, high, palette), low, high, palette, LEGEND))
 
-    shares = np.linspace(0, 1, len(palette))
-    scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
-    figure = go.Figure(
-        go.Heatmap(
-            z=np.arange(256, dtype=np.uint8)[None, :],
-            x=np.linspace(low, high, 256, dtype=np.float32),
-            colorscale=scale[::15],
-            showscale=False,
-            hovertemplate="%{x:.3g}<extra></extra>",
-        )
-    )
-    figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
-    figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
-    if ticks:
-        figure.update_xaxes(tickvals=[*ticks], ticktext=[*ticks.values()])
-    return figure.update_yaxes(visible=False, fixedrange=True)
+
+def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> bytes:
+    """Return the points of a disparity map in metres and in the colours of the left image, as a binary PLY.
+
+    Flying pixels are left out; above 2 million points a uniform random sample is kept, the same every time.
+    """
+    return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))

@@ -1,23 +1,24 @@
-"""Disparity maps coloured by error, difference and reason; charts that compare them; their coloured files."""
+"""Disparity maps coloured by error, difference and reason; charts that compare them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import plotly.graph_objects as go
 
 from stereolag.assess.judging import Criterion
 from stereolag.assess.sweep import Sweep
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset
-from stereolag.figures.charts import DASHES, LEGEND_ABOVE, laid_out
-from stereolag.figures.legends import FAR_TO_NEAR, Colours, hexadecimal, legend, with_legend
+from stereolag.figures.charts import DASHES, LEGEND_ABOVE, laid_out, legend
+from stereolag.figures.legends import FAR_TO_NEAR, Colours, hexadecimal
 from stereolag.figures.pictures import (
     CORRELATION,
     NO_ANSWER,
@@ -33,15 +34,8 @@ from stereolag.figures.pictures import (
     png,
     thinned,
 )
-from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scene import clean_point_cloud
-from stereolag.io.disparities import ply
-from stereolag.io.images import image_png
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.matcher import Reason
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 
 def image_into_map(image: Image, disparity: FloatMap, low: float, high: float) -> bytes:
@@ -50,33 +44,6 @@ def image_into_map(image: Image, disparity: FloatMap, low: float, high: float) -
     seam = picture.shape[1] * 2 // 5
     picture[:, seam:] = coloured(disparity, low, high, FAR_TO_NEAR)[:, seam:]
     return png(picture)
-
-
-LEGEND = "disparity, px: from far to near"
-MOST_POINTS = 2_000_000
-
-
-def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VIRIDIS) -> bytes:
-    """Return a coloured disparity map above its legend, as a PNG.
-
-    Parameters
-    ----------
-    disparity
-        (rows, cols) px, NaN = none.
-    low, high
-        Disparities at the first and the last colour, px, ``low < high``.
-    palette
-        (256, 3) uint8 RGB, from far to near.
-    """
-    return image_png(with_legend(coloured(disparity, low, high, palette), low, high, palette, LEGEND))
-
-
-def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> bytes:
-    """Return the points of a disparity map in metres and in the colours of the left image, as a binary PLY.
-
-    Flying pixels are left out; above 2 million points a uniform random sample is kept, the same every time.
-    """
-    return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))
 
 
 MOST_SHOWN_PX = 4.0
@@ -131,8 +98,6 @@ def error_legend() -> go.Figure:
 
 def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -> go.Figure:
     """Return the error rate of each method as its least sure pixels are dropped; a method without scores is a dot."""
-    import plotly.graph_objects as go  # a command draws no charts
-
     figure = go.Figure()
     for number, (name, curve) in enumerate(curves.items()):
         colour = METHOD_COLOURS[number % len(METHOD_COLOURS)]
@@ -217,8 +182,6 @@ def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, st
     words
         Name of each reason on the page.
     """
-    import plotly.graph_objects as go  # a command draws no charts
-
     figure = go.Figure()
     names = list(reasons)
     for cause, colour in REASON_COLOURS.items():
@@ -331,8 +294,6 @@ def sweep_maps(
     current
         (row, col) of the cell whose settings are in use.
     """
-    import plotly.graph_objects as go  # a command draws no charts
-
     figure = go.Figure(
         go.Image(
             source=_sheet_png(sheet, colours),
@@ -352,8 +313,6 @@ def sweep_maps(
 
 def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
     """Return bad-2 over the same grid as a heat map, low values bright; a click returns the number of the cell."""
-    import plotly.graph_objects as go  # a command draws no charts
-
     figure = go.Figure(
         go.Heatmap(
             z=sheet.bad.astype(np.float32),
@@ -381,8 +340,6 @@ def _as_grid(
     figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
 ) -> go.Figure:
     """Label the cells, frame the best and the current one, and make every cell clickable."""
-    import plotly.graph_objects as go  # a command draws no charts
-
     n_rows, n_cols = sheet.bad.shape
     rows, cols = np.indices(sheet.bad.shape)
     figure.add_trace(

@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 
 from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image
-from stereolag.figures.legends import legend
+from stereolag.figures.charts import legend
 from stereolag.figures.pictures import (
     BLACK,
     FRAME,

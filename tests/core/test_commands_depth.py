@@ -14,7 +14,7 @@ from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
 from stereolag import samples
-from stereolag.figures.maps import cloud_ply, coloured_png
+from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.io.images import image_png

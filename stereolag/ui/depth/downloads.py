@@ -14,7 +14,7 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Estimate, format_bytes, limits
 from stereolag.core.settings import scaled_settings
-from stereolag.figures.maps import cloud_ply, coloured_png
+from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, pfm, valid_mask_png
