@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,19 +38,11 @@ def panel() -> None:
     st.session_state["shown"] = pair
 
 
-def changed(name: str, **images: Any) -> Pair:
-    example = example_pair(stereo_pairs()["cube"])
-    given = {"left": example.left, "right": example.right} | images
-    return Pair(
-        given["left"],
-        given["right"],
-        PairId(name),
-        truth=example.truth,
-        visible=example.visible,
-        calibration=example.calibration,
-        num_disparities=64,
-        description="A test.",
-    )
+def cube(ill: str = "", given: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None) -> Pair:
+    """Return the cube as a visitor's own pair, made ill in this way."""
+    whole = example_pair(stereo_pairs()["cube"])
+    left, right = given(whole.left, whole.right) if given else (whole.left, whole.right)
+    return replace(whole, left=left, right=right, id=PairId(ill or "cube"), shared=False)
 
 
 def opened(pair: Pair) -> AppTest:
@@ -59,27 +51,25 @@ def opened(pair: Pair) -> AppTest:
     return app.run()
 
 
-def ill_cube(code: FindingCode) -> Pair:
-    cube = example_pair(stereo_pairs()["cube"])
-    left, right = ILLS[code](cube.left, cube.right)
-    return changed(code, left=left, right=right)
-
-
 def healthy(app: AppTest) -> bool:
     """Return whether the panel is the one green line with its details folded away."""
     return [box.label for box in app.expander if "Input doctor" in box.label] == [HEALTHY]
 
 
 def test_a_good_pair_is_one_green_line() -> None:
-    app = opened(changed("cube"))
+    app = opened(cube())
     assert not app.exception
     assert healthy(app)
     assert not app.warning
 
 
-@pytest.mark.parametrize(("code", "remedy"), REMEDIES.items())
-def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: FindingCode, remedy: Remedy) -> None:
-    pair = ill_cube(code)
+@pytest.mark.parametrize("code", [*ILLS, FindingCode.BENT_ROWS])
+def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(
+    code: FindingCode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(PAGES, CALIBRATE, raising=False)  # an app of one function has no other page to link to
+    remedy = REMEDIES.get(code, Remedy.RECTIFY)
+    pair = cube(code, ILLS.get(code, lambda *views: (barrel(views[0], -0.3), barrel(views[1], -0.3))))
     app = opened(pair)
     assert app.warning[0].value.startswith("**Input doctor:**")
     app.button(key=f"depth.doctor.{remedy}").click().run()
@@ -89,38 +79,16 @@ def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: Finding
     assert mended.digest != pair.digest
     assert mended.id.untreated == pair.id.untreated
     assert remedy not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
+    said = " ".join(text.value for text in app.markdown)
+    assert mended.remedies[0].sentence in said
+    assert ("left out" in said) == (mended.truth is None)
     app.button(key=f"depth.doctor.undo.{remedy}").click().run()
     assert app.session_state["shown"] is pair
     assert app.warning
 
 
-def test_bent_rows_are_rectified_by_a_click_and_come_back_with_undo(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(PAGES, CALIBRATE, raising=False)  # an app of one function has no other page to link to
-    cube = example_pair(stereo_pairs()["cube"])
-    pair = changed("bent", left=barrel(cube.left, -0.3), right=barrel(cube.right, -0.3))
-    app = opened(pair)
-    assert any("Rows bend" in text.value and "Calibrate" in text.value for text in app.markdown)
-    app.button(key="depth.doctor.rectify").click().run()
-    assert not app.exception
-    mended = app.session_state["shown"]
-    assert mended.truth is None
-    assert mended.visible is None
-    assert mended.calibration is None
-    assert any("depth is relative" in text.value and "left out" in text.value for text in app.markdown)
-    assert not any("Rows bend" in text.value for text in app.markdown)
-    app.button(key="depth.doctor.undo.rectify").click().run()
-    assert app.session_state["shown"] is pair
-
-
-def test_a_picture_given_twice_is_said() -> None:
-    cube = example_pair(stereo_pairs()["cube"])
-    app = opened(changed("twice", left=cube.left, right=cube.left))
-    assert not app.exception
-    assert any("show the same view" in text.value for text in app.markdown)
-
-
 def test_swapping_a_swapped_pair_undoes_it() -> None:
-    pair = ill_cube(FindingCode.SWAPPED)
+    pair = cube("swapped", ILLS[FindingCode.SWAPPED])
     app = opened(pair)
     app.session_state["depth.remedies"] = {pair.id.untreated: (Remedy.SWAP_SIDES, Remedy.ALIGN_ROWS, Remedy.ALIGN_ROWS)}
     app.run()
@@ -132,25 +100,8 @@ def test_swapping_a_swapped_pair_undoes_it() -> None:
     assert app.session_state["shown"] is pair
 
 
-def test_what_no_longer_holds_is_dropped_and_said() -> None:
-    app = opened(ill_cube(FindingCode.SWAPPED))
-    app.button(key="depth.doctor.swap_sides").click().run()
-    mended = app.session_state["shown"]
-    assert mended.truth is None
-    assert mended.visible is None
-    assert mended.calibration is not None
-    assert any("The ground truth belongs to the other image" in text.value for text in app.markdown)
-
-    app = opened(ill_cube(FindingCode.ROTATION))
-    app.button(key="depth.doctor.level").click().run()
-    mended = app.session_state["shown"]
-    assert mended.truth is not None
-    assert mended.calibration is None
-    assert any("depth is relative" in text.value for text in app.markdown)
-
-
 def test_the_range_is_set_in_the_controls() -> None:
-    app = opened(changed("cube"))
+    app = opened(cube())
     app.slider(key=keys.setting("bm", "num_disparities", "cube")).set_value(16).run()
     assert any("too small a range" in text.value for text in app.markdown)
     app.button(key="depth.doctor.set_range").click().run()
