@@ -123,11 +123,9 @@ class StereoRig:
                 "the second: the second camera stands to the right of the first."
             )
 
-        if self.rectification is not None:
-            self._check(self.rectification)
-
-    def _check(self, given: Rectification) -> None:
-        """Refuse a rectification of other cameras than these."""
+        given = self.rectification
+        if given is None:
+            return
         left_over = given.right_rotation @ self.rotation @ given.left_rotation.T - np.eye(3)
         if np.abs(left_over).max() > LARGEST_TURN_LEFT:
             raise ValueError(

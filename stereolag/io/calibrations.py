@@ -441,10 +441,6 @@ def _check_models(files: list[Entries]) -> None:
                 )
 
 
-_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8}
-"""Number of coefficients of the distortion models of ROS."""
-
-
 def opencv_calibration(calibration: Calibration) -> str:
     """Return both cameras and their rectification as the YAML of OpenCV's ``FileStorage``.
 
@@ -540,17 +536,19 @@ def _reprojection(left: Matrix, right: Matrix) -> Matrix:
 def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, Matrix]) -> str:
     distortion = matrices[f"D{number}"].ravel()
     used = int(np.flatnonzero(distortion).max(initial=-1)) + 1
-    model = next((model for model, count in _COEFFICIENTS.items() if used <= count), None)
-    if model is None:
+    if used > 8:
         raise ValueError(f"The {name} camera has {used} distortion coefficients; ROS's models have at most 8.")
-    coefficients = np.zeros(_COEFFICIENTS[model])
-    coefficients[: min(used, coefficients.size)] = distortion[: min(used, coefficients.size)]
-    lines = [f"image_width: {size[0]}", f"image_height: {size[1]}", f"camera_name: {name}"]
-    lines += _ros_matrix("camera_matrix", matrices[f"M{number}"])
-    lines += [f"distortion_model: {model}"]
-    lines += _ros_matrix("distortion_coefficients", coefficients[None])
-    lines += _ros_matrix("rectification_matrix", matrices[f"R{number}"])
-    lines += _ros_matrix("projection_matrix", matrices[f"P{number}"])
+    model, count = ("plumb_bob", 5) if used <= 5 else ("rational_polynomial", 8)
+    lines = [
+        f"image_width: {size[0]}",
+        f"image_height: {size[1]}",
+        f"camera_name: {name}",
+        *_ros_matrix("camera_matrix", matrices[f"M{number}"]),
+        f"distortion_model: {model}",
+        *_ros_matrix("distortion_coefficients", np.pad(distortion[:used], (0, count - used))[None]),
+        *_ros_matrix("rectification_matrix", matrices[f"R{number}"]),
+        *_ros_matrix("projection_matrix", matrices[f"P{number}"]),
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -96,7 +96,14 @@ class StoredDisparity(NamedTuple):
         """
         if not (divisor > 0 and math.isfinite(divisor)):
             raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
-        disparity = _divided(self.stored, divisor, zero_is_unknown=self.zero_is_unknown)
+        disparity = np.empty(self.stored.shape, np.float32)
+        step = max(1, _BAND_PIXELS // max(1, disparity.shape[1]))
+        for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
+            band = self.stored[first : first + step]
+            with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
+                part = (band.astype(np.float64) / divisor).astype(np.float32)
+            unknown = ~np.isfinite(part) | (band == 0 if self.zero_is_unknown else False)
+            disparity[first : first + step] = np.where(unknown, np.float32(np.nan), part)
         if np.isnan(disparity).all():
             raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
         return disparity
@@ -109,21 +116,6 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     if found.stored.ndim != 2:
         raise ValueError(f"The {WHAT} has shape {found.stored.shape}; allowed is one channel, (rows, cols).")
     return found
-
-
-def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
-    """Return the disparities, NaN where unknown, made in bands of rows: whole float64 copies take a lot of memory."""
-    disparity = np.empty(stored.shape, np.float32)
-    step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
-    for first in range(0, len(stored), step):
-        band = stored[first : first + step]
-        with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
-            part = (band.astype(np.float64) / divisor).astype(np.float32)
-        part[~np.isfinite(part)] = np.nan
-        if zero_is_unknown:
-            part[band == 0] = np.nan
-        disparity[first : first + step] = part
-    return disparity
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
