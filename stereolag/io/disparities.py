@@ -97,7 +97,7 @@ class StoredDisparity(NamedTuple):
         if not (divisor > 0 and math.isfinite(divisor)):
             raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
         disparity = np.empty(self.stored.shape, np.float32)
-        step = max(1, _BAND_PIXELS // max(1, disparity.shape[1]))
+        step = max(1, _BAND_PIXELS // max(1, self.stored.shape[1]))
         for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
