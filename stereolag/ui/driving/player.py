@@ -77,7 +77,7 @@ class VideoInfo(NamedTuple):
 
 
 def show_player(
-    played: VideoInfo,
+    video: VideoInfo,
     pieces: Sequence[bytes],
     records: Sequence[FrameRecord],
     *,
@@ -91,7 +91,7 @@ def show_player(
 
     Parameters
     ----------
-    played
+    video
         The video to play.
     pieces
         Pieces of the video so far.
@@ -114,25 +114,25 @@ def show_player(
         if frame is not None:
             on_open(int(frame))
 
-    data = described(played, records) | {"pieces": len(pieces), "computed": computed, "done": done}
+    data = described(video, records) | {"pieces": len(pieces), "computed": computed, "done": done}
     data["legends"] = [asdict(legend) for legend in legends]
     with st.container(gap=None):
         for number, piece in enumerate(pieces):
-            name = f"{played.name} {number}"
+            name = f"{video.name} {number}"
             item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
             deliver(item.data, key=f"{key}.piece.{number}")
         _player(key=key, data=data, on_opened_change=opened)
 
 
-def described(played: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, Any]:
+def described(video: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, Any]:
     """Return the data the browser needs besides the video: the figures of every frame, None if unknown."""
-    count = len(played.names)
+    count = len(video.names)
     problems: list[str] = [""] * count
     for record in records:
         problems[record.number] = record.problem or problems[record.number]
     charts = []
     for chart in CHARTS:
-        values: dict[str, list[float | None]] = {method: [None] * count for method in played.methods}
+        values: dict[str, list[float | None]] = {method: [None] * count for method in video.methods}
         for record in records:
             value = getattr(record, chart.field) * chart.scale
             if math.isfinite(value):
@@ -141,7 +141,7 @@ def described(played: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, An
             # Each method keeps its place, and so its colour, even if others have no values.
             series = [
                 {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
-                for place, (method, title) in enumerate(played.methods.items())
+                for place, (method, title) in enumerate(video.methods.items())
                 if any(one is not None for one in values[method])
             ]
             charts.append(
@@ -158,13 +158,13 @@ def described(played: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, An
     if named.count("Nearest obstacle") > 1:
         charts = [chart for chart in charts if (chart["name"], chart["unit"]) != ("Nearest obstacle", "px")]
     return {
-        "name": played.name,
-        "titles": [*played.titles],
-        "height": played.size[0],
-        "width": played.size[1],
-        "rate": played.frame_rate,
+        "name": video.name,
+        "titles": [*video.titles],
+        "height": video.size[0],
+        "width": video.size[1],
+        "rate": video.frame_rate,
         "frames": count,
-        "names": [*played.names],
+        "names": [*video.names],
         "problems": problems,
         "charts": charts,
     }

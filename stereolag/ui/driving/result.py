@@ -43,7 +43,7 @@ def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     if running:
         st.session_state[f"{KEY}.watched"] = work.name
     _show_progress(work, drive, asked)
-    played = VideoInfo(
+    video = VideoInfo(
         work.video_name,
         asked.titles,
         {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {}),
@@ -53,7 +53,7 @@ def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     )
     pieces, computed = [*work.video.pieces], work.computed
     show_player(
-        played,
+        video,
         pieces,
         [*work.kept.records.values()],
         computed=computed,
