@@ -14,7 +14,7 @@ from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 from stereolag.ui import prose
-from stereolag.ui.controls import first_settings
+from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
@@ -69,7 +69,7 @@ def show_search() -> None:
 def show_depth() -> None:
     """Show the depth map of one example pair."""
     pair = example_pair(samples.stereo_pairs()["cube"])
-    matcher = first_settings(CorrelationMatcher, pair)
+    matcher = default_settings(CorrelationMatcher, pair)
     result = computed(
         map_task(matcher),
         lambda progress: matcher.compute(pair.left, pair.right, progress=progress),

@@ -308,14 +308,16 @@ FIRST_PRESET: PresetName = "fast"
 Matcher = TypeVar("Matcher", bound=StereoMatcher)
 
 
-def first_settings(kind: type[Matcher], pair: Pair) -> Matcher:
+def default_settings(kind: type[Matcher], pair: Pair) -> Matcher:
     """Return the initial settings for a pair; those of an example leave visible errors to mend."""
     own = None if pair.shared else FIRST_PRESET
-    return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST, own))
+    return cast(Matcher, _default_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST, own))
 
 
 @lru_cache(maxsize=256)
-def _first_settings(kind: type[StereoMatcher], first: int, count: int, preset_name: PresetName | None) -> StereoMatcher:
+def _default_settings(
+    kind: type[StereoMatcher], first: int, count: int, preset_name: PresetName | None
+) -> StereoMatcher:
     """Return the preset if it is of this kind, else the defaults; cached, because every control asks for them."""
     if preset_name is not None:
         matcher = preset(preset_name, count, first)
@@ -500,7 +502,7 @@ def ask_matcher(kind: type[StereoMatcher], pair: Pair, as_set: AsSet | None = No
 def _place(
     kind: type[StereoMatcher], pair: Pair, refused: Callable[[SettingsError], None] = lambda error: None
 ) -> _Place:
-    return _Place(kind, first_settings(kind, pair), kind, "", pair, refused)
+    return _Place(kind, default_settings(kind, pair), kind, "", pair, refused)
 
 
 def _more_settings(key: str) -> Expander:

@@ -180,7 +180,7 @@ def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:
         if file.label:
             download_button(
                 file.label,
-                partial(made_in_turn, file.make, memory),
+                partial(run_queued, file.make, memory),
                 file.name,
                 key=f"{key}.{file.name}",
                 meaning=file.refusal or file.meaning,
@@ -192,7 +192,7 @@ def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: s
     """Draw the button of the ZIP of all files; `more` extends its help, `refusal` says why it is not available."""
     download_button(
         "All in one ZIP",
-        partial(made_in_turn, make, memory),
+        partial(run_queued, make, memory),
         "stereolag.zip",
         "application/zip",
         key=f"{key}.zip",
@@ -268,7 +268,7 @@ def archive(files: Sequence[File], about: str) -> bytes:
     return bundle({README: f"{about}\n\n{meanings}"} | {file.name: file.make() for file in had})
 
 
-def made_in_turn(make: Callable[[], bytes | str], memory: int) -> bytes | str:
+def run_queued(make: Callable[[], bytes | str], memory: int) -> bytes | str:
     """Return a requested file; one that needs much memory waits for its turn."""
     if memory < HEAVY_MEMORY:
         return make()

@@ -25,7 +25,7 @@ from stereolag.ui.addresses import (
     warn_ignored,
     write_parameters,
 )
-from stereolag.ui.controls import first_settings, set_controls
+from stereolag.ui.controls import default_settings, set_controls
 from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
 
 WRITTEN_KEY = "depth.address"
@@ -71,7 +71,7 @@ def recall_settings(pair: Pair) -> None:
     for kind in METHODS:
         prefix = _prefix(kind)
         named = {name.removeprefix(prefix): text for name, text in parameters.items() if _prefix_of(name) == prefix}
-        recalled = recalled_settings(named, first_settings(kind, pair), prefix=prefix)
+        recalled = recalled_settings(named, default_settings(kind, pair), prefix=prefix)
         set_controls(recalled.settings, pair)
         for sentence in recalled.ignored:
             prose.warning(f"In the address, {sentence}")
@@ -85,7 +85,7 @@ def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
         parameters[MAPS] = ",".join(shown)
     for matcher in matchers:
         if matcher is not None:
-            found = parameters_of(matcher, first_settings(type(matcher), pair))
+            found = parameters_of(matcher, default_settings(type(matcher), pair))
             parameters |= {_prefix(type(matcher)) + name: text for name, text in found.items()}
     write_parameters(WRITTEN_KEY, parameters)
 

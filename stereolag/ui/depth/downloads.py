@@ -35,7 +35,7 @@ from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, settings_key
 from stereolag.ui.depth.restoring import page_state
-from stereolag.ui.downloads import File, download_button, made_in_turn, show_file_buttons, show_zip_button
+from stereolag.ui.downloads import File, download_button, run_queued, show_file_buttons, show_zip_button
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed_in_turn, is_heavy
@@ -74,7 +74,7 @@ def show_downloads(view: DepthView) -> None:
             )
             download_button(
                 "Session ZIP",
-                partial(made_in_turn, partial(archive, download, PAIR_EXPORTS), memory),
+                partial(run_queued, partial(archive, download, PAIR_EXPORTS), memory),
                 "stereolag-session.zip",
                 "application/zip",
                 key=f"{KEY}.session",

@@ -38,7 +38,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.streamlit_inside import BENCH_STYLE, Container, show_style
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
-from stereolag.ui.controls import DISPARITIES_AT_FIRST, first_settings, matchers_in_use, persistent, set_controls
+from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.calibrating import (
     ask_calibration,
@@ -415,7 +415,7 @@ def with_initial_range(pair: Pair) -> Pair:
         found = _range_of(pair)
         first, count = found or (0, DISPARITIES_AT_FIRST)
         begun = replace(pair, min_disparity=first, num_disparities=count)
-        settings = tuple(first_settings(kind, begun) for kind in METHODS)
+        settings = tuple(default_settings(kind, begun) for kind in METHODS)
         _set_all(settings, begun)
         st.session_state[_key(pair)] = start = Start(first, count, found is not None, settings, width)
         st.session_state[FOLD_NEXT] = True

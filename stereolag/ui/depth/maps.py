@@ -27,7 +27,7 @@ from stereolag.ui.controls import (
     DISPARITIES_AT_FIRST,
     AsSet,
     ask_matcher,
-    first_settings,
+    default_settings,
     matchers_in_use,
     persistent,
     set_controls,
@@ -506,4 +506,4 @@ def _reset(pair: Pair) -> None:
     st.session_state[keys.TAB] = METHODS[0].short_name
     st.session_state[INVERTED] = False
     for method in METHODS:
-        set_controls(first_settings(method, pair), pair)
+        set_controls(default_settings(method, pair), pair)
