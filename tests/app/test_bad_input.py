@@ -131,12 +131,6 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: Ope
     assert not viewers(app)
 
 
-def test_a_csv_with_a_header_is_read(open_page: OpenPage) -> None:
-    good = ("good.csv", b"Samples\r\n" + uploads.csv(SOUND).replace(b"\n", b"\r\n"))
-    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
-    assert "at the same time" in app.header[0].value
-
-
 def test_recordings_of_rates_too_unlike_are_refused(open_page: OpenPage, shown: Shown) -> None:
     good = ("a.wav", uploads.wav(SOUND))
     app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)

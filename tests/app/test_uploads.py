@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -141,17 +140,6 @@ def test_a_mask_that_does_not_fit_leaves_the_page_as_it_was(
     assert shown(app) == before
 
 
-def test_a_cursor_in_a_screenshot_needs_its_mask(with_uploads: Callable[..., AppTest], data_dir: Path) -> None:
-    folder = data_dir / "template" / "boofcv_desktop"
-    names = {"picture": "scene", "template": "template_cursor", "mask": "mask"}
-    files = {name: next(folder.glob(f"{stem}.*")) for name, stem in names.items()}
-    app = with_uploads("pictures", **{name: (path.name, path.read_bytes()) for name, path in files.items()})
-    assert not app.error
-    assert app.header[0].value == "Three places fit equally well"  # the screenshot shows three cursors
-    app.slider(key="template.max_matches").set_value(3).run()
-    assert app.header[0].value == "Found at three places"
-
-
 def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:
     left, right = SCENE[:, :-5], SCENE[:, 5:]
     truth = np.full(left.shape[:2], 5 * 256, dtype=np.uint16)
@@ -274,15 +262,6 @@ def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
     assert typeset("one job may take 268 MB") in app.error[0].value
     assert "one job may take" in app.error[0].value
     assert [one.value for one in app.header] == ["See why"]  # no lag
-
-
-def test_a_lower_limit_of_pixels_is_kept(with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("STEREOLAG_MAX_MEGAPIXELS", "4")
-    limits.cache_clear()
-    app = with_uploads("pictures", picture=("large.png", uploads.png(np.zeros((2001, 2000, 3), np.uint8))))
-    monkeypatch.undo()
-    limits.cache_clear()
-    assert "at most 4 megapixels" in app.error[0].value
 
 
 def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(with_uploads: Callable[..., AppTest]) -> None:

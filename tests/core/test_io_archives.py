@@ -1,9 +1,13 @@
-"""One ZIP with everything."""
+"""ZIP archives: contents survive; bombs, lies and odd names are refused in a sentence, at little cost."""
 
 from __future__ import annotations
 
 import io
+import struct
+import time
+import tracemalloc
 import zipfile
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -13,9 +17,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from stereolag import read_disparity
-from stereolag.io.archives import bundle, file_name
+from stereolag.io.archives import MAX_DIRECTORY_BYTES, bundle, file_name, is_archive, read_archive
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.io.images import image_png
+from stereolag.io.sources import MAX_BYTES
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 
@@ -90,3 +95,149 @@ def test_two_files_of_one_name_are_refused(files):
 def test_an_empty_archive_is_refused():
     with pytest.raises(ValueError, match="empty"):
         bundle({})
+
+
+MB = 2**20
+
+
+def packed(files: dict[str, bytes], *, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as whole:
+        for name, data in files.items():
+            whole.writestr(name, data)
+    return stream.getvalue()
+
+
+def directory_of(data: bytes) -> int:
+    """Return the offset of the directory of an archive."""
+    return struct.unpack("<I", data[-6:-2])[0]
+
+
+def changed(data: bytes, place: int, layout: str, value: int) -> bytes:
+    """Return the archive with a number replaced in the first entry of its directory."""
+    found = bytearray(data)
+    struct.pack_into(layout, found, directory_of(data) + place, value)
+    return bytes(found)
+
+
+def many(count: int) -> bytes:
+    return packed({f"{number}.png": b"" for number in range(count)}, method=zipfile.ZIP_STORED)
+
+
+def liar(stated: int) -> bytes:
+    """Return an archive of a 16 MB file that states another size."""
+    return changed(packed({"left.png": bytes(16 * MB)}), 24, "<I", stated)
+
+
+def overlapping() -> bytes:
+    """Return an archive whose entries all refer to the same 16 MB file (D. Fifield, 2019)."""
+    data = packed({"a": bytes(16 * MB)})
+    begin = directory_of(data)
+    entry = data[begin:-22]
+    entries = b"".join(entry[:46] + bytes([97 + number]) for number in range(20))
+    return data[:begin] + entries + struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 20, 20, len(entries), begin, 0)
+
+
+def long_directory() -> bytes:
+    entries = bytes(2 * MAX_DIRECTORY_BYTES)
+    return entries + struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 9, 9, len(entries), 0, 0)
+
+
+def encrypted() -> bytes:
+    return changed(packed({"left.png": b"1"}), 8, "<H", 1)
+
+
+HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
+    "a bomb of overlapping files": (overlapping, "320 MB unpacked; at most 256 MB"),
+    "4 GB stated": (lambda: liar(2**32 - 2), "4,096 MB unpacked"),
+    "3,000 files": (lambda: many(3000), "3,000 files; at most 2,000"),
+    "a directory of 2 MB": (long_directory, "a directory of 2 MB"),
+    "ZIP64": (
+        lambda: b"PK\x06\x07" + bytes(16) + struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 0, 0, 0, 0, 0),
+        "more than 4 GB",
+    ),
+    "encrypted": (encrypted, "is encrypted"),
+    "LZMA": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "a method other than “deflate”"),
+    "bzip2": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_BZIP2), "a method other than “deflate”"),
+    "a name that leads up": (lambda: packed({"../../etc/passwd": b"1"}), "points outside it"),
+    "a name from the root": (lambda: packed({"/etc/passwd": b"1"}), "points outside it"),
+    "a name with a drive": (lambda: packed({"C:\\windows\\left.png": b"1"}), "points outside it"),
+    "a name of 1,000 letters": (lambda: packed({"a" * 1000: b"1"}), "too long a name"),
+    "folders in folders": (lambda: packed({"a/" * 50 + "b": b"1"}), "too long a name"),
+    "folders alone": (lambda: packed({"a/": b"", "__MACOSX/a": b"", ".hidden": b""}), "holds no files"),
+    "nothing": (lambda: struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 0, 0, 0, 0, 0), "holds no files"),
+    "two of one name": (lambda: packed({"a": b"1", "b": b"2"}).replace(b"b", b"a"), "two files named “a”"),
+    "no archive": (lambda: b"PK\x03\x04 and nothing more", "damaged or cut short"),
+    "20 MB of ends": (lambda: b"PK\5\6" * (5 * MB), "damaged or cut short|a directory of"),
+    "a name of Markdown": (lambda: packed({"../![x](http://e.org)": b"1"}), r"“\.\.\?\?\?x\?\?http:\?\?e\.org\?” in"),
+    "empty": (lambda: b"", "empty file"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_hostile_archive_is_refused_in_time_and_memory(name: str) -> None:
+    make, sentence = HOSTILE[name]
+    data = make()
+    tracemalloc.start()
+    start = time.process_time()
+    with pytest.raises(ValueError, match=sentence) as caught:
+        read_archive(data)
+    seconds, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(str(caught.value)) < 250
+    assert "\n" not in str(caught.value)
+    assert seconds < 5
+    assert peak < 40 * MB
+
+
+@pytest.mark.parametrize("stated", [10, 100 * MB])
+def test_a_file_that_states_another_size_is_damaged(stated: int) -> None:
+    archive = read_archive(liar(stated))
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=r"“left\.png” in the archive is damaged"):
+        archive.read("left.png")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < MAX_BYTES
+
+
+def test_a_file_that_is_not_there_is_named() -> None:
+    with pytest.raises(ValueError, match="holds no “b”"):
+        read_archive(packed({"a": b"1"})).read("b")
+
+
+def test_every_cut_archive_is_refused_or_its_files_are_whole() -> None:
+    whole = packed({"a/left.png": bytes(range(256)), "a/right.png": b"2" * 999})
+    for length in range(0, len(whole), 7):
+        with pytest.raises(ValueError, match="archive"):
+            read_archive(whole[:length])
+
+
+@given(st.data())
+def test_a_changed_archive_gives_what_was_in_it_or_a_sentence(data: st.DataObject) -> None:
+    files = {"left.png": bytes(range(200)), "right.png": b"2" * 500}
+    found = bytearray(packed(files))
+    for _ in range(data.draw(st.integers(1, 4))):
+        found[data.draw(st.integers(0, len(found) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        archive = read_archive(bytes(found))
+        for name in archive.names:
+            assert archive.read(name) in (*files.values(), b"")
+    except ValueError as error:
+        assert "archive" in str(error)
+
+
+def test_what_is_taken_away_is_read() -> None:
+    files = {"left.png": np.arange(9, dtype=np.uint8).tobytes(), "settings.json": b"{}"}
+    data = bundle(files)
+    assert is_archive(data)
+    assert not is_archive(b"\x89PNG")
+    archive = read_archive(io.BytesIO(data))
+    assert archive.names == tuple(files)
+    assert {name: archive.read(name) for name in archive.names} == files
+
+
+def test_folders_and_what_systems_add_are_passed_over() -> None:
+    files = {"set/": b"", "set/left.png": b"1", "__MACOSX/set/._left.png": b"", "set/.DS_Store": b"", "Thumbs.db": b""}
+    assert read_archive(packed(files)).names == ("set/left.png",)
