@@ -335,7 +335,9 @@ def diagnose(
     check_memory(estimate_diagnosis(shape, dtype))
     points = find_correspondences(*images)
     judged = len(points) >= FEWEST_MATCHES
-    range_of_greys = _range_of_greys(images[0])
+    grey = as_grey(images[0])
+    darkest, brightest = np.percentile(grey, (1, 99))
+    range_of_greys = max(float(brightest - darkest), 1e-6)
     identical = _judge_identity(images, points if judged else None, range_of_greys)
     geometry = _judge_geometry(points) if judged and identical.healthy else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
@@ -345,7 +347,7 @@ def diagnose(
         identical,
         *geometry,
         judge_exposure(*exposure(*images, points if judged else None), range_of_greys),
-        judge_texture(_flat_share(images[0], range_of_greys)),
+        judge_texture(float(np.mean(local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))),
     )
     examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen))
     searched = judge_range(examined, min_disparity, num_disparities)
@@ -424,13 +426,3 @@ def _judge_raw_sides(model: UncalibratedRectification, points: Correspondences) 
     lowest, highest = np.percentile(disparities, (2, 98))
     in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
     return judge_raw_sides(float(lowest), float(highest), in_front, behind)
-
-
-def _flat_share(image: Image, range_of_greys: float) -> float:
-    """Return the share of windows with hardly any texture relative to the image's grey-level range."""
-    return float(np.mean(local_deviation(as_grey(image), TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))
-
-
-def _range_of_greys(image: Image) -> float:
-    low, high = np.percentile(as_grey(image), (1, 99))
-    return max(float(high - low), 1e-6)

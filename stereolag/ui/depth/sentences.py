@@ -43,7 +43,7 @@ def problems_in_words(count: int) -> str:
 
 def finding_in_words(finding: Finding) -> str:
     """Return the sentence for a finding, with its numbers."""
-    return _FINDINGS[finding.code](finding)
+    return FINDINGS[finding.code](finding)
 
 
 def remedy_in_words(finding: Finding) -> str:
@@ -131,7 +131,7 @@ def _range(finding: Finding) -> str:
     return f"{said}: too small a range." if numbers["missing_px"] > 0 else f"{said}: far more than needed."
 
 
-_FINDINGS = {
+FINDINGS = {
     FindingCode.MATCHES: _matches,
     FindingCode.IDENTICAL: _identity,
     FindingCode.SWAPPED: _sides,
