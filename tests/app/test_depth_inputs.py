@@ -182,7 +182,7 @@ def test_two_files_of_one_camera_each_are_told_apart_by_their_names() -> None:
     files = [("right.json", camera(2)), ("pose.json", pose), ("left.json", camera(1))]
     app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
     app.file_uploader(key="pairs.calibration").set_value([(*file, "application/json") for file in files]).run()
-    known = app.session_state["pairs.calibration.kept"].upload.content
+    known = app.session_state["pairs.calibration.state"].kept.upload.content
     np.testing.assert_array_equal(known.rig.left_matrix, straight_and_raw.M1)
 
 

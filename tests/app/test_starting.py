@@ -115,8 +115,9 @@ def test_it_serves_a_page_at_the_one_address_it_prints_and_asks_nobody(
 
 def test_an_install_without_its_own_files_says_so(environment: dict[str, str], port: int, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
-    (copy / "stereolag").mkdir(parents=True)
     shutil.copytree(PROJECT / "stereolag/commands", copy / "stereolag/commands")
+    for name in ("__init__.py", "__init__.pyi", "version.py"):  # a package, or the one installed would be found
+        shutil.copy(PROJECT / "stereolag" / name, copy / "stereolag")
     shutil.copy(PROJECT / "app.py", copy)
     line = refused(environment, "--port", str(port), project=copy)
     assert line.startswith("stereolag cannot start: ModuleNotFoundError: No module named 'stereolag.")
