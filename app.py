@@ -18,10 +18,9 @@ from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
+from stereolag.ui.inputs import example_pictures, example_recordings
 from stereolag.ui.lag.sentences import curve_in_words
 from stereolag.ui.navigation import page
-from stereolag.ui.pictures import example_pictures
-from stereolag.ui.recordings import example_recordings
 from stereolag.ui.results import computed
 from stereolag.ui.search.sentences import place
 from stereolag.ui.sentences import CURVES

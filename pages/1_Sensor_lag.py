@@ -7,14 +7,13 @@ from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.signals.correlation import overlap_slices
 from stereolag.ui import prose
-from stereolag.ui.addresses import LAG_ADDRESS
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.inputs import LAG_ADDRESS, RecordingPair, choose_recordings, player
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.panels import see_why
 from stereolag.ui.lag.result import show_curve, show_drift, show_lag_files, show_verdict
 from stereolag.ui.lag.sentences import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.navigation import fragment, page
-from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_or_refused
 from stereolag.ui.sentences import LAG_METHODS, LAG_METHODS_EXPLAINED
 

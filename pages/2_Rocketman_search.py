@@ -6,11 +6,10 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
 from stereolag.templates import estimate_search, match_template
 from stereolag.ui import prose
-from stereolag.ui.addresses import TEMPLATE_ADDRESS
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_png
+from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures
 from stereolag.ui.navigation import fragment, page
-from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_or_refused
 from stereolag.ui.search.comparison import damage_it, show_opencv_beside
 from stereolag.ui.search.panels import search_by_hand, show_funnel

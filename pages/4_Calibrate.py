@@ -3,16 +3,20 @@
 import streamlit as st
 
 from stereolag.ui import prose
-from stereolag.ui.calibrate.pictures import BoardPictures, choose_board_pictures
-from stereolag.ui.calibrate.result import (
+from stereolag.ui.calibrate import (
+    BoardPictures,
+    ask_board,
+    ask_pairs,
+    calibrated,
+    choose_board_pictures,
     choose_shown,
+    found_boards,
     show_coverage,
     show_downloads,
     show_figures,
     show_pair,
     show_rectified,
 )
-from stereolag.ui.calibrate.work import ask_board, ask_pairs, calibrated, found_boards
 from stereolag.ui.navigation import fragment, page
 
 

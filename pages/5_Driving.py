@@ -1,10 +1,8 @@
 """Depth maps of whole sequences, played side by side while they are still being computed."""
 
 from stereolag.ui import prose
-from stereolag.ui.driving.frames import Drive, ask_drive
-from stereolag.ui.driving.result import show_downloads, show_work
-from stereolag.ui.driving.settings import ask_methods
-from stereolag.ui.driving.work import work_on
+from stereolag.ui.driving.inputs import Drive, ask_drive, ask_methods
+from stereolag.ui.driving.work import show_downloads, show_work, work_on
 from stereolag.ui.navigation import fragment, page
 
 

@@ -9,7 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 
 def unpacked(item: bytes) -> tuple[dict[str, Any], list[bytes]]:
-    """Return the header of an item of :mod:`stereolag.ui.packing`, and its parts."""
+    """Return the header of an item of :mod:`stereolag.ui.components`, and its parts."""
     length = int.from_bytes(item[:4], "little")
     header, body = json.loads(item[4 : 4 + length]), item[4 + length :]
     return header, [body[start : start + size] for start, size in header["parts"]]

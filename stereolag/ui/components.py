@@ -10,13 +10,23 @@ no address, and nothing that a component does not use.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
 import streamlit as st
 
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image, as_eight_bit, as_grey
+from stereolag.figures.pictures import png
 from stereolag.streamlit_inside import ComponentRenderer
+from stereolag.templates.by_hand import ReducedSearch, ScoreMap, best_of_blocks, block_side
 
 WEB = Path(__file__).parent / "web"
 
@@ -89,7 +99,7 @@ _delivery = component("delivery")
 
 
 def deliver(item: bytes, *, key: str) -> None:
-    """Send an item of :mod:`stereolag.ui.packing` to the components of the page that need it.
+    """Send an item of :func:`packed_item` to the components of the page that need it.
 
     Its header has a `kind`, and a `name` unless its digest is its name. Each delivery is a component of its own:
     Streamlit sends it again only if it has changed.
@@ -102,3 +112,118 @@ def deliver(item: bytes, *, key: str) -> None:
         Key of the delivery on the page.
     """
     _delivery(key=key, data=item)
+
+
+# Items for the browser
+
+SCORE_STEPS = 30_000
+"""Steps of a score from 0 to 1; code 0 means no score."""
+
+TRUTH_SCALE = 64
+"""Steps of the ground truth per px."""
+
+TRUTH_ZERO = 512
+"""Offset added to the ground truth, px, to make it positive; values that do not fit count as unknown."""
+
+
+class Packed(NamedTuple):
+    """An item for the browser, and the digest that identifies its content."""
+
+    data: bytes
+    digest: str
+
+
+def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packed:
+    """Return an item as bytes: the length of its JSON header in four bytes (little-endian), the header, and the parts.
+
+    Added to the header are `parts`, start and length of each part after the header, and `digest` of the content, unless
+    the header names another that identifies it.
+    """
+    ends = np.cumsum([len(part) for part in parts], dtype=int).tolist()
+    places = [(end - len(part), len(part)) for end, part in zip(ends, parts, strict=True)]
+    digest = header.get("digest") or hashlib.sha256(json.dumps(header).encode() + b"".join(parts)).hexdigest()
+    text = json.dumps({**header, "digest": digest, "parts": places}).encode()
+    return Packed(len(text).to_bytes(4, "little") + text + b"".join(parts), digest)
+
+
+def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
+    """Return an item with a PNG for each picture, (rows, cols, 3) uint8 RGB or a PNG, and `steps`, those of a score."""
+    parts = [picture if isinstance(picture, bytes) else png(picture) for picture in pictures]
+    return packed_item({**header, "steps": SCORE_STEPS}, parts).data
+
+
+def scores_as_colours(scores: npt.NDArray[np.floating[Any]]) -> Rgb:
+    """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of the code."""
+    return _in_two_bytes(np.where(np.isnan(scores), 0, np.rint((scores + 1) * SCORE_STEPS) + 1))
+
+
+def _in_two_bytes(codes: npt.NDArray[np.floating[Any]]) -> Rgb:
+    high, low = np.divmod(codes.astype(np.uint16), 256)
+    return np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)
+
+
+def packed_search(search: ReducedSearch, *, name: str, words: Mapping[str, Any]) -> bytes:
+    """Return a search as :func:`packed_pictures`: picture, template, opaque pixels, scores.
+
+    Parameters
+    ----------
+    search
+        The search to send.
+    name
+        Its name in the browser.
+    words
+        Texts beside it.
+    """
+    opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
+    header = {
+        "name": name,
+        "factor": search.factor,
+        "row": search.row,
+        "col": search.col,
+        "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
+        "words": dict(words),
+    }
+    return packed_pictures(header, (search.picture, search.template, opaque, scores_as_colours(search.score_map)))
+
+
+def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mapping[str, Any]) -> bytes:
+    """Return a map as :func:`packed_pictures`: picture, best scores and their offsets.
+
+    Parameters
+    ----------
+    png
+        The map as drawn by :func:`~stereolag.figures.templates.score_map_png`.
+    score_map
+        (rows, cols), NaN = no score.
+    name
+        Name of the search to which a clicked place is sent.
+    words
+        Texts below the map.
+    """
+    factor = block_side(score_map)
+    best, down, right = best_of_blocks(score_map, factor)
+    offsets = np.stack([down, right, np.zeros_like(down)], axis=-1).astype(np.uint8)
+    return packed_pictures(
+        {"name": name, "factor": factor, "words": dict(words)}, (png, scores_as_colours(best), offsets)
+    )
+
+
+def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name: str, digest: str) -> bytes:
+    """Return a pair as an item: PNGs of both images, and of the ground truth.
+
+    Parameters
+    ----------
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) checked images of the same size and dtype. 8-bit values are kept unchanged.
+    truth
+        (H, W) disparities, px, NaN = unknown; None if there is no ground truth. Sent as a PNG whose red and green are
+        the high and the low byte.
+    name, digest
+        Name of the place, and digest of the pair, in the browser.
+    """
+    parts = [png(image) for image in as_eight_bit(as_grey(left), as_grey(right))]
+    if truth is not None:
+        codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
+        parts.append(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
+    header = {"kind": "pair", "name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
+    return packed_item(header, parts).data

@@ -24,9 +24,8 @@ from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 from stereolag import samples, streamlit_inside
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
-from stereolag.ui import uploads
-from stereolag.ui.calibrate import pictures, result
-from stereolag.ui.driving import frames
+from stereolag.ui import calibrate, uploads
+from stereolag.ui.driving import inputs
 from tests.app import keys
 from tests.app import uploads as uploaded
 from tests.packed import delivered, told
@@ -143,14 +142,13 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
 @pytest.fixture(scope="module")
 def small_boards() -> Iterator[None]:
     """Make the calibration page draw its example with fewer pairs and half the pixels."""
-    smaller, whole = np.diag([0.7, 0.7, 1.0]), pictures.drawn_rig()
+    smaller, whole = np.diag([0.7, 0.7, 1.0]), calibrate.drawn_rig()
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
     rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
     with pytest.MonkeyPatch.context() as patch:
-        for module in (pictures, result):
-            patch.setattr(module, "drawn_rig", lambda: rig)
-        patch.setattr(pictures, "PAIRS", 6)
-        patch.setattr(pictures, "WRONG_PAIR", 3)
+        patch.setattr(calibrate, "drawn_rig", lambda: rig)
+        patch.setattr(calibrate, "PAIRS", 6)
+        patch.setattr(calibrate, "WRONG_PAIR", 3)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()
@@ -171,7 +169,7 @@ def short_drive() -> Iterator[None]:
     """Shorten the example of the driving page to its first frames; tests/core looks at all of them."""
     (whole,) = samples.drives().values()
     paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
-    with examples_of(frames, "drives", {whole.name: replace(whole, **paths)}):
+    with examples_of(inputs, "drives", {whole.name: replace(whole, **paths)}):
         yield
 
 

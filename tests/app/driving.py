@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from streamlit.testing.v1 import AppTest
 
-from stereolag.ui.driving.frames import ONE
+from stereolag.ui.driving.inputs import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
 from tests.packed import told

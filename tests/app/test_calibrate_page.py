@@ -16,8 +16,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.ui.calibrate import pictures
-from stereolag.ui.calibrate.result import KEPT
+from stereolag.ui import calibrate
+from stereolag.ui.calibrate import KEPT
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
 
@@ -34,7 +34,7 @@ def a_new_visitor() -> None:
 
 @cache
 def files() -> dict[str, bytes]:
-    whole, smaller = pictures.drawn_rig(), np.diag([0.75, 0.75, 1.0])
+    whole, smaller = calibrate.drawn_rig(), np.diag([0.75, 0.75, 1.0])
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
     rig = replace(whole, left_matrix=left, right_matrix=right, width=336, height=252)
     pairs = drawn_pairs(rig, Board(6, 4), 4, square_m=0.03, seed=4)
@@ -180,7 +180,7 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     assert HANDED not in app.session_state
     kept = app.session_state[KEPT]
     assert kept.content.rig is not None
-    np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * pictures.drawn_rig().translation, atol=1e-3)
+    np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * calibrate.drawn_rig().translation, atol=1e-3)
     app.switch_page("pages/3_Depth_maps.py").run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)

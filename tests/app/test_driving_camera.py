@@ -10,8 +10,8 @@ import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import Diagnosis
-from stereolag.ui.driving import frames
-from stereolag.ui.driving.result import OPENED
+from stereolag.ui.driving import inputs
+from stereolag.ui.driving.work import OPENED
 from stereolag.ui.keys import HANDED
 from tests.app.driving import archive, finished, opened, player, work_of
 
@@ -90,7 +90,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_the_drive_is_measured_wit
 def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
     monkeypatch: pytest.MonkeyPatch, found: tuple[int, int], first: int, count: int, warned: str
 ) -> None:
-    monkeypatch.setattr(frames, "diagnose", lambda left, right: Diagnosis((), None, found))
+    monkeypatch.setattr(inputs, "diagnose", lambda left, right: Diagnosis((), None, found))
     app = finished(opened(archive(straight_and_raw.straight_pair(seed=count), count=1)))
     boxes = {box.label: box for box in app.number_input}
     assert boxes["Smallest disparity, px"].value == first

@@ -16,10 +16,9 @@ from stereolag.figures.pictures import coloured
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
-from stereolag.ui.driving import frames
-from stereolag.ui.driving.frames import EXAMPLE
-from stereolag.ui.driving.player import LINES
-from stereolag.ui.driving.result import OPENED, _table
+from stereolag.ui.driving import inputs
+from stereolag.ui.driving.inputs import EXAMPLE
+from stereolag.ui.driving.work import LINES, OPENED, _table
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
 from tests.app.driving import finished, opened, page, player, work_of
@@ -83,7 +82,7 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
 def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
     app = finished(page(EXAMPLE))
     assert not app.error
-    (example,) = frames.drives().values()
+    (example,) = inputs.drives().values()
     shown = player(app)
     assert shown["computed"] == shown["frames"] == len(example)
     assert not any(shown["problems"])
@@ -101,7 +100,7 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
     app = finished(app)
     assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
     low, high = work_of(app).kept.colours or (0, 0)
-    (example,) = frames.drives().values()
+    (example,) = inputs.drives().values()
     truth = read_disparity(example.disparity[0])
     with av.open(io.BytesIO(b"".join(work_of(app).video.pieces)), "r") as container:
         first = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(float)

@@ -9,7 +9,8 @@ from stereolag import samples
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typeset
-from stereolag.ui.addresses import LAG_ADDRESS, TEMPLATE_ADDRESS, parameters_of, recalled_settings
+from stereolag.ui.addresses import parameters_of, recalled_settings
+from stereolag.ui.inputs import LAG_ADDRESS, TEMPLATE_ADDRESS
 from tests.app.conftest import PROJECT
 from tests.app.uploads import noise, wav
 

@@ -20,9 +20,8 @@ from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.programs import find_command, lag_command
 from stereolag.ui import downloads
 from stereolag.ui.downloads import File, archive
+from stereolag.ui.inputs import PictureAndTemplate, RecordingPair
 from stereolag.ui.lag import result as lag_files
-from stereolag.ui.pictures import PictureAndTemplate
-from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.search import result as match_files
 from tests.app.uploads import noise, texture
 from tests.programs import run_program

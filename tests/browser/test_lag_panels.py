@@ -9,8 +9,8 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from stereolag import signal_lag
+from stereolag.ui.inputs import example_recordings
 from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it_yourself
-from stereolag.ui.recordings import example_recordings
 from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 

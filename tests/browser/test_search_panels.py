@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.templates import match_template
-from stereolag.ui.pictures import example_pictures
+from stereolag.ui.inputs import example_pictures
 from stereolag.ui.search.hand_marks import Box, PaintedMask, box_in, painted_mask
 from stereolag.ui.search.panels import packed, search_by_hand, show_funnel, show_score_map
 from tests.browser.parts import Parts, Show, ShowParts, box_of, drag, redrawn, sent

@@ -12,7 +12,7 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from stereolag.figures import maps, recordings
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.figures.pictures import CORRELATION, NO_ANSWER, PEAK, SENSOR_1, SENSOR_2
-from stereolag.ui.driving.player import LINES
+from stereolag.ui.driving.work import LINES
 
 EYES = {
     "all cones": np.eye(3),

@@ -14,17 +14,8 @@ from PIL import Image
 
 from stereolag.core.inputs import as_grey
 from stereolag.figures.legends import Colours, strip_legend, word_legend
-from stereolag.ui.packing import (
-    TRUTH_SCALE,
-    TRUTH_ZERO,
-    DepthScale,
-    Figure,
-    Picture,
-    Reading,
-    described,
-    packed,
-    packed_grey_pair,
-)
+from stereolag.ui.components import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
+from stereolag.ui.linked_pictures import DepthScale, Figure, Picture, Reading, described, packed
 from tests.packed import unpacked
 
 GREY = np.full((6, 9, 3), 120, np.uint8)

@@ -23,7 +23,7 @@ from stereolag.templates.by_hand import (
     reduced_search,
 )
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
-from stereolag.ui.packing import SCORE_STEPS, packed_score_map, packed_search
+from stereolag.ui.components import SCORE_STEPS, packed_score_map, packed_search
 from tests.packed import unpacked
 
 Pixels = npt.NDArray[Any]

@@ -14,7 +14,7 @@ from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
 from stereolag.pair import Pair, Preparation, Rows, prepare
 from stereolag.ui import prose
-from stereolag.ui.calibrate.result import use_kept_calibration
+from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import persistent
 from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed

@@ -62,9 +62,8 @@ from stereolag.ui.depth.sentences import (
 )
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import PERCENT, PIXELS, show_chart, show_png, show_refused
-from stereolag.ui.linked_pictures import linked_pictures
+from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.packing import Picture, Reading
 from stereolag.ui.results import computed, computed_before, computed_in_turn
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"

@@ -48,7 +48,7 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
-from stereolag.ui.components import component, deliver
+from stereolag.ui.components import component, deliver, packed_grey_pair
 from stereolag.ui.depth.maps import TRUTH, DepthView, all_maps
 from stereolag.ui.depth.sentences import (
     BEFORE_OPTIMISATION,
@@ -70,9 +70,8 @@ from stereolag.ui.depth.sentences import (
     scores_in_words,
 )
 from stereolag.ui.elements import show_chart, show_png, shown_progress
-from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.packing import Picture, Reading, packed_grey_pair
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
 

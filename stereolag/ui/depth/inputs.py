@@ -37,7 +37,6 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.streamlit_inside import BENCH_STYLE, Container, show_style
 from stereolag.ui import prose
-from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.calibrating import (
@@ -54,7 +53,20 @@ from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, PAIR
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import started_in_words
-from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, refused, upload
+from stereolag.ui.uploads import (
+    DISPARITY_TYPES,
+    OWN,
+    PICTURE_TYPES,
+    Upload,
+    choose,
+    forget_together,
+    image_limits,
+    own_or_example,
+    put_together,
+    refused,
+    show_limits,
+    upload,
+)
 
 KEY = PAIR
 TITLE = "Depth maps"

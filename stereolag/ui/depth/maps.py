@@ -35,8 +35,17 @@ from stereolag.ui.controls import (
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import announce, show_refused
-from stereolag.ui.linked_pictures import linked_pictures, send_picture
-from stereolag.ui.packing import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
+from stereolag.ui.linked_pictures import (
+    DepthScale,
+    Figure,
+    PackedPicture,
+    Picture,
+    Reading,
+    linked_pictures,
+    no_depth,
+    packed,
+    send_picture,
+)
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
 

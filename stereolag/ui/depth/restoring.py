@@ -16,10 +16,10 @@ from stereolag.pair import SIZES, Pair, PairId
 from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import keys, prose
-from stereolag.ui.choices import OWN
 from stereolag.ui.controls import matchers_in_use, set_controls
 from stereolag.ui.depth.maps import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key, shown_methods
 from stereolag.ui.elements import show_refused
+from stereolag.ui.uploads import OWN
 
 RESTORED = "depth.restore"
 """Session-state key of a session's settings and colours that are still to be set, for its pair at its own size."""

@@ -1,23 +1,38 @@
-"""The maps of a sequence, computed in the background: started, watched as they arrive, cancelled and resumed."""
+"""The maps of a sequence, computed in the background: started, played as they arrive, cancelled and resumed."""
 
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import threading
-from dataclasses import dataclass, field
+import zipfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
 
 import streamlit as st
 from cachetools import LRUCache
 
 from stereolag.core.jobs import Estimate
+from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
+from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
+from stereolag.sequences.records import MOTION, FrameRecord, header, lines
 from stereolag.sequences.targets import SequenceMemory
-from stereolag.sequences.video import VideoPieces
-from stereolag.ui.driving.frames import KEY, Drive
-from stereolag.ui.driving.settings import DriveSettings
-from stereolag.ui.results import Job, this_visit
+from stereolag.sequences.video import VideoPieces, whole_video
+from stereolag.ui import prose
+from stereolag.ui.components import component, deliver, packed_item
+from stereolag.ui.depth.restoring import transfer
+from stereolag.ui.downloads import download_button
+from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, Drive, DriveSettings, title_of
+from stereolag.ui.elements import announce, show_refused
+from stereolag.ui.navigation import failures_answered
+from stereolag.ui.results import Job, show_busy, this_visit
+from stereolag.ui.sentences import duration
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
@@ -128,3 +143,295 @@ def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
         each.append(FlowMatcher().estimate(left.shape, left.dtype))
     memory = max(one.memory for one in each) + FRAMES_AT_ONCE * (2 * left.nbytes + 13 * left.shape[0] * left.shape[1])
     return Estimate(memory, len(drive.sequence) * math.fsum(one.seconds for one in each))
+
+
+# The player
+
+_player = component("player")
+
+
+class Chart(NamedTuple):
+    """One chart of the timeline: a figure plotted over the frames."""
+
+    name: str
+    field: str
+    unit: str
+    digits: int
+    scale: float = 1.0
+    from_zero: bool = True
+
+
+CHARTS = (
+    Chart("Coverage", "coverage", "%", 0, 100.0, from_zero=False),
+    Chart("Took", "milliseconds", "ms", 0),
+    Chart("Nearest obstacle", "nearest_m", "m", 1),
+    Chart("Nearest obstacle", "nearest_px", "px", 1),
+    Chart("Wrong by over 2 px", "bad_2_percent", "%", 1),
+    Chart("Flicker", "flicker_px", "px", 2),
+    Chart("Own speed", "own_speed_kmh", "km/h", 0),
+)
+
+
+class Line(NamedTuple):
+    """The line style of one method; the dashes (px, of an SVG) are for colour-blind viewers."""
+
+    colour: str
+    dash: str
+
+
+LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
+
+
+class VideoInfo(NamedTuple):
+    """The video to play.
+
+    Attributes
+    ----------
+    name
+        Identifies the video.
+    titles
+        Titles of its pictures, which are side by side.
+    methods
+        {name in the records: title}, in order.
+    size
+        Rows and columns of one picture.
+    frame_rate
+        Frame rate, Hz.
+    names
+        Names of all frames.
+    """
+
+    name: str
+    titles: Sequence[str]
+    methods: dict[str, str]
+    size: tuple[int, int]
+    frame_rate: float
+    names: Sequence[str]
+
+
+def show_player(
+    video: VideoInfo,
+    pieces: Sequence[bytes],
+    records: Sequence[FrameRecord],
+    *,
+    computed: int,
+    done: bool,
+    legends: Sequence[Legend],
+    key: str,
+    on_open: Callable[[int], None],
+) -> None:
+    """Show the player.
+
+    Parameters
+    ----------
+    video
+        The video to play.
+    pieces
+        Pieces of the video so far.
+    records
+        Figures of the frames so far.
+    computed
+        Number of frames in the pieces.
+    done
+        Whether no more pieces will come.
+    legends
+        Legends of the map colours.
+    key
+        Key of the component.
+    on_open
+        Called with the number of the frame that the visitor wants to see on the depth page.
+    """
+
+    def opened() -> None:
+        frame = st.session_state[key].opened
+        if frame is not None:
+            on_open(int(frame))
+
+    data = described(video, records) | {"pieces": len(pieces), "computed": computed, "done": done}
+    data["legends"] = [asdict(legend) for legend in legends]
+    with st.container(gap=None):
+        for number, piece in enumerate(pieces):
+            name = f"{video.name} {number}"
+            item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
+            deliver(item.data, key=f"{key}.piece.{number}")
+        _player(key=key, data=data, on_opened_change=opened)
+
+
+def described(video: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, Any]:
+    """Return the data the browser needs besides the video: the figures of every frame, None if unknown."""
+    count = len(video.names)
+    problems: list[str] = [""] * count
+    for record in records:
+        problems[record.number] = record.problem or problems[record.number]
+    charts = []
+    for chart in CHARTS:
+        values: dict[str, list[float | None]] = {method: [None] * count for method in video.methods}
+        for record in records:
+            value = getattr(record, chart.field) * chart.scale
+            if math.isfinite(value):
+                values[record.method][record.number] = round(value, 3)
+        if any(one is not None for column in values.values() for one in column):
+            # Each method keeps its place, and so its colour, even if others have no values.
+            series = [
+                {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
+                for place, (method, title) in enumerate(video.methods.items())
+                if any(one is not None for one in values[method])
+            ]
+            charts.append(
+                {
+                    "name": chart.name,
+                    "unit": chart.unit,
+                    "digits": chart.digits,
+                    "from_zero": chart.from_zero,
+                    "series": series,
+                }
+            )
+    named = [chart["name"] for chart in charts]
+    # In metres if known, otherwise in pixels.
+    if named.count("Nearest obstacle") > 1:
+        charts = [chart for chart in charts if (chart["name"], chart["unit"]) != ("Nearest obstacle", "px")]
+    return {
+        "name": video.name,
+        "titles": [*video.titles],
+        "height": video.size[0],
+        "width": video.size[1],
+        "rate": video.frame_rate,
+        "frames": count,
+        "names": [*video.names],
+        "problems": problems,
+        "charts": charts,
+    }
+
+
+# The result so far
+
+BETWEEN_LOOKS_S = 0.5
+DEPTH_PAGE = "pages/3_Depth_maps.py"
+OPENED = f"{KEY}.opened"
+
+
+def show_work(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+    """Show the work so far, and refresh it while it is being computed."""
+    st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, asked)
+
+
+def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+    running = work.job.running
+    if not running and st.session_state.get(f"{KEY}.watched") == work.name:
+        del st.session_state[f"{KEY}.watched"]
+        st.rerun(scope="app")
+    if running:
+        st.session_state[f"{KEY}.watched"] = work.name
+    _show_progress(work, drive, asked)
+    video = VideoInfo(
+        work.video_name,
+        asked.titles,
+        {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {}),
+        (drive.first.left.shape[0], drive.first.left.shape[1]),
+        drive.sequence.frame_rate,
+        drive.sequence.names,
+    )
+    pieces, computed = [*work.video.pieces], work.computed
+    show_player(
+        video,
+        pieces,
+        [*work.kept.records.values()],
+        computed=computed,
+        done=not running,
+        legends=_legends(work, drive, asked),
+        key=f"{KEY}.player",
+        on_open=lambda number: st.session_state.update({OPENED: number}),
+    )
+    if OPENED in st.session_state:
+        _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
+
+
+def _legends(work: DriveWork, drive: Drive, asked: DriveSettings) -> tuple[Legend, ...]:
+    if work.kept.colours is None:
+        return ()
+    legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
+    if work.kept.largest_motion is None or asked.motion is None or asked.motion.arrows:
+        return legends
+    return *legends, wheel_legend("motion since the previous frame", work.kept.largest_motion)
+
+
+def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+    state, total = work.state, len(drive.sequence)
+    with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
+        if work.job.running:
+            done = state.done if state else 0
+            known = state is not None and state.remaining_s == state.remaining_s
+            rest = f", about {state.remaining_s:,.0f} s to go" if state and known else ""
+            text = f"{done} of {total} frames{rest}"
+            ending = "Stops here; finished frames are kept, and you can go on later."
+            show_busy(work.job, text, key=f"{KEY}.cancel", done=done / total, ending=ending)
+            return
+        with failures_answered(), suppress(CancelledError):
+            work.job.result()
+        if state is None:
+            return
+        rate = state.done / state.elapsed_s if state.elapsed_s else 0.0
+        damaged = f", {state.damaged} of them damaged" if state.damaged else ""
+        announce(f"{state.done} of {total} frames are done.")
+        prose.caption(
+            f"{state.done} of {total} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
+            "decoded, matched, coloured and encoded.",
+            width="content",
+        )
+        if state.done < total:
+            st.button("Go on", key=f"{KEY}.go_on", on_click=go_on, args=(work, drive, asked))
+
+
+def _open_on_depth_page(drive: Drive, number: int) -> None:
+    try:
+        frame = drive.sequence.frame(number)
+    except (ValueError, OSError) as error:
+        show_refused(f"Frame {number + 1} cannot be opened: {error}")
+        return
+    transfer(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
+    st.switch_page(DEPTH_PAGE)
+
+
+def show_downloads(work: DriveWork, drive: Drive) -> None:
+    """Offer the video, the maps and the table."""
+    if work.job.running or not work.video.pieces:
+        return
+    with st.container(horizontal=True, gap="small"):
+        download_button(
+            "Video (MP4)",
+            lambda: whole_video(work.video.pieces),
+            "drive.mp4",
+            "video/mp4",
+            key=f"{KEY}.mp4",
+            icon=":material/movie:",
+        )
+        download_button(
+            "Maps (ZIP)",
+            lambda: _maps(work, drive),
+            "drive_disparity.zip",
+            "application/zip",
+            key=f"{KEY}.maps",
+            icon=":material/folder_zip:",
+            meaning="A folder for each method with 16-bit PNGs, px × 256 as KITTI stores them, and the table.",
+        )
+        download_button(
+            "Table (CSV)",
+            _table(work),
+            "frames.csv",
+            "text/csv",
+            key=f"{KEY}.csv",
+            icon=":material/table:",
+        )
+
+
+def _table(work: DriveWork) -> str:
+    return header() + lines(work.kept.records.values())
+
+
+def _maps(work: DriveWork, drive: Drive) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:  # PNGs do not compress further
+        for (number, method), data in sorted(work.kept.maps.items()):
+            archive.writestr(f"{method}/{drive.sequence.names[number]}.png", data)
+        archive.writestr("frames.csv", _table(work))
+    return file.getvalue()

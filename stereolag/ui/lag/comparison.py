@@ -15,8 +15,8 @@ from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
+from stereolag.ui.inputs import RecordingPair
 from stereolag.ui.lag.sentences import run_times_in_words
-from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.results import computed_or_refused
 from stereolag.ui.sentences import LAG_METHODS, duration
 

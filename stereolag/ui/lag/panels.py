@@ -21,6 +21,7 @@ from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag, by_hand, phasors
 from stereolag.ui import prose
 from stereolag.ui.components import component
+from stereolag.ui.inputs import RecordingPair, example_recordings
 from stereolag.ui.lag.sentences import (
     DISTURBANCE_EXAMPLES,
     DISTURBANCE_WORDS,
@@ -34,7 +35,6 @@ from stereolag.ui.lag.sentences import (
     excerpt_in_words,
     own_in_words,
 )
-from stereolag.ui.recordings import RecordingPair, example_recordings
 
 COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
 

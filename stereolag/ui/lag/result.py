@@ -17,6 +17,7 @@ from stereolag.signals.lag import aligned_length, mix
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_numbers
+from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
     RIBBON_EXPLAINED,
     curve_in_words,
@@ -25,7 +26,6 @@ from stereolag.ui.lag.sentences import (
     verdict_explained,
     verdict_in_words,
 )
-from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
 from stereolag.ui.results import remembered
 from stereolag.ui.sentences import CURVES, duration
 

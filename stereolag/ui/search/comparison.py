@@ -23,8 +23,8 @@ from stereolag.templates.trials import (
 from stereolag.ui import prose
 from stereolag.ui.controls import control
 from stereolag.ui.elements import show_jpeg
+from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import computed_before, computed_in_turn, computed_or_refused
 from stereolag.ui.search.sentences import OUTCOMES, differences, lesson, numbers_of, table
 

@@ -20,9 +20,8 @@ from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.ui import prose
-from stereolag.ui.components import component, deliver
+from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.elements import show_refused
-from stereolag.ui.packing import packed_item
 from stereolag.ui.results import remembered
 
 LEAST_SIDE: Final = 4

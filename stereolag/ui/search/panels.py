@@ -17,9 +17,8 @@ from stereolag.figures.pictures import FRAME, fitted, jpeg
 from stereolag.templates import TemplateMatch
 from stereolag.templates.by_hand import ScoreMap, anchors, reduced_search
 from stereolag.ui import prose
-from stereolag.ui.components import component
-from stereolag.ui.packing import packed_score_map, packed_search
-from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.components import component, packed_score_map, packed_search
+from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, template_words
 

@@ -17,7 +17,7 @@ from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away
 from stereolag.ui.elements import Number, announce, show_numbers, show_png
-from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, show_score_map
 from stereolag.ui.search.sentences import doubtful, framed_in_words, headline, place, why_no_score_map, why_not_found

@@ -112,7 +112,7 @@ class HoveredMatchPanel extends Panel {
 const TRUTH_SCALE = 64;
 const TRUTH_ZERO = 512;
 
-// Unpacks the item of stereolag.ui.packing.packed_grey_pair.
+// Unpacks the item of stereolag.ui.components.packed_grey_pair.
 async function pairOf({ parts, rows, cols, digest }) {
   const [left, right, truth] = await Promise.all(parts.map(pixelsOf));
   const red = ({ data }) => Uint8Array.from({ length: rows * cols }, (_, at) => data[4 * at]);

@@ -103,7 +103,7 @@ export function drawOutlines(layer, path, view) {
 const NOTHING = -32768;
 const LONG = 128;
 
-// The reverse of stereolag.ui.packing.packed. Everything but photographs is unpacked synchronously: an
+// The reverse of stereolag.ui.linked_pictures.packed. Everything but photographs is unpacked synchronously: an
 // awaited result would come only after all other work that a change causes on the page.
 export function contentOf({ parts, image, type, readings }) {
   const pixels = image === null ? null : pictured(parts[image], type);

@@ -1,4 +1,4 @@
-// The reverse of stereolag.ui.packing.
+// The reverse of stereolag.ui.components.
 
 // The header, with the bytes of its parts; synchronous, since an awaited result would come only after all other work that a
 // change causes on the page.

@@ -190,7 +190,7 @@ class TemplatePanel extends Panel {
   }
 }
 
-// Unpacks the data of stereolag.ui.packing.packed_search.
+// Unpacks the data of stereolag.ui.components.packed_search.
 async function searched(data) {
   const { parts, ...header } = unpacked(data);
   const [picture, template, opaque, codes] = await Promise.all(parts.map(pixelsOf));

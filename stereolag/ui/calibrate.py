@@ -1,0 +1,636 @@
+"""The calibration page: pictures of a board, its corners, the pairs that count, the fit, and how good that is.
+
+The pictures are a drawn example or the visitor's own files, matched by name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import cv2
+import numpy as np
+import streamlit as st
+
+from stereolag.core.inputs import as_image
+from stereolag.core.jobs import Estimate, limits
+from stereolag.core.typography import typesets
+from stereolag.figures.boards import coverage_picture, error_bars, with_corners, with_row_lines
+from stereolag.figures.pictures import jpeg, png
+from stereolag.geometry.boards import (
+    FEWEST_CORNERS,
+    GUESSED_FROM,
+    MOST_CORNERS,
+    MOST_PAIRS,
+    Board,
+    BoardViews,
+    Grey8,
+    Markers,
+    Pairs,
+    find_boards,
+    guess_board,
+)
+from stereolag.geometry.calibrating import LeftOut, PairReport, StereoCalibration, calibrate_boards
+from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.drawn_boards import drawn_pairs
+from stereolag.geometry.rectification import rectify
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.io.pairing import PicturesOfFiles, matched_pairs
+from stereolag.io.sources import MAX_BYTES, escape
+from stereolag.ui import keys, prose
+from stereolag.ui.controls import persistent
+from stereolag.ui.downloads import download_button
+from stereolag.ui.elements import Number, announce, show_jpeg, show_numbers, show_png, show_refused
+from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
+from stereolag.ui.sentences import percent
+from stereolag.ui.uploads import (
+    OWN,
+    PICTURE_TYPES,
+    Upload,
+    choose,
+    no_files_yet,
+    own_or_example,
+    show_limits,
+    upload_named,
+)
+
+KEY = "calibrate"
+
+PAIRS = 11
+WRONG_PAIR = 6
+"""Index of the pair whose right picture is from another moment, so that it contradicts the others."""
+
+
+@dataclass(frozen=True)
+class DrawnExample:
+    """A drawn example: its board, and the side of the squares, metres."""
+
+    title: str
+    board: Board
+    square_m: float
+    partly: bool
+
+
+EXAMPLES = {
+    "chessboard": DrawnExample("Drawn chessboard", Board(9, 6), 0.03, partly=False),
+    "charuco": DrawnExample("Drawn ChArUco board", Board(8, 5, Markers("DICT_5X5_1000", 0.72)), 0.035, partly=True),
+}
+
+
+def drawn_rig() -> StereoRig:
+    """Return the stereo camera that draws the examples."""
+    return StereoRig(
+        np.array([[520.0, 0, 326], [0, 521, 237], [0, 0, 1]]),
+        np.array([-0.28, 0.09, 0.0006, -0.0004, 0.0]),
+        np.array([[524.0, 0, 314], [0, 525, 243], [0, 0, 1]]),
+        np.array([-0.27, 0.08, -0.0003, 0.0005, 0.0]),
+        np.asarray(cv2.Rodrigues(np.array([0.012, -0.03, 0.009]))[0], dtype=np.float64),
+        np.array([-0.06, 0.0008, 0.001]),
+        640,
+        480,
+    )
+
+
+@st.cache_resource(show_spinner="Drawing the example …")
+def example_pairs(name: str) -> list[tuple[Grey8, Grey8]]:
+    """Return the picture pairs of an example."""
+    example = EXAMPLES[name]
+    drawn = drawn_pairs(drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly)
+    *pairs, another = drawn
+    pairs[WRONG_PAIR] = pairs[WRONG_PAIR][0], another[1]
+    return pairs
+
+
+BYTES_PER_PIXEL = 24
+"""Memory for two decoded pictures, their grey versions and the corner search."""
+
+PICTURE_S, MEGAPIXEL_S = 0.15, 0.12
+"""Time per picture, and per megapixel of it, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPictures:
+    """Pairs of pictures of one board.
+
+    Attributes
+    ----------
+    names
+        Name of each pair.
+    pairs
+        Left and right pictures, decoded on demand.
+    pixels
+        Number of pixels of one picture.
+    description
+        Text about them on the page.
+    digest
+        Identifies the pictures.
+    shared
+        Whether they are an example.
+    example
+        Name of the example; None for the visitor's own pictures.
+    """
+
+    names: tuple[str, ...]
+    pairs: Pairs
+    pixels: int
+    description: str
+    digest: str
+    shared: bool
+    example: str | None = None
+
+    def estimate(self, pairs: int) -> Estimate:
+        """Return the cost of looking for the board in a number of pairs."""
+        seconds = 2 * pairs * (PICTURE_S + MEGAPIXEL_S * self.pixels / 1e6)
+        return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
+
+
+def choose_board_pictures() -> BoardPictures:
+    """Ask which pictures to calibrate from."""
+    chosen = choose(EXAMPLES, key=KEY)
+    return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
+
+
+def _example(name: str) -> BoardPictures:
+    pairs = example_pairs(name)
+    names = tuple(str(number) for number in range(1, len(pairs) + 1))
+    description = (
+        f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
+        f"can be checked. The right picture of pair {WRONG_PAIR + 1} is from another moment."
+    )
+    return BoardPictures(names, pairs, pairs[0][0].size, description, f"drawn {name}", True, name)
+
+
+def _own() -> BoardPictures | None:
+    given = upload_named(
+        "Pairs of pictures of a chessboard or ChArUco board, or a ZIP of them",
+        _matched,
+        key=f"{KEY}.files",
+        types=(*PICTURE_TYPES, "zip"),
+        note="8 to 40 pairs, both pictures of each taken at the same moment. They are matched by name: left01 and "
+        "right01, L_3 and R_3, or equal names in folders left and right of a ZIP.",
+    )
+    show_limits(
+        f"At most {MOST_PAIRS} pairs, {MAX_BYTES // 2**20} MB together, and {limits().max_megapixels} megapixels each."
+    )
+    if given is None:
+        return None
+    names, pairs, pixels, alone = given.content
+    description = f"{len(names)} pairs, matched by name."
+    if alone:
+        description += f" {alone} more {'picture has' if alone == 1 else 'pictures have'} no partner."
+    digest = hashlib.sha256(given.digest.encode()).hexdigest()
+    return BoardPictures(names, pairs, pixels, description, digest, False)
+
+
+def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, int]:
+    """Return the names of the pairs, the pairs, the pixels of a picture, and the number of unmatched pictures."""
+    readers: dict[str, Callable[[], bytes]] = {}
+    for name, data in files:
+        if is_archive(data):
+            archive = read_archive(data)
+            readers |= {one: partial(archive.read, one) for one in archive.names}
+        else:
+            readers[name] = partial(bytes, data)
+    if sum(len(data) for _, data in files) > MAX_BYTES:
+        raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total; upload fewer, or JPEGs.")
+    pairs = matched_pairs([*readers])
+    if not pairs:
+        raise ValueError(
+            f"No left and right pictures match by name (files given: {len(readers)}); name them left01 and right01, "
+            "left02 and right02, and so on."
+        )
+    if len(pairs) > MOST_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    pictures = PicturesOfFiles(pairs, lambda name: readers[name](), guarded(read_image))
+    pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
+    alone = len([name for name in readers if name.lower().endswith(PICTURE_TYPES)]) - 2 * len(pairs)
+    return tuple(escape(pair.name) for pair in pairs), pictures, pixels, max(0, alone)
+
+
+# The board, and the fit
+
+SQUARE_MM = (0.1, 10_000.0)
+
+MEMORY, PAIR_S = 64 * 2**20, 0.08
+"""Cost of a calibration: memory, bytes, and time per pair, s."""
+
+
+def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
+    """Ask for the board, initially the guessed one, and the side of its squares, metres; None while it is unknown."""
+    guessed = _guess(pictures, None)
+    if guessed is None:
+        return None
+    if isinstance(guessed, Refusal):
+        prose.warning(guessed.reason, icon=":material/grid_off:")
+    at_first = guessed if isinstance(guessed, Board) else None
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        columns, rows = (
+            st.number_input(
+                label,
+                FEWEST_CORNERS,
+                MOST_CORNERS,
+                value,
+                **persistent(f"{KEY}.{label}.{pictures.digest}"),
+                width=190,
+                help="Inner corners, where four squares meet: one fewer than squares. Guessed from the pictures.",
+            )
+            for label, value in (
+                ("Inner corners across", at_first.columns if at_first else None),
+                ("Inner corners down", at_first.rows if at_first else None),
+            )
+        )
+        example = EXAMPLES.get(pictures.example or "")
+        side = st.number_input(
+            "Side of a square, mm",
+            *SQUARE_MM,
+            1000 * example.square_m if example else 25.0,
+            format="%.3f",
+            **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
+            width=190,
+            help="Measured on the print. All lengths follow from it: if it is 1 % too long, so is every distance.",
+        )
+    if columns is None or rows is None:
+        return None
+    size = int(columns), int(rows)
+    asked = at_first if at_first and size == (at_first.columns, at_first.rows) else _guess(pictures, size)
+    if isinstance(asked, Refusal):
+        show_refused(asked.reason)
+    if not isinstance(asked, Board):
+        return None
+    prose.caption(f"{board_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As entered.'}")
+    return asked, float(side or SQUARE_MM[0]) / 1000
+
+
+def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Refusal | None:
+    """Return the board or why there is none, or None while looking for it; a known size leaves only its kind open."""
+    return computed_in_turn(
+        "board",
+        attempted(lambda _: guess_board(pictures.pairs, size)),
+        pictures.estimate(min(GUESSED_FROM, len(pictures.names))),
+        inputs=pictures.digest,
+        settings=f"{size} {GUESSED_FROM}",
+        shared=pictures.shared,
+        label="Looking for the board …",
+    )
+
+
+def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
+    """Return the corners in all pictures; None during the search, or if it is refused, with the reason shown."""
+    return computed_or_refused(
+        "corners",
+        lambda progress: find_boards(pictures.pairs, board, progress=progress),
+        pictures.estimate(len(pictures.names)),
+        inputs=pictures.digest,
+        settings=repr(board),
+        shared=pictures.shared,
+        label="Looking for corners …",
+    )
+
+
+def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
+    """Ask which of the pairs with a board in both pictures count; return the numbers of those to leave out."""
+    usable = [
+        number
+        for number, both in enumerate(zip(views.left, views.right, strict=True))
+        if both[0] is not None and both[1] is not None
+    ]
+    if not usable:
+        return frozenset()
+    counting = st.pills(
+        "Pairs that count: a click leaves one out, and takes it in again",
+        usable,
+        selection_mode="multi",
+        default=usable,
+        format_func=lambda number: pictures.names[number],
+        **persistent(f"{KEY}.count.{pictures.digest}.{views.board!r}"),
+        wrap=True,
+    )
+    return frozenset(usable) - frozenset(counting)
+
+
+def calibrated(
+    pictures: BoardPictures, views: BoardViews, square_m: float, leave_out: frozenset[int]
+) -> StereoCalibration | None:
+    """Return the calibration; None while it is being computed, or if it is refused, with the reason shown."""
+    return computed_or_refused(
+        "calibration",
+        lambda _: calibrate_boards(views, square_m, leave_out=leave_out),
+        Estimate(MEMORY, PAIR_S * len(views)),
+        inputs=pictures.digest,
+        settings=f"{views.board!r} {square_m} {sorted(leave_out)}",
+        shared=pictures.shared,
+        label="Calibrating …",
+    )
+
+
+# The result, its downloads, and its use on the depth page
+
+KEPT = "calibrate.kept"
+"""Session-state key of the calibration, stored as an upload."""
+
+DEPTH_PAGE = "pages/3_Depth_maps.py"
+
+
+@dataclass(frozen=True)
+class DrawnPair:
+    """Both pictures of a pair with their corners, as JPEGs."""
+
+    left: bytes
+    right: bytes
+
+
+def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
+    """Show how good the calibration is, and the figures of the cameras."""
+    calibration = result.calibration
+    announce(
+        f"Calibrated from {len(result.used)} of {len(result.pairs)} pairs: {result.rms:.2f} px reprojection error."
+    )
+    show_numbers(
+        (
+            Number("Reprojection error", f"{result.rms:.2f} px", "Distance of detected from predicted corners, RMS."),
+            Number("Epipolar error", f"{result.row_error:.2f} px", "Row offset of matching corners, once rectified."),
+            Number(
+                "Pairs that count", f"{len(result.used)} of {len(result.pairs)}", "Reasons for the others are below."
+            ),
+            Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
+            Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
+        )
+    )
+    if pictures.example:
+        true = drawn_rig()
+        found = calibration.rig
+        assert found is not None
+        prose.caption(
+            f"The camera that drew them: left focal length {true.left_matrix[0, 0]:,.1f} px (found "
+            f"{found.left_matrix[0, 0]:,.1f}), right camera {-1000 * true.translation[0]:.1f} mm beside it (found "
+            f"{-1000 * found.translation[0]:.1f})."
+        )
+    sentences = weaknesses(pictures.names, result)
+    if sentences:
+        # Nobody has to act on the weaknesses of an example.
+        show = prose.info if pictures.example else prose.warning
+        show("  \n".join(sentences), icon=":material/info:")
+
+
+def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> int:
+    """Show the error of each pair, and return the number of the one to show, picked by its bar or by name."""
+    key = f"{KEY}.shown.{pictures.digest}"
+    at_first = next((number for number in (result.used if result else ())), 0)
+    shown = int(st.session_state.setdefault(key, at_first))
+    if result is not None:
+        figure = error_bars(
+            pictures.names,
+            [pair.left_rms for pair in result.pairs],
+            [pair.right_rms for pair in result.pairs],
+            [pair.left_out is None for pair in result.pairs],
+            shown,
+        )
+        clicks = st.session_state.setdefault(f"{key}.clicks", 0)
+        event = st.plotly_chart(
+            figure,
+            key=f"{key}.bars.{clicks}",
+            on_select="rerun",
+            selection_mode="points",
+            config={"displayModeBar": False},
+            alt=errors_in_words(pictures.names, result),
+        )
+        if event.selection.points:
+            # A chart keeps its selection; under a new key it starts without one.
+            st.session_state[f"{key}.clicks"] = clicks + 1
+            st.session_state[key] = int(event.selection.points[0]["x"])
+            st.rerun(scope="fragment")
+    return int(
+        st.selectbox(
+            "Pair shown",
+            range(len(pictures.names)),
+            format_func=lambda number: pictures.names[number],
+            key=key,
+            width=260,
+        )
+    )
+
+
+def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration | None) -> None:
+    """Show both pictures of a pair with their corners, its errors, and whether it counts."""
+    report = result.pairs[number] if result else None
+    left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
+
+    def drawn(_: object) -> DrawnPair:
+        both = (as_image(one, "The picture") for one in pictures.pairs[number])
+        seen = views.left[number], views.right[number]
+        return DrawnPair(*(jpeg(with_corners(*one, views.board)) for one in zip(both, seen, strict=True)))
+
+    shown = computed(
+        "corners drawn",
+        drawn,
+        inputs=pictures.digest,
+        settings=f"{views.board!r} {number}",
+        shared=pictures.shared,
+        label="Drawing the corners …",
+    )
+    for column, side, picture, corners in zip(
+        st.columns(2, gap="small"), ("Left", "Right"), (shown.left, shown.right), (left, right), strict=True
+    ):
+        with column:
+            found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
+            show_jpeg(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
+            prose.caption(f"{side}: {found}")
+    if report is not None:
+        prose.markdown(pair_in_words(report))
+
+
+def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibration) -> None:
+    """Show a pair rectified by the calibration, with lines along its rows."""
+
+    def drawn(_: object) -> bytes:
+        left, right = pictures.pairs[number]
+        rectified = rectify(left, right, result.calibration)
+        return jpeg(with_row_lines(rectified.left, rectified.right))
+
+    try:
+        data = computed(
+            "rectified",
+            drawn,
+            inputs=pictures.digest,
+            settings=f"{number} {result.board!r} {result.used} {result.square_m}",
+            shared=pictures.shared,
+            label="Rectifying the pair …",
+        )
+    except ValueError as error:
+        show_refused(error)
+        return
+    show_jpeg(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
+    prose.caption(
+        f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
+    )
+
+
+def show_coverage(result: StereoCalibration) -> None:
+    """Show where in the pictures the board has been."""
+    calibration = result.calibration
+    assert calibration.width is not None
+    assert calibration.height is not None
+    size = calibration.width, calibration.height
+    used = [result.pairs[number] for number in result.used]
+    sides = (
+        ("Left", [pair.left for pair in used if pair.left], result.left_coverage),
+        ("Right", [pair.right for pair in used if pair.right], result.right_coverage),
+    )
+    for column, (side, corners, share) in zip(st.columns(2, gap="small"), sides, strict=True):
+        with column:
+            said = f"{side}: boards in {percent(share)} of the picture"
+            show_png(png(coverage_picture(corners, size)), said)
+            prose.caption(said)
+
+
+def show_downloads(result: StereoCalibration) -> None:
+    """Offer the calibration as files, and for use on the depth page."""
+    calibration = result.calibration
+    with st.container(horizontal=True, gap="small", vertical_alignment="center"):
+        if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
+            open_depth_page(calibration)
+        left, right = ros_calibration(calibration)
+        for name, label, content in (
+            ("stereo.yml", "OpenCV YAML", opencv_calibration(calibration)),
+            ("left.yaml", "ROS, left", left),
+            ("right.yaml", "ROS, right", right),
+            ("calibration.json", "JSON", calibration_json(calibration)),
+        ):
+            download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
+    prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")
+
+
+def keep_calibration(calibration: Calibration) -> None:
+    """Keep a calibration for this session."""
+    digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
+    st.session_state[KEPT] = Upload(digest, calibration)
+
+
+def kept_calibration() -> Upload[Calibration] | None:
+    """Return the calibration kept in this session, or None."""
+    kept: Upload[Calibration] | None = st.session_state.get(KEPT)
+    return kept
+
+
+def forget_calibration() -> None:
+    """Stop using the kept calibration."""
+    st.session_state.pop(KEPT, None)
+
+
+def use_kept_calibration() -> Upload[Calibration] | None:
+    """Return the kept calibration, and show that it is in use, with a button to stop using it."""
+    kept = kept_calibration()
+    if kept is not None:
+        error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
+        with st.container(horizontal=True, vertical_alignment="center"):
+            prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
+            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget_calibration)
+    return kept
+
+
+def open_depth_page(calibration: Calibration) -> None:
+    """Keep a calibration, and open the depth page for the visitor's own files, to which it applies."""
+    keep_calibration(calibration)
+    st.session_state[keys.PAIR] = OWN
+    st.session_state.pop(keys.HANDED, None)
+    no_files_yet(keys.PAIR)
+    st.session_state[keys.FOLD] = True
+    st.switch_page(DEPTH_PAGE)
+
+
+# Sentences
+
+ENOUGH_PAIRS = 8
+ENOUGH_COVERAGE = 0.6
+SURE_FOCAL = 0.01
+GOOD_ROWS_PX = 0.5
+
+WHY_LEFT_OUT = {
+    LeftOut.NOT_FOUND: "the board was not found in either picture",
+    LeftOut.NOT_FOUND_LEFT: "the board was not found in the left picture",
+    LeftOut.NOT_FOUND_RIGHT: "the board was not found in the right picture",
+    LeftOut.OTHER_SIZE: "its pictures differ in size from most",
+    LeftOut.FEW_IN_COMMON: "both pictures share too few corners",
+    LeftOut.SAME_VIEW: "it shows the same view as an earlier pair",
+    LeftOut.NOT_FLAT: "its corners are not those of a flat board",
+    LeftOut.CONTRADICTS: "it contradicts the others: not taken at the same moment, or the board turned round in "
+    "one picture",
+    LeftOut.BY_HAND: "you left it out",
+}
+
+
+def board_in_words(board: Board) -> str:
+    """Return the kind and the size of a board."""
+    if board.markers is None:
+        return f"A chessboard of {board.columns + 1} × {board.rows + 1} squares."
+    kind = board.markers.dictionary.removeprefix("DICT_").rpartition("_")[0].replace("_", " ") or "ArUco"
+    return (
+        f"A ChArUco board of {board.columns + 1} × {board.rows + 1} squares, markers of the {kind} dictionary "
+        f"{100 * board.markers.share:.0f} % as wide as a square"
+        f"{', laid out as OpenCV did before 4.6' if board.markers.legacy else ''}."
+    )
+
+
+def pair_in_words(report: PairReport) -> str:
+    """Return sentences about the errors of a pair and whether it counts."""
+    errors = (
+        ""
+        if math.isnan(report.left_rms)
+        else f"Reprojection error **{report.left_rms:.2f} px** left, **{report.right_rms:.2f} px** right; rows "
+        f"**{report.row_error:.2f} px** apart. "
+    )
+    if report.left_out is not None:
+        return f"{errors}Left out: {WHY_LEFT_OUT[report.left_out]}."
+    turned = " The right picture’s corners, counted from the other end, were reordered." if report.turned else ""
+    return f"{errors}It counts.{turned}"
+
+
+@typesets
+def errors_in_words(names: Sequence[str], result: StereoCalibration) -> str:
+    """Return a description of the error bars for screen readers."""
+    errors = {
+        name: max(pair.left_rms, pair.right_rms)
+        for name, pair in zip(names, result.pairs, strict=True)
+        if pair.left_out is None
+    }
+    if not errors:
+        return "Reprojection error of each pair: none counts."
+    worst = max(errors, key=errors.__getitem__)
+    left_out = len(result.pairs) - len(errors)
+    return (
+        f"Reprojection error of each pair, left and right: {min(errors.values()):.2f} to {errors[worst]:.2f} px, the "
+        f"largest for pair {worst}; {left_out} {'pair does' if left_out == 1 else 'pairs do'} not count."
+    )
+
+
+def weaknesses(names: Sequence[str], result: StereoCalibration) -> list[str]:
+    """Return sentences about the weaknesses of a calibration, and how to mend them."""
+    sentences = []
+    for reason in LeftOut:
+        out = [name for name, pair in zip(names, result.pairs, strict=True) if pair.left_out is reason]
+        if out and reason is not LeftOut.BY_HAND:
+            sentences.append(f"Left out: pair {', '.join(out)} – {WHY_LEFT_OUT[reason]}.")
+    if len(result.used) < ENOUGH_PAIRS:
+        sentences.append(f"{len(result.used)} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result.")
+    least = min(result.left_coverage, result.right_coverage)
+    if least < ENOUGH_COVERAGE:
+        sentences.append(
+            f"The board has covered {percent(least)} of the picture: hold it in the corners too, where the lens "
+            "distorts most."
+        )
+    if result.focal_error > SURE_FOCAL:
+        sentences.append(
+            f"The focal length is uncertain by {100 * result.focal_error:.1f} %: tilt the board more, to all sides."
+        )
+    if result.row_error > GOOD_ROWS_PX:
+        sentences.append(
+            f"Rows are {result.row_error:.2f} px apart on average, enough to disturb matching: is the board flat, are "
+            "the pictures sharp, and both taken at the same moment?"
+        )
+    return sentences

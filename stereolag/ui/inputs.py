@@ -1,0 +1,365 @@
+"""The inputs of the pages Sensor lag and Rocketman search: examples or own files, and the addresses that name them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag import samples
+from stereolag.core.arrays import Vector
+from stereolag.core.inputs import Image, as_image, as_signal
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import Bounds, Problem, SettingsError
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.io.recordings import Recording, at_one_rate, read_signal
+from stereolag.ui import prose
+from stereolag.ui.addresses import Choice, SettingsAddress, example_choice
+from stereolag.ui.controls import persistent
+from stereolag.ui.downloads import show_player
+from stereolag.ui.lag.sentences import own_facts, upload_limits
+from stereolag.ui.search.hand_marks import box_in, painted_mask
+from stereolag.ui.uploads import (
+    OWN,
+    PICTURE_TYPES,
+    RECORDING_TYPES,
+    Upload,
+    choose,
+    forget_together,
+    image_limits,
+    own_or_example,
+    put_together,
+    show_limits,
+    upload,
+)
+
+RECORDINGS = "recordings"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingPair:
+    """Two recordings and their properties; None if unknown."""
+
+    signal_1: Vector
+    signal_2: Vector
+    sampling_rate: float | None
+    speed: float | None
+    description: str
+    digest: str
+    shared: bool
+
+    @property
+    def longest_lag(self) -> int:
+        """Return the largest lag at which the recordings can still overlap, samples."""
+        return max(self.signal_1.size, self.signal_2.size) - 1
+
+
+def choose_recordings() -> RecordingPair:
+    """Ask which recordings to compare."""
+    examples = samples.recordings()
+    chosen = choose(examples, key=RECORDINGS)
+    return own_or_example(
+        chosen, _own_recordings, example_recordings, examples, key=RECORDINGS, awaited="your recordings are"
+    )
+
+
+@st.cache_resource(show_spinner="Loading the example …")
+def example_recordings(name: str) -> RecordingPair:
+    """Return one of the bundled pairs of recordings."""
+    example = samples.recordings()[name]
+    signal_1, signal_2 = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
+    return RecordingPair(
+        signal_1, signal_2, example.sampling_rate, example.speed, example.description, f"recordings {name}", True
+    )
+
+
+def _own_recordings() -> RecordingPair | None:
+    """Ask for two files, or for one with several channels; return the last usable pair."""
+    columns = st.columns(2, gap="medium")
+    with columns[0]:
+        first = upload(
+            "Sensor 1",
+            guarded(read_signal),
+            key=f"{RECORDINGS}.file_1",
+            types=RECORDING_TYPES,
+            note="A file of two channels is enough. Columns of numbers are channels too.",
+        )
+        channel_1 = _channel(first, 0, key=f"{RECORDINGS}.channel_1")
+    with columns[1]:
+        second = upload("Sensor 2", guarded(read_signal), key=f"{RECORDINGS}.file_2", types=RECORDING_TYPES)
+        both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
+        holder = first if both_in_one else second
+        channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{RECORDINGS}.channel_2")
+    show_limits(upload_limits())
+    if first is None or holder is None:
+        forget_together(f"{RECORDINGS}.own")
+        return None
+    return put_together(lambda: _pair(first, channel_1, holder, channel_2), f"{RECORDINGS}.own")
+
+
+def _signals(recording: Recording) -> list[int]:
+    """Return the numbers, from 1, of all channels except the clock."""
+    return [number for number in range(1, len(recording.channels) + 1) if number - 1 != recording.clock]
+
+
+def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
+    """Ask for the channel of a file that has several; return its number, from 1.
+
+    `at_first` is the index of the signal that is selected initially: 0 is the first.
+    """
+    if file is None or len(file.content.channels) == 1:
+        return 1
+    clock = file.content.clock
+    return int(
+        st.selectbox(
+            "Channel",
+            range(1, len(file.content.channels) + 1),
+            index=_signals(file.content)[at_first] - 1,
+            format_func=lambda number: f"{number} (rises evenly: time)" if number - 1 == clock else str(number),
+            key=f"{key}.{file.digest}",
+        )
+    )
+
+
+def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int) -> RecordingPair:
+    """Return the two channels as a pair; ValueError if they cannot be compared."""
+    digest = f"{first.digest} {channel_1} {second.digest} {channel_2}"
+    one, other = _at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2), digest)
+    facts = own_facts((one, other), (channel_1, channel_2), (len(first.content.channels), len(second.content.channels)))
+    return RecordingPair(
+        as_signal(one.channels[0], "The recording of sensor 1"),
+        as_signal(other.channels[0], "The recording of sensor 2"),
+        one.sampling_rate or other.sampling_rate,
+        None,
+        f"Your own recordings.  \n{facts}",
+        digest,
+        False,
+    )
+
+
+def _at_one_rate(one: Recording, other: Recording, digest: str) -> tuple[Recording, Recording]:
+    """Return both at one sampling rate; the result is kept until other recordings are chosen."""
+    kept: tuple[str, tuple[Recording, Recording]] | None = st.session_state.get(f"{RECORDINGS}.resampled")
+    if kept is None or kept[0] != digest:
+        kept = digest, at_one_rate(one, other)
+        st.session_state[f"{RECORDINGS}.resampled"] = kept
+    return kept[1]
+
+
+AUDIBLE_RATES = (3_000, 384_000)
+"""Lowest and highest sampling rate that browsers play, samples per second."""
+
+LONGEST_S = 120
+
+
+def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
+    """Show a player for at most the first two minutes of a recording."""
+    lowest, highest = AUDIBLE_RATES
+    if not lowest <= sampling_rate <= highest:
+        prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")
+        return
+    heard = signal[: round(LONGEST_S * sampling_rate)]
+    prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
+    show_player(heard, sampling_rate, name)
+
+
+PICTURES = "pictures"
+
+
+@dataclass(frozen=True, eq=False)
+class PictureAndTemplate:
+    """An image, the template to find in it, and a mask: above 0 where the template counts, None to use its alpha.
+
+    `place` is the (row, col) of the template's top-left pixel, known for an example and for a template cut from the
+    image. `by_hand` names the parts of an example that the visitor made by hand; such inputs are not shared.
+    """
+
+    picture: Image
+    template: Image
+    description: str
+    digest: str
+    shared: bool
+    mask: Image | None = None
+    place: tuple[int, int] | None = None
+    by_hand: tuple[str, ...] = ()
+
+    @property
+    def own(self) -> bool:
+        """Return whether the image is the visitor's own."""
+        return not self.shared and not self.by_hand
+
+
+def choose_pictures() -> PictureAndTemplate:
+    """Ask for the image, the template and its mask."""
+    examples = samples.mazes()
+    chosen = choose(examples, key=PICTURES)
+    given = "A file" if chosen == OWN else "The example’s"
+    template_from = st.segmented_control(
+        "Template",
+        ("given", "cut"),
+        default="given",
+        format_func=lambda one: given if one == "given" else "Cut from the image",
+        required=True,
+        **persistent(f"{PICTURES}.from"),
+    )
+    if template_from == "cut":
+        inputs = own_or_example(chosen, _own_cut, _example_cut, examples, key=PICTURES, awaited="your image is")
+    else:
+        inputs = own_or_example(
+            chosen, _own_pictures, example_pictures, examples, key=PICTURES, awaited="both images are"
+        )
+    painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{PICTURES}.painted")
+    if painted is None:
+        return inputs
+    by_hand = () if inputs.own else (*inputs.by_hand, "mask you painted")
+    digest = f"{inputs.digest} painted {painted.digest}"
+    return replace(inputs, mask=painted.pixels, digest=digest, shared=False, by_hand=by_hand)
+
+
+@st.cache_resource(show_spinner="Loading the example …")
+def example_pictures(name: str) -> PictureAndTemplate:
+    """Return one of the bundled images with its template."""
+    example = samples.mazes()[name]
+    return PictureAndTemplate(
+        read_image(example.picture),
+        read_image(example.template),
+        example.description,
+        f"maze {name}",
+        True,
+        place=(example.row, example.col),
+    )
+
+
+def _own_pictures() -> PictureAndTemplate | None:
+    """Ask for two files and an optional mask; return the last ones that fit together."""
+    columns = st.columns(3, gap="medium")
+    with columns[0]:
+        picture = upload("Image", guarded(read_image), key=f"{PICTURES}.picture", types=PICTURE_TYPES)
+    with columns[1]:
+        template = upload(
+            "Template",
+            guarded(read_image),
+            key=f"{PICTURES}.template",
+            types=PICTURE_TYPES,
+            note="The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
+        )
+    with columns[2]:
+        mask = upload(
+            "Mask of the template (optional)",
+            guarded(read_image),
+            key=f"{PICTURES}.mask",
+            types=PICTURE_TYPES,
+            note="An image of the template’s size, black where the template does not count, as around a cursor or a "
+            "logo. It replaces the template’s own transparency.",
+        )
+    show_limits(image_limits())
+    if picture is None or template is None:
+        forget_together(f"{PICTURES}.own")
+        return None
+    return put_together(lambda: _together(picture, template, mask), f"{PICTURES}.own")
+
+
+def _own_cut() -> PictureAndTemplate | None:
+    """Ask for an image file, and for a box in it."""
+    picture = upload("Image", guarded(read_image), key=f"{PICTURES}.picture", types=PICTURE_TYPES)
+    show_limits(image_limits())
+    if picture is None:
+        return None
+    return _cut(as_image(picture.content, "image"), "Your own image.", picture.digest, shared=False)
+
+
+def _example_cut(name: str) -> PictureAndTemplate:
+    example = example_pictures(name)
+    return _cut(example.picture, example.description, example.digest, shared=True)
+
+
+def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
+    """Ask for a box in an image, whose pixels become the template; the result is private to the visitor."""
+    box = box_in(image, digest=digest, shared=shared, key=f"{PICTURES}.cut")
+    template = image[box.slices]
+    digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
+    said = f"{description} The cut-out finds itself: ask for more matches, or damage the image below."
+    by_hand = ("template you cut out",) if shared else ()
+    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col), by_hand=by_hand)
+
+
+def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
+    """Return image, template and mask together; ValueError if the template does not fit the image, or the mask."""
+    image, small = as_image(picture.content, "image"), as_image(template.content, "template")
+    if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
+        raise ValueError(
+            f"The template is {small.shape[1]} × {small.shape[0]} pixels and the image {image.shape[1]} × "
+            f"{image.shape[0]}; the template must fit into the image."
+        )
+    digest = f"{picture.digest} {template.digest}"
+    if mask is None:
+        return PictureAndTemplate(image, small, "Your own images.", digest, False)
+    marked = _fitting_mask(mask.content, small)
+    return PictureAndTemplate(image, small, "Your own images.", f"{digest} {mask.digest}", False, marked)
+
+
+def _fitting_mask(mask: Image, template: Image) -> Image:
+    if mask.shape[:2] != template.shape[:2]:
+        (height, width), (rows, cols) = mask.shape[:2], template.shape[:2]
+        raise ValueError(
+            f"The mask is {width} × {height} and the template {cols} × {rows} pixels; they must have the same size."
+        )
+    colours = mask if mask.ndim == 2 else mask[:, :, :3]
+    if not (colours > 0).any():
+        raise ValueError("The mask is black all over; it must be brighter where the template counts.")
+    return mask
+
+
+# Their addresses
+
+LARGEST = 10**12
+"""Largest sampling rate, samples per second, and largest speed, metres per second."""
+
+_LAG_KEYS = {"method": "lag.method", "sampling_rate": "lag.rate", "speed": "lag.speed", "max_lag": "lag.max"}
+
+
+def _lag_choices() -> dict[str, Choice]:
+    return {"recordings": example_choice(RECORDINGS, samples.recordings())}
+
+
+def _first_search(pair: RecordingPair) -> LagSearch:
+    known = {"sampling_rate": pair.sampling_rate, "speed": pair.speed}
+    return LagSearch(**{name: value for name, value in known.items() if value is not None})
+
+
+def _lag_key(name: str, pair: RecordingPair) -> str:
+    """Return the key of a control; all except the method belong to the recordings."""
+    key = _LAG_KEYS.get(name, f"lag.{name}")
+    return key if name == "method" else f"{key}.{pair.digest}"
+
+
+def _check_search(search: LagSearch, pair: RecordingPair) -> None:
+    """Refuse values that the page's number boxes do not accept, and values too large to draw figures with."""
+    if search.max_lag is not None and search.max_lag > pair.longest_lag:
+        sentence = f"max_lag is {search.max_lag}; allowed are whole numbers from 0 to {pair.longest_lag} or None."
+        raise SettingsError((Problem("max_lag", sentence),))
+    for name, value in (("sampling_rate", search.sampling_rate), ("speed", search.speed)):
+        low = Bounds.of(LagSearch.model_fields[name]).low
+        if low is not None and not low <= value <= LARGEST:
+            sentence = f"{name} is {value!r}; on this page allowed are numbers from {low:g} to {LARGEST:,}."
+            raise SettingsError((Problem(name, sentence),))
+
+
+LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
+    "lag.address", _lag_choices, _first_search, _lag_key, _check_search
+)
+
+
+def _template_choices() -> dict[str, Choice]:
+    return {"picture": example_choice(PICTURES, samples.mazes())}
+
+
+TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate, TemplateQuery] = SettingsAddress(
+    "template.address",
+    _template_choices,
+    lambda inputs: TemplateQuery(),
+    lambda name, inputs: f"template.{name}",
+)
