@@ -1,17 +1,23 @@
-"""The error of a map or of settings as one figure, with or without ground truth, and the certainty of a gain."""
+"""Settings judged on pairs: the error of a map as one figure, the certainty of a gain, and sweeps of two parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import chain, product
+from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
-from stereolag.core.jobs import Estimate, Progress
+from stereolag.core.jobs import Estimate, Progress, part, silent
+from stereolag.core.settings import Bounds, Number, Settings, changed, setting
 from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
@@ -325,3 +331,208 @@ def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
 def judges_itself(matcher: StereoMatcher) -> bool:
     """Return whether a matcher is the one behind :func:`measured_reference`, or closely related to it."""
     return isinstance(matcher, SemiGlobalMatcher)
+
+
+HALF_OCTAVE = math.sqrt(2)
+OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
+ENOUGH_TO_TELL = 3
+WHOLE_RANGE_UP_TO = 1.0
+"""Parameters with an allowed range up to this wide are tried over all of it, the others around their current value."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number among the settings of a method.
+
+    Attributes
+    ----------
+    name
+        Dotted for nested settings: "search.vertical".
+    title
+        Its label on the page.
+    value
+        Its current value.
+    bounds
+        Its allowed range.
+    """
+
+    name: str
+    title: str
+    value: Number
+    bounds: Bounds
+
+    def values(self, count: int) -> tuple[Number, ...]:
+        """Return at most `count` allowed values worth trying, ascending, including the current one.
+
+        Sizes are tried in half octaves around their value, fractions over their whole range, and numbers that are zero
+        or may be negative in doubling steps away from their value. All are whole steps from the current value.
+        """
+        step = self.bounds.step
+        low = -math.inf if self.bounds.low is None else self.bounds.low
+        high = math.inf if self.bounds.high is None else self.bounds.high
+        if high - low <= WHOLE_RANGE_UP_TO:
+            wanted = [low + (high - low) * number / (count - 1) for number in range(count)]
+        elif self.value > 0 and (low >= 0 or self.bounds.low is None):
+            wanted = [self.value * HALF_OCTAVE**number for number in OUTWARDS]
+        else:
+            wanted = [self.value + step * math.copysign(2 ** (abs(number) - 1), number) for number in OUTWARDS]
+        nearest = (self.value + step * round((one - self.value) / step) for one in wanted)
+        allowed = (round(one, 9) for one in nearest if low <= one <= high)
+        return tuple(sorted([*dict.fromkeys([self.value, *allowed])][:count]))
+
+
+def parameters(matcher: StereoMatcher) -> dict[str, Parameter]:
+    """Return the numeric settings of a matcher that have an effect, by name, in order of declaration."""
+    return {parameter.name: parameter for parameter in _within(matcher, "") if _free(matcher, parameter)}
+
+
+def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
+    """Return whether the other settings allow a parameter any value but its current one."""
+    for value in parameter.values(ENOUGH_TO_TELL):
+        with suppress(ValueError):
+            if changed(matcher, {parameter.name: value}) != matcher:
+                return True
+    return False
+
+
+def _within(settings: Settings, path: str) -> Iterator[Parameter]:
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        if type(settings).obstacle(name, settings) is not None:
+            continue
+        if isinstance(value, Settings):
+            yield from _within(value, f"{path}{name}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield Parameter(f"{path}{name}", field.title or name, value, Bounds.of(field))
+
+
+Axis = tuple[str, Sequence[Any]]
+"""The name of a parameter and its values."""
+
+SMALL_WIDTH = 180
+"""Largest width of the maps that a sweep keeps, px."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A grid of settings (Fig. 3.3 of the report).
+
+    Attributes
+    ----------
+    rows, cols
+        The values of the two parameters.
+    bad
+        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN without a map or a reference to judge it.
+    criterion
+        Whether `bad` is true or estimated bad-2.
+    maps
+        (n_rows, n_cols, height, width) disparities of the first pair, px of its full size, reduced to at most
+        :data:`SMALL_WIDTH`; NaN = none.
+    shown
+        (n_rows, n_cols) whether there is a map: the settings fit together and the images, and were tried.
+    finished
+        Whether all combinations were tried, and the sweep was not cancelled.
+    """
+
+    rows: tuple[Any, ...]
+    cols: tuple[Any, ...]
+    bad: npt.NDArray[np.float64]
+    criterion: Criterion
+    maps: FloatMap
+    shown: Mask
+    finished: bool
+
+    @property
+    def best(self) -> tuple[int, int] | None:
+        """Return the (row, col) of the best cell; None if none could be judged."""
+        if np.isnan(self.bad).all():
+            return None
+        row, col = divmod(int(np.nanargmin(self.bad)), len(self.cols))
+        return row, col
+
+
+def sweep(
+    matcher: StereoMatcher,
+    pairs: Sequence[TuningPair],
+    *,
+    rows: Axis,
+    cols: Axis,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Sweep:
+    """Match one or more pairs at every combination of two parameters.
+
+    Parameters
+    ----------
+    matcher
+        Provides all other settings.
+    pairs
+        At least one; they are judged together, without those that cannot judge. If a parameter affects the search
+        range, a reference measured in place of ground truth must cover the :func:`widest_range` of
+        :func:`combinations`.
+    rows, cols
+        (name, values), named as in :func:`stereolag.core.settings.changed`.
+    progress
+        Called with the fraction done.
+    cancelled
+        Called before every cell; True ends the sweep with the cells so far.
+
+    Raises
+    ------
+    ValueError
+        If there are no pairs, a parameter does not exist or is given twice, or it has no values.
+    """
+    if not pairs:
+        raise ValueError("pairs is empty; give at least one.")
+    if rows[0] == cols[0]:
+        raise ValueError(f"both parameters are {rows[0]!r}; choose two different ones.")
+    for name, values in (rows, cols):
+        setting(matcher, name)
+        if not values:
+            raise ValueError(f"no values to try for {name!r}; give at least one.")
+    report = progress or silent
+    grid, (height, width) = (len(rows[1]), len(cols[1])), pairs[0].reference.shape
+    small = min(SMALL_WIDTH, width)
+    size = small, max(1, round(small * height / width))
+    maps = np.full((*grid, *size[::-1]), np.nan, dtype=np.float32)
+    bad, shown, finished = np.full(grid, np.nan), np.zeros(grid, dtype=np.bool_), True
+    for number, settings in enumerate(combinations(matcher, rows, cols)):
+        if cancelled():
+            finished = False
+            break
+        if settings is None:
+            continue
+        cell = divmod(number, grid[1])
+        with suppress(ValueError):  # settings that do not fit the images, or need too much memory
+            first, bad[cell] = _tried(settings, pairs, part(report, number, bad.size))
+            maps[cell] = cv2.resize(first, size, interpolation=cv2.INTER_NEAREST_EXACT)
+            shown[cell] = True
+    report(1.0)
+    return Sweep(tuple(rows[1]), tuple(cols[1]), bad, criterion_of(pairs), maps, shown, finished)
+
+
+def combinations(matcher: StereoMatcher, rows: Axis, cols: Axis) -> Iterator[StereoMatcher | None]:
+    """Yield the settings of every cell of a sweep, row by row; None for values that do not fit together."""
+    for row, col in product(rows[1], cols[1]):
+        try:
+            yield changed(matcher, {rows[0]: row, cols[0]: col})
+        except ValueError:
+            yield None
+
+
+def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows: Axis, cols: Axis) -> Estimate:
+    """Return the memory and time of :func:`sweep`, whose cells are made one after another.
+
+    A cell that alone needs more memory than one job may take becomes a hole in the grid.
+    """
+    tried = [pair.estimate(one) for one in combinations(matcher, rows, cols) if one is not None for pair in pairs]
+    return Estimate(max((one.memory for one in tried), default=0), sum(one.seconds for one in tried))
+
+
+def _tried(settings: StereoMatcher, pairs: Sequence[TuningPair], progress: Progress) -> tuple[FloatMap, float]:
+    """Return the first pair's map and the mean bad-2 over the pairs that can judge, NaN without any."""
+    maps = (pair.map_of(settings, progress=part(progress, number, len(pairs))) for number, pair in enumerate(pairs))
+    first = next(maps)
+    every = [Judgement.of(one, pair.reference).bad for one, pair in zip(chain([first], maps), pairs, strict=True)]
+    judged = [bad for bad in every if not math.isnan(bad)]
+    return first, sum(judged) / len(judged) if judged else math.nan

@@ -22,9 +22,8 @@ from stereolag.assess.judging import (
     criterion_of,
     estimate_reference,
     judges_itself,
+    parameters,
 )
-from stereolag.assess.sweep import parameters
-from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import Estimate, Progress, silent
 from stereolag.core.settings import FitsImage, Settings, changed, marker
 from stereolag.stereo.finishing.checks import LeftRightCheck
@@ -77,8 +76,8 @@ def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
 
 def _likely_first(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
     """Return every combination of one value per axis, ordered by the sum of the values' positions on their axes."""
-    ranked = sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice))
-    return [tuple(value for _, value in choice) for choice in ranked]
+    ranks = sorted(product(*map(range, map(len, axes))), key=sum)
+    return [tuple(axis[rank] for axis, rank in zip(axes, choice, strict=True)) for choice in ranks]
 
 
 @singledispatch
@@ -228,6 +227,10 @@ class Trial(NamedTuple):
     """Decrease relative to the initial settings on the same pixels, in percentage points."""
     whole: bool
     """Whether tried on the whole images rather than on strips."""
+    sure_gain: float = math.nan
+    """The gain minus the part that may be due to chance."""
+    judgements: Sequence[Judgement] = ()
+    """The judgement on every pair."""
 
 
 @dataclass(frozen=True)
@@ -287,98 +290,84 @@ class Suggestion:
         return len({trial.matcher for trial in self.trials})
 
 
-class Clock:
-    """The clock of a search: time left, progress reported, and whether it was cancelled."""
+class _Search:
+    """A search within a time budget; every trial is told to `found` with those before it.
 
-    def __init__(self, budget_s: float, progress: Progress | None, cancelled: Callable[[], bool]) -> None:
+    Parameters
+    ----------
+    start
+        The initial settings.
+    budget_s, progress, found, cancelled
+        As for :func:`suggest`.
+    """
+
+    def __init__(
+        self,
+        start: StereoMatcher,
+        budget_s: float,
+        progress: Progress | None,
+        found: Callable[[Suggestion], None] | None,
+        cancelled: Callable[[], bool],
+    ) -> None:
         if not 0 < budget_s < math.inf:
             raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
-        self._end = time.perf_counter() + budget_s
-        self._budget_s = budget_s
-        self._progress = progress or silent
-        self._told = 0.0
-        self.cancelled = cancelled
+        self.start, self.budget_s, self.cancelled = start, budget_s, cancelled
+        self.progress, self.found = progress or silent, found or (lambda _: None)
+        self.end, self.told = time.perf_counter() + budget_s, 0.0
 
     @property
     def left_s(self) -> float:
         """Return the seconds left; negative after the budget is used up."""
-        return self._end - time.perf_counter()
+        return self.end - time.perf_counter()
 
     def report(self, done: float) -> None:
         """Report the fraction done, or the share of the budget used if that is larger."""
-        self._told = min(1.0, max(self._told, done, 1 - self.left_s / self._budget_s))
-        self._progress(self._told)
+        self.told = min(1.0, max(self.told, done, 1 - self.left_s / self.budget_s))
+        self.progress(self.told)
 
-    def tick(self, _: float) -> None:
+    def tick(self, _: float = 0.0) -> None:
         """Report the time used, from within a trial."""
-        self.report(self._told)
+        self.report(self.told)
 
-
-def search(
-    start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None] | None
-) -> Suggestion:
-    """Try all candidates on the whole images or, if time is short, on strips first and then the best on the whole.
-
-    Only whole images decide, and if bad-2 is an estimate, only a certain gain (:attr:`Gain.sure`). Pairs that cannot
-    judge are left out.
-    """
-    why = [pair.unjudged(start) for pair in pairs]
-    judging = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
-    if judging:
-        result = _Trials(start, judging, clock, found or (lambda _: None)).suggestion()
-    else:
-        result = Suggestion(start, start, next(filter(None, why)), Criterion.ESTIMATED_BAD_2)
-    clock.report(1.0)
-    return result
-
-
-class _Found(NamedTuple):
-    matcher: StereoMatcher
-    after: list[Judgement]
-    gain: Gain
-
-    @property
-    def dense(self) -> bool:
-        return all(one.dense for one in self.after)
-
-
-class _Trials:
-    """The trials of a search, each told to `found` with those before it."""
-
-    def __init__(
-        self, start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None]
-    ) -> None:
-        self.start, self.pairs, self.clock, self.found = start, pairs, clock, found
-        began = clock.left_s
-        self.before = self._judged(start, pairs)
-        self.once_s = began - clock.left_s
-        bad = _mean_bad(self.before)
-        self.so_far = Suggestion(start, start, Outcome.AS_GOOD, criterion_of(pairs), bad, bad, finished=False)
-        found(self.so_far)
-
-    def suggestion(self) -> Suggestion:
-        """Make the trials, and return the suggestion that follows from those on the whole images."""
-        start, clock = self.start, self.clock
-        tried = candidates(start)
-        total_s = sum(map(self._seconds, tried))
-        if total_s <= FOR_ALL * clock.left_s:
-            finished, ranked = self._ranked(self.pairs, tried, steps=len(tried))
+    def suggestion(self, pairs: Sequence[TuningPair]) -> Suggestion:
+        """Return what the trials suggest; pairs that cannot judge are left out."""
+        why = [pair.unjudged(self.start) for pair in pairs]
+        self.pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+        if self.pairs:
+            result = self._tried()
         else:
-            share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
-            strips = [pair.strips(share, side_of(start)) for pair in self.pairs]
-            reserved_s = max(map(self._seconds, tried))
-            steps = 2 * len(tried)
+            result = Suggestion(self.start, self.start, next(filter(None, why)), Criterion.ESTIMATED_BAD_2)
+        self.report(1.0)
+        return result
+
+    def _tried(self) -> Suggestion:
+        """Try all candidates on the whole images or, if time is short, on strips first and then the best on the whole.
+
+        Only whole images decide, and if bad-2 is an estimate, only a certain gain (:attr:`Gain.sure`).
+        """
+        start, began = self.start, self.left_s
+        self.before = self._judged(start, self.pairs)
+        self.once_s, bad = began - self.left_s, _mean_bad(self.before)
+        self.so_far = Suggestion(start, start, Outcome.AS_GOOD, criterion_of(self.pairs), bad, bad, finished=False)
+        self.found(self.so_far)
+        tried = candidates(start)
+        seconds = [*map(self._seconds, tried)]
+        if sum(seconds) <= FOR_ALL * self.left_s:
+            finished, ranked = self._ranked(self.pairs, tried, len(tried))
+        else:
+            share = max(LEAST_SHARE, FOR_STRIPS * self.left_s / sum(seconds))
+            strips, steps = [pair.strips(share, side_of(start)) for pair in self.pairs], 2 * len(tried)
             finished, ranked = self._ranked(
-                strips, tried, steps, whole=False, reserved_s=reserved_s, at_least=LIKELIEST
+                strips, tried, steps, whole=False, reserved_s=max(seconds), at_least=LIKELIEST
             )
-            finalists = [one.matcher for one in ranked if one.gain.points > 0]
+            finalists = [one.matcher for one in ranked if one.gain > 0]
             _, ranked = self._ranked(self.pairs, finalists, steps, at_least=1, despite_cancel=True)
         end = replace(self.so_far, finished=finished)
-        better = [one for one in ranked if self._merit(one) > 0 and one.gain.points > SMALLEST_GAIN]
+        better = [one for one in ranked if self._merit(one) > 0 and one.gain > SMALLEST_GAIN]
         if not better:
             return end
         best = _finest(better) if end.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
-        return replace(end, matcher=best.matcher, bad=_mean_bad(best.after), outcome=Outcome.BETTER)
+        return replace(end, matcher=best.matcher, bad=best.bad, outcome=Outcome.BETTER)
 
     def _ranked(
         self,
@@ -390,8 +379,8 @@ class _Trials:
         reserved_s: float = 0.0,
         at_least: int = 0,
         despite_cancel: bool = False,
-    ) -> tuple[bool, list[_Found]]:
-        """Try settings one after another; return whether all were tried, and the results, best first.
+    ) -> tuple[bool, list[Trial]]:
+        """Try settings one after another; return whether all were tried, and the trials, best first.
 
         Parameters
         ----------
@@ -412,12 +401,12 @@ class _Trials:
         """
         before = self.before if whole else self._judged(self.start, pairs)
         share = pairs[0].left.shape[0] / self.pairs[0].left.shape[0]
-        results: list[_Found] = []
+        done: list[Trial] = []
         finished = True
         for number, matcher in enumerate(those):
-            cancelled = self.clock.cancelled()
+            cancelled = self.cancelled()
             forced = number < at_least and (despite_cancel or not cancelled)
-            late = self.clock.left_s < self._seconds(matcher) * share + reserved_s
+            late = self.left_s < self._seconds(matcher) * share + reserved_s
             if (cancelled or late) and not forced:
                 finished = False
                 break
@@ -426,12 +415,11 @@ class _Trials:
             except ValueError:  # settings that do not fit the images, or need too much memory
                 continue
             gain = Gain.between(before, after)
-            results.append(_Found(matcher, after, gain))
-            trials = (*self.so_far.trials, Trial(matcher, _mean_bad(after), gain.points, whole))
-            self.so_far = replace(self.so_far, trials=trials)
-            self.clock.report(len(trials) / steps)
+            done.append(Trial(matcher, _mean_bad(after), gain.points, whole, gain.sure, after))
+            self.so_far = replace(self.so_far, trials=(*self.so_far.trials, done[-1]))
+            self.report(len(self.so_far.trials) / steps)
             self.found(self.so_far)
-        return finished, sorted(results, key=self._merit, reverse=True)
+        return finished, sorted(done, key=self._merit, reverse=True)
 
     def _seconds(self, matcher: StereoMatcher) -> float:
         """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
@@ -439,13 +427,13 @@ class _Trials:
         return self.once_s * mine / first
 
     def _judged(self, matcher: StereoMatcher, pairs: Sequence[TuningPair]) -> list[Judgement]:
-        return [pair.judge(matcher, progress=self.clock.tick) for pair in pairs]
+        return [pair.judge(matcher, progress=self.tick) for pair in pairs]
 
-    def _merit(self, one: _Found) -> float:
-        return one.gain.sure if self.so_far.criterion is Criterion.ESTIMATED_BAD_2 else one.gain.points
+    def _merit(self, one: Trial) -> float:
+        return one.sure_gain if self.so_far.criterion is Criterion.ESTIMATED_BAD_2 else one.gain
 
 
-def _finest(better: Sequence[_Found]) -> _Found:
+def _finest(better: Sequence[Trial]) -> Trial:
     """Return the settings with the smallest window among the best and those indistinguishable from them.
 
     Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
@@ -454,9 +442,10 @@ def _finest(better: Sequence[_Found]) -> _Found:
     """
     best = better[0]
 
-    def as_good(other: _Found) -> bool:
-        lead = Gain.between(other.after, best.after)
-        return other is best or (best.dense and other.dense and lead.points <= lead.error)
+    def as_good(other: Trial) -> bool:
+        lead = Gain.between(other.judgements, best.judgements)
+        dense = all(one.dense for one in (*best.judgements, *other.judgements))
+        return other is best or (dense and lead.points <= lead.error)
 
     return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
 
@@ -526,13 +515,12 @@ def suggest(
     >>> sl.suggest(start, left, right, ground_truth=truth).changes["window_size"]  # px, from and to
     (3, ...)
     """
-    images = as_stereo_pair(left, right)
-    clock = Clock(budget_s, progress, cancelled)
+    search = _Search(matcher, budget_s, progress, found, cancelled)
     if ground_truth is None and judges_itself(matcher):
-        pair = TuningPair.unjudgeable(*images)
+        pair = TuningPair.unjudgeable(left, right)
     else:
-        pair = TuningPair.of(*images, ground_truth, search_range=matcher.search_range(), progress=clock.tick)
-    return search(matcher, [pair], clock, found)
+        pair = TuningPair.of(left, right, ground_truth, search_range=matcher.search_range(), progress=search.tick)
+    return search.suggestion([pair])
 
 
 def suggest_for_all(
@@ -557,14 +545,14 @@ def suggest_for_all(
     ValueError
         If there are no pairs, or the initial settings do not fit the images.
     """
-    clock = Clock(budget_s, progress, cancelled)
+    search = _Search(matcher, budget_s, progress, found, cancelled)
     made = []
     for pair in pairs:
         made.append(pair)
-        clock.tick(0.0)
+        search.tick()
     if not made:
         raise ValueError("pairs is empty; give at least one.")
-    return search(matcher, made, clock, found)
+    return search.suggestion(made)
 
 
 def estimate_suggestion(

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.assess.judging import Criterion
-from stereolag.assess.sweep import Sweep
+from stereolag.assess.judging import Sweep
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset
@@ -211,7 +208,6 @@ def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, st
     )
 
 
-THUMBNAIL_WIDTH = 180
 GAP = 3
 """Px between the small maps."""
 
@@ -222,71 +218,13 @@ SMALLEST_HEIGHT = 260
 MARKER = 18
 
 
-@dataclass(frozen=True, eq=False)
-class ContactSheet:
-    """The maps of a sweep, reduced and side by side.
-
-    Attributes
-    ----------
-    maps
-        (n_rows * height, n_cols * width) float32 disparities, px; NaN = none.
-    height, width
-        Size of one small map, px.
-    rows, cols
-        Values of the two parameters.
-    bad
-        (n_rows, n_cols) bad-2, %; NaN if there is no map, or no way to judge it.
-    shown
-        (n_rows, n_cols) bool: whether there is a map.
-    criterion
-        Whether `bad` is true or estimated.
-    finished
-        Whether all combinations have been tried.
-    """
-
-    maps: FloatMap
-    height: int
-    width: int
-    rows: tuple[Any, ...]
-    cols: tuple[Any, ...]
-    bad: npt.NDArray[np.float64]
-    shown: Mask
-    criterion: Criterion
-    finished: bool
-
-    @property
-    def judged(self) -> bool:
-        """Return whether any map has a bad-2."""
-        return bool(np.isfinite(self.bad).any())
-
-    @classmethod
-    def of(cls, grid: Sweep, shape: Sequence[int]) -> ContactSheet:
-        """Return the sheet of a sweep over images of (H, W) pixels."""
-        width = min(THUMBNAIL_WIDTH, shape[1])
-        height = max(1, round(width * shape[0] / shape[1]))
-        blank = np.full((height, width), np.nan, dtype=np.float32)
-        small = [
-            [
-                blank if one is None else cv2.resize(one, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-                for one in line
-            ]
-            for line in grid.maps
-        ]
-        shown = np.array([[one is not None for one in line] for line in grid.maps])
-        return cls(
-            np.block(small), height, width, grid.rows[1], grid.cols[1], grid.bad, shown, grid.criterion, grid.finished
-        )
-
-
-def sweep_maps(
-    sheet: ContactSheet, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None
-) -> go.Figure:
+def sweep_maps(sheet: Sweep, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None) -> go.Figure:
     """Return the grid of small maps, in the colours of all maps; a click returns the number of the cell.
 
     Parameters
     ----------
     sheet
-        The maps.
+        The sweep.
     names
         Names of the two parameters, rows first.
     colours
@@ -294,24 +232,23 @@ def sweep_maps(
     current
         (row, col) of the cell whose settings are in use.
     """
+    height, width = sheet.maps.shape[2:]
     figure = go.Figure(
         go.Image(
             source=_sheet_png(sheet, colours),
-            x0=-0.5 + 0.5 / sheet.width,
-            dx=1 / sheet.width,
-            y0=-0.5 + 0.5 / sheet.height,
-            dy=1 / sheet.height,
+            x0=-0.5 + 0.5 / width,
+            dx=1 / width,
+            y0=-0.5 + 0.5 / height,
+            dy=1 / height,
             hoverinfo="skip",
         )
     )
     _as_grid(figure, sheet, names, current)
-    figure.update_yaxes(
-        scaleanchor="x", scaleratio=sheet.height / sheet.width, constrain="domain", constraintoward="bottom"
-    )
+    figure.update_yaxes(scaleanchor="x", scaleratio=height / width, constrain="domain", constraintoward="bottom")
     return figure.update_xaxes(constraintoward="left")
 
 
-def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+def sweep_bad(sheet: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
     """Return bad-2 over the same grid as a heat map, low values bright; a click returns the number of the cell."""
     figure = go.Figure(
         go.Heatmap(
@@ -327,18 +264,17 @@ def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, i
     return _as_grid(figure, sheet, names, current)
 
 
-def _sheet_png(sheet: ContactSheet, colours: Colours) -> str:
+def _sheet_png(sheet: Sweep, colours: Colours) -> str:
     """Return the maps as the data URL of a PNG, transparent between maps and in cells without one."""
-    picture = coloured(sheet.maps, colours.low, colours.high, colours.palette)
+    height, width = sheet.maps.shape[2:]
+    picture = coloured(np.block([[*line] for line in sheet.maps]), colours.low, colours.high, colours.palette)
     rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
-    opaque = (rows % sheet.height < sheet.height - GAP) & (cols % sheet.width < sheet.width - GAP)
-    opaque &= sheet.shown[rows // sheet.height, cols // sheet.width]
+    opaque = (rows % height < height - GAP) & (cols % width < width - GAP)
+    opaque &= sheet.shown[rows // height, cols // width]
     return data_url(png(np.dstack([picture, np.where(opaque, 255, 0).astype(np.uint8)])))
 
 
-def _as_grid(
-    figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
-) -> go.Figure:
+def _as_grid(figure: go.Figure, sheet: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
     """Label the cells, frame the best and the current one, and make every cell clickable."""
     n_rows, n_cols = sheet.bad.shape
     rows, cols = np.indices(sheet.bad.shape)
@@ -357,12 +293,10 @@ def _as_grid(
             showlegend=False,
         )
     )
-    if sheet.judged:
-        row, col = divmod(int(np.nanargmin(sheet.bad)), n_cols)
-        figure.add_shape(_frame((row, col), "solid"))
-    if current is not None:
-        figure.add_shape(_frame(current, "dot"))
-    height = DRAWN_WIDTH / n_cols * n_rows * sheet.height / sheet.width
+    for cell, dash in ((sheet.best, "solid"), (current, "dot")):
+        if cell is not None:
+            figure.add_shape(_frame(cell, dash))
+    height = DRAWN_WIDTH / n_cols * n_rows * sheet.maps.shape[2] / sheet.maps.shape[3]
     axis = {"showgrid": False, "zeroline": False, "fixedrange": True}
 
     def values(title: str, of: tuple[Any, ...], ends: tuple[float, float]) -> dict[str, Any]:
@@ -386,7 +320,7 @@ def _frame(cell: tuple[int, int], dash: str) -> dict[str, Any]:
     return {"type": "rect", **edges, "line": {"color": PEAK, "width": 3, "dash": dash}}
 
 
-def _of_cell(sheet: ContactSheet, row: int, col: int) -> str:
+def _of_cell(sheet: Sweep, row: int, col: int) -> str:
     if not sheet.shown[row, col]:
         return "does not fit" if sheet.finished else "not tried, or does not fit"
-    return f"{sheet.criterion} {sheet.bad[row, col]:.1f} %" if sheet.judged else "not judged"
+    return f"{sheet.criterion} {sheet.bad[row, col]:.1f} %" if sheet.best else "not judged"

@@ -13,13 +13,12 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.judging import Criterion, TuningPair
+from stereolag.assess.judging import Criterion, TuningPair, parameters, sweep
 from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
-from stereolag.assess.sweep import parameters, sweep
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
-from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.figures.maps import sweep_bad, sweep_maps
 from stereolag.io.settings import read_matcher
 from stereolag.pair import PairId, Rows
 from stereolag.stereo.matcher import StereoMatcher
@@ -162,10 +161,8 @@ def test_the_figures_show_holes_and_frames() -> None:
     view = small_view()
     tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
     centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
-    grid = sweep(centred, [tuning_pair], rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
-    sheet = ContactSheet.of(grid, view.pair.left.shape)
-    assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
-    assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
+    sheet = sweep(centred, [tuning_pair], rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    assert np.isnan(sheet.maps[1, 0]).all()
     names = ("Window", "Search area")
     for figure in (sweep_maps(sheet, names, view.colours, (0, 0)), sweep_bad(sheet, names, (0, 0))):
         assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]

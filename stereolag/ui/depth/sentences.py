@@ -9,14 +9,13 @@ import numpy as np
 
 from stereolag.assess.diagnosis import Finding, FindingCode
 from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
-from stereolag.assess.judging import Criterion, Unjudged
+from stereolag.assess.judging import Criterion, Sweep, Unjudged
 from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typeset, typesets
-from stereolag.figures.maps import ContactSheet
 from stereolag.figures.match import WindowGrid
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
@@ -400,13 +399,13 @@ def fit_in_words(seen: MatchExplanation) -> str:
 
 
 @typesets
-def sheet_in_words(sheet: ContactSheet, titles: tuple[str, str]) -> str:
+def sheet_in_words(sheet: Sweep, titles: tuple[str, str]) -> str:
     """Return the values tried in a sweep, and its best cell if known."""
     tried = f"{len(sheet.rows)} values of {titles[0]} down, {len(sheet.cols)} of {titles[1]} across"
-    if not sheet.judged:
+    if sheet.best is None:
         return f"{tried}."
-    row, col = np.unravel_index(int(np.nanargmin(sheet.bad)), sheet.bad.shape)
-    best = f"{titles[0]} {sheet.rows[int(row)]}, {titles[1]} {sheet.cols[int(col)]}"
+    row, col = sheet.best
+    best = f"{titles[0]} {sheet.rows[row]}, {titles[1]} {sheet.cols[col]}"
     return f"{tried}. Best: {best}, {sheet.bad[row, col]:.1f} % off by more than 2 px or missing."
 
 

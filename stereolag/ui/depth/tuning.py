@@ -13,12 +13,24 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from stereolag.assess.judging import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
+from stereolag.assess.judging import (
+    Criterion,
+    Parameter,
+    Sweep,
+    TuningPair,
+    Unjudged,
+    combinations,
+    estimate_reference,
+    estimate_sweep,
+    judges_itself,
+    parameters,
+    sweep,
+    widest_range,
+)
 from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion, suggest_for_all
-from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_of_sweep, sweep
 from stereolag.core.jobs import Estimate
 from stereolag.core.settings import Number, changed, title_of
-from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.figures.maps import sweep_bad, sweep_maps
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
@@ -228,16 +240,15 @@ def _begin_sweep(pair: Pair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
     """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     truth = known_truth(pair)
-    searched = range_of_sweep(matcher, rows=rows, cols=cols)
+    searched = widest_range(filter(None, combinations(matcher, rows, cols)))
     pairs = JudgedPairs.of(pair)
 
-    def work(job: Job[ContactSheet]) -> ContactSheet:
+    def work(job: Job[Sweep]) -> Sweep:
         if truth is None and judges_itself(matcher):
             judging = [TuningPair.unjudgeable(pair.left, pair.right)]
         else:
             judging = list(tuning_pairs(pairs, searched, job))
-        grid = sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
-        return ContactSheet.of(grid, pair.left.shape)
+        return sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
 
     about = TuningPair.unjudgeable(pair.left, pair.right)
     estimate = estimate_sweep(matcher, [about] * len(pairs), rows=rows, cols=cols)
@@ -247,13 +258,13 @@ def _begin_sweep(pair: Pair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
     begin_job(pair, SWEEP, _asked(matcher, axes), work, estimate)
 
 
-def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], of: str, sheet: ContactSheet) -> None:
+def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], of: str, sheet: Sweep) -> None:
     """Show a sweep, with maps of the pair that `of` names, and adopt the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
     row, col = axes[0].current, axes[1].current
     cell = None if row is None or col is None else (row, col)
     figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
-    if sheet.judged:
+    if sheet.best:
         figures.append(("bad", sweep_bad(sheet, titles, cell)))
     # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{SWEEP}.clicks", 0)
@@ -268,7 +279,7 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
             alt=f"{SHEETS[kind]}: {sheet_in_words(sheet, titles)}",
         )
         clicked += event.selection.point_indices[:1]
-    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished, of=of))
+    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.best is not None, finished=sheet.finished, of=of))
     listed = _ask_cell(sheet, titles, key=f"{SWEEP}.cell.{clicks}")
     clicked += [] if listed is None else [listed]
     if clicked:
@@ -281,7 +292,7 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
             adopt(chosen)
 
 
-def _ask_cell(sheet: ContactSheet, titles: tuple[str, str], *, key: str) -> int | None:
+def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
     """Return the index of a cell chosen from a list, best first: a chart cannot be clicked with a keyboard."""
     bad = sheet.bad.ravel()
     cells = [int(cell) for cell in np.argsort(bad, kind="stable") if sheet.shown.ravel()[cell]]
