@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
-from stereolag.io.archives import Archive, is_archive, read_archive
-from stereolag.io.sources import read_bytes
+from stereolag.io.sources import Archive, is_archive, read_archive, read_bytes
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board

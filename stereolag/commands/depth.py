@@ -22,10 +22,9 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json, read_calibration
 from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
 from stereolag.io.images import image_png, image_tiff, read_image
-from stereolag.io.numpy_files import npy
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
-from stereolag.io.sources import write_file
+from stereolag.io.sources import npy, write_file
 from stereolag.pair import Pair, PairId, assemble_pair, truth_in_px
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 

@@ -25,8 +25,7 @@ from defusedxml import DefusedXmlException, ElementTree
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
-from stereolag.io.numpy_files import ZIP_MAGIC, parse_npy
-from stereolag.io.sources import Source, quote, read_bytes
+from stereolag.io.sources import ZIP_MAGIC, Source, parse_npy, quote, read_bytes
 from stereolag.version import VERSION
 
 CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npz")

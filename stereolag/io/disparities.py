@@ -12,9 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.io.images import image_png, parse_pfm, parse_pgm, read_image
-from stereolag.io.numpy_files import MAGIC as NPY_MAGIC
-from stereolag.io.numpy_files import npy, parse_npy
-from stereolag.io.sources import Source, check_pixels, read_bytes, write_file
+from stereolag.io.sources import NPY_MAGIC, Source, check_pixels, npy, parse_npy, read_bytes, write_file
 
 if TYPE_CHECKING:
     from stereolag.stereo.matcher import DisparityMap

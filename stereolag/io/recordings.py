@@ -1,8 +1,14 @@
-"""Recordings from untrusted bytes: audio files, columns of numbers, NumPy arrays."""
+"""Recordings as files: audio, columns of numbers and NumPy arrays, read from untrusted bytes; WAV, written."""
 
 from __future__ import annotations
 
+import codecs
 import io
+import itertools
+import math
+import re
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from os import PathLike
@@ -15,10 +21,7 @@ import scipy  # loads scipy.signal on first use only, since that takes a second
 import soundfile
 
 from stereolag.core.jobs import Estimate, check_memory, limits
-from stereolag.io.number_columns import parse_columns
-from stereolag.io.numpy_files import MAGIC as NPY_MAGIC
-from stereolag.io.numpy_files import parse_npy
-from stereolag.io.sources import HEADER_BYTES, Source, read_bytes
+from stereolag.io.sources import HEADER_BYTES, NPY_MAGIC, Source, parse_npy, quote, read_bytes
 
 WHAT = "recording"
 ACCEPTED = "WAV, FLAC, OGG, MP3, AIFF, NPY, and text with one number a line or columns of numbers"
@@ -36,11 +39,11 @@ LONGEST_DOUBLE = 30_000_000
 
 Channels: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
-_BLOCK = 2**20
-"""Samples decoded at a time."""
+BLOCK = 2**20
+"""Samples decoded or written, and characters parsed, at a time."""
 
-_AUDIO_MARKS = (b"RIFF", b"RIFX", b"RF64", b"fLaC", b"OggS", b"ID3", b"FORM")
 _MP3_SYNCS = (b"\xff\xfb", b"\xff\xfa", b"\xff\xf3", b"\xff\xf2", b"\xff\xe3", b"\xff\xe2")
+_AUDIO_MARKS = (b"RIFF", b"RIFX", b"RF64", b"fLaC", b"OggS", b"ID3", b"FORM", *_MP3_SYNCS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +167,14 @@ def read_signal(source: Source) -> Recording:
     >>> recording.channels.shape, recording.sampling_rate  # (channels, samples), Hz
     ((1, 176401), 44100.0)
     """
-    sampling_rate, mended_lines = None, 0
-    if isinstance(source, str | PathLike) and _is_audio(head := _head(source)):
-        # An hour has more bytes than `read_bytes` accepts.
-        channels, sampling_rate = _parse_audio(str(source), head)
-    elif _is_audio(data := read_bytes(source, WHAT)):
-        channels, sampling_rate = _parse_audio(_AudioBytes(data), data[:HEADER_BYTES])
+    sampling_rate, mended_lines, data = None, 0, b""
+    if isinstance(source, str | PathLike):
+        with Path(source).open("rb") as file:
+            data = file.read(HEADER_BYTES)
+    streamed = data.startswith(_AUDIO_MARKS)  # an hour has more bytes than `read_bytes` accepts
+    data = data if streamed else read_bytes(source, WHAT)
+    if data.startswith(_AUDIO_MARKS):
+        channels, sampling_rate = _parse_audio(str(source) if streamed else _AudioBytes(data), data[:HEADER_BYTES])
     elif data.startswith(NPY_MAGIC):
         channels = _parse_npy(data)
     else:
@@ -204,15 +209,6 @@ def _rises_evenly(channel: npt.NDArray[np.floating[Any]]) -> bool:
         return False
     even = np.linspace(channel[0], channel[-1], channel.size)
     return bool(np.abs(channel - even).max() <= UNEVENNESS * (channel[-1] - channel[0]))
-
-
-def _head(path: str | PathLike[str]) -> bytes:
-    with Path(path).open("rb") as file:
-        return file.read(HEADER_BYTES)
-
-
-def _is_audio(data: bytes) -> bool:
-    return data.startswith(_AUDIO_MARKS + _MP3_SYNCS)
 
 
 class _AudioBytes(io.BytesIO):
@@ -250,7 +246,7 @@ def _samples(file: soundfile.SoundFile) -> Channels:
     """
     dtype = _float_type(file.channels * file.frames)
     channels = np.empty((file.channels, file.frames), dtype=dtype)
-    count, size = 0, max(1, _BLOCK // file.channels)
+    count, size = 0, max(1, BLOCK // file.channels)
     while count < channels.shape[1]:
         block = file.read(min(size, channels.shape[1] - count), dtype=dtype, always_2d=True)
         if not len(block):
@@ -270,3 +266,229 @@ def _parse_npy(data: bytes) -> Channels:
     _check_size(*channels.shape)
     with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN; the caller counts all non-finite samples
         return np.array(channels, dtype=_float_type(channels.size), order="C")
+
+
+# Columns of numbers in a text.
+
+ALLOWED = "allowed are finite numbers, in columns separated by comma, semicolon, tab or space"
+MAX_TEXT_BYTES = 64 * 2**20
+MAX_HEADER_LINES = 200
+
+MOST_MENDED = 5
+LINES_PER_MENDED = 100
+"""At most `MOST_MENDED` damaged lines are mended, and at most one in `LINES_PER_MENDED`."""
+
+_STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
+"""NUL characters directly after a complete number."""
+_COMMENT = re.compile(r"(?:#|%|//)[^\n]*")
+
+
+def parse_columns(data: bytes) -> tuple[npt.NDArray[np.float64], int]:
+    """Return the columns of a text as (columns, rows), and the number of mended lines.
+
+    A few lines (at most 5, and one in a hundred) may be damaged: NUL bytes after a complete number are removed, and an
+    empty field is interpolated between the numbers above and below it.
+
+    Parameters
+    ----------
+    data
+        The text: UTF-8, UTF-16 with its byte order mark, or Latin-1; lines end in LF, CRLF or CR.
+
+    Raises
+    ------
+    ValueError
+        No number at all, too long a text, or a line with anything else, a NUL byte, or another count of numbers than
+        the first; the error names the line.
+    """
+    text = _decoded(data)
+    allowed = min(MOST_MENDED, (text.count("\n") + 1) // LINES_PER_MENDED)
+    text, mended = _without_nuls(text, allowed)
+    text = _COMMENT.sub("", text)
+    first_line, separator, columns = _layout(text)
+    parts = []
+    for line, block in _blocks(text, first_line):
+        part, filled = _numbers(block, line, separator, columns, allowed - mended)
+        parts.append(part)
+        mended += filled
+    table = np.concatenate(parts, axis=1)
+    for column in table if mended else ():
+        missing = np.isnan(column)
+        column[missing] = np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), column[~missing])
+    return table, mended
+
+
+def _decoded(data: bytes) -> str:
+    if len(data) > MAX_TEXT_BYTES:
+        raise ValueError(
+            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_TEXT_BYTES / 1e6:.0f} MB are accepted: save it as "
+            "WAV or NPY instead."
+        )
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _without_nuls(text: str, allowed: int) -> tuple[str, int]:
+    """Return the text without stray NUL characters, and the number of lines that had some."""
+    if "\0" not in text:
+        return text, 0
+    mended = _STRAY_NULS.sub("", text)
+    lines = {text.count("\n", 0, found.start()) for found in itertools.islice(_STRAY_NULS.finditer(text), allowed + 1)}
+    if "\0" in mended or len(lines) > allowed:
+        raise ValueError(f"Line {text.count(chr(10), 0, text.index(chr(0))) + 1} holds a NUL byte; {ALLOWED}.")
+    return mended, len(lines)
+
+
+def _layout(text: str) -> tuple[int, str | None, int]:
+    """Return the number of the first line of numbers, its separator (None: spaces) and its count of columns."""
+    lines = ((number, line.strip()) for number, line in enumerate(io.StringIO(text), start=1))
+    for number, line in itertools.islice((one for one in lines if one[1]), MAX_HEADER_LINES):
+        for separator in (";", "\t", ",", None):
+            fields = (line if separator == "," else line.replace(",", ".")).split(separator)
+            if (separator is None or separator in line) and None not in map(_number, fields):
+                return number, separator, len(fields)
+    raise ValueError(f"No line of the text holds numbers alone; {ALLOWED}.")
+
+
+def _number(field: str) -> float | None:
+    """Return the number in a field as NumPy reads it, None if there is none."""
+    try:
+        return None if "_" in field else float(field)
+    except ValueError:
+        return None
+
+
+def _blocks(text: str, first_line: int) -> Iterator[tuple[int, str]]:
+    """Yield blocks of whole lines from `first_line` on, not only blank ones, with the number of their first line."""
+    lines = io.StringIO(text)
+    for _ in range(first_line - 1):
+        lines.readline()
+    while block := lines.readlines(BLOCK):
+        joined = "".join(block)
+        if not joined.isspace():
+            yield first_line, joined
+        first_line += len(block)
+
+
+def _numbers(
+    block: str, first_line: int, separator: str | None, columns: int, allowed: int
+) -> tuple[npt.NDArray[np.float64], int]:
+    """Return the (columns, rows) of a block, NaN in fields that were empty, and the number of lines with such."""
+    if separator != ",":
+        block = block.replace(",", ".")  # a decimal comma
+    with suppress(ValueError):
+        table = np.loadtxt(io.StringIO(block), delimiter=separator, comments=None, ndmin=2)
+        if table.shape[1] == columns and np.isfinite(table).all():
+            return table.T, 0
+    lines = [[field.strip() for field in line.split(separator)] for line in block.split("\n")]
+    gaps = sum(len(fields) == columns and any(fields) and not all(fields) for fields in lines)
+    rows = [
+        _row(fields, number, columns, may_fill=gaps <= allowed)
+        for number, fields in enumerate(lines, start=first_line)
+        if fields not in ([], [""])
+    ]
+    return np.array(rows).T, gaps
+
+
+def _row(fields: list[str], line: int, columns: int, *, may_fill: bool) -> list[float]:
+    """Return the numbers of a line, NaN in empty fields that may be filled; ValueError about anything else."""
+    may_fill = may_fill and any(fields) and len(fields) == columns
+    row = []
+    for field in fields:
+        number = math.nan if may_fill and not field else _number(field)
+        if number is None:
+            raise ValueError(f"Line {line} {f'holds {quote(field)}' if field else 'lacks a number'}; {ALLOWED}.")
+        if field and not math.isfinite(number):
+            raise ValueError(f"Line {line} holds {number}; {ALLOWED}.")
+        row.append(number)
+    if len(row) != columns:
+        raise ValueError(f"Line {line} holds {len(row)} numbers and the lines before it {columns}; {ALLOWED}.")
+    return row
+
+
+# Writing.
+
+WAV_BYTES = 2**32
+"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
+
+WAV_RATES = (1, 500_000_000)
+"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
+
+
+def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
+    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
+
+    Parameters
+    ----------
+    signal
+        (samples,) finite numbers.
+    sampling_rate
+        Samples per second, rounded, since a WAV file stores a whole number.
+    """
+    samples = np.asarray(signal, dtype=np.float64)
+    loudest = float(np.abs(samples).max(initial=0.0)) or 1.0
+    stream = io.BytesIO()
+    soundfile.write(stream, (samples / loudest * 32767).astype(np.int16), round(sampling_rate), format="WAV")
+    return stream.getvalue()
+
+
+def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, sampling_rate: float) -> bytes:
+    """Return both recordings as one stereo WAV of 32-bit floats, sensor 1 on the left, with the lag removed.
+
+    Nothing is cut off: before a recording begins and after it ends, its mean takes its place. Values are kept unless
+    one is outside -1..1, where players would clip it: then both recordings are divided by the largest.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) finite numbers.
+    lag
+        Samples, positive where signal 2 hears the event later.
+    sampling_rate
+        Samples per second, rounded, since a WAV file stores a whole number.
+
+    Raises
+    ------
+    ValueError
+        As :func:`check_aligned_wav` does.
+    """
+    from stereolag.signals.lag import aligned, aligned_length  # not loaded by those who only read
+
+    # They keep their type: a converted copy of an hour would take a gigabyte.
+    first, second = np.asarray(signal_1), np.asarray(signal_2)
+    check_aligned_wav(first.size, second.size, lag, sampling_rate)
+    length = aligned_length(first.size, second.size, lag)
+    loudest = max(1.0, *(max(float(signal.max()), -float(signal.min())) for signal in (first, second)))
+    means = float(first.mean(dtype=np.float64)), float(second.mean(dtype=np.float64))
+    stream = io.BytesIO()
+    with soundfile.SoundFile(stream, "w", round(sampling_rate), 2, "FLOAT", format="WAV") as file:
+        for start in range(0, length, BLOCK):
+            part = aligned(first, second, lag, start, min(start + BLOCK, length), means=means)
+            file.write((part / loudest).astype(np.float32))
+    return stream.getvalue()
+
+
+def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) -> None:
+    """Refuse recordings that :func:`aligned_wav` cannot store; far quicker than trying.
+
+    Raises
+    ------
+    ValueError
+        A sampling rate that a WAV file cannot store, or recordings too long for one.
+    """
+    from stereolag.signals.lag import aligned_length
+
+    lowest, highest = WAV_RATES
+    if not lowest <= sampling_rate <= highest:
+        raise ValueError(
+            f"sampling_rate is {sampling_rate:g}; a WAV file holds {lowest} to {highest:,} samples a second."
+        )
+    most = WAV_BYTES // 8 - BLOCK
+    length = aligned_length(size_1, size_2, lag)
+    if length > most:
+        raise ValueError(f"The aligned recordings have {length:,} samples; a stereo WAV file holds {most:,}.")

@@ -1,4 +1,4 @@
-"""Results as files: tables and documents about lags, template searches and disparity maps, and recordings as WAV."""
+"""Results as files: tables and documents about lags, template searches and disparity maps."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
-import soundfile
 
 if TYPE_CHECKING:  # a command loads only what it measures with
     from stereolag.core.searches import LagSearch, TemplateQuery
@@ -21,16 +19,6 @@ if TYPE_CHECKING:  # a command loads only what it measures with
     from stereolag.stereo.evaluation import Evaluation
     from stereolag.stereo.matcher import DisparityMap
     from stereolag.templates import TemplateSearch
-
-
-BLOCK = 2**20
-"""Samples aligned and written at a time."""
-
-WAV_BYTES = 2**32
-"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
-
-WAV_RATES = (1, 500_000_000)
-"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
 
 
 def figures_json(figures: Mapping[str, Any], *, indent: int | None = None) -> str:
@@ -189,77 +177,3 @@ def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) 
         lags, heights = lags[first : first + most], heights[first : first + most]
     rows = zip(lags.tolist(), (lags / sampling_rate).tolist(), heights.tolist(), strict=True)
     return _csv(["lag_samples", "time_s", name], rows)
-
-
-def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
-    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
-
-    Parameters
-    ----------
-    signal
-        (samples,) finite numbers.
-    sampling_rate
-        Samples per second, rounded, since a WAV file stores a whole number.
-    """
-    samples = np.asarray(signal, dtype=np.float64)
-    loudest = float(np.abs(samples).max(initial=0.0)) or 1.0
-    stream = io.BytesIO()
-    soundfile.write(stream, (samples / loudest * 32767).astype(np.int16), round(sampling_rate), format="WAV")
-    return stream.getvalue()
-
-
-def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, sampling_rate: float) -> bytes:
-    """Return both recordings as one stereo WAV of 32-bit floats, sensor 1 on the left, with the lag removed.
-
-    Nothing is cut off: before a recording begins and after it ends, its mean takes its place. Values are kept unless
-    one is outside -1..1, where players would clip it: then both recordings are divided by the largest.
-
-    Parameters
-    ----------
-    signal_1, signal_2
-        (N1,) and (N2,) finite numbers.
-    lag
-        Samples, positive where signal 2 hears the event later.
-    sampling_rate
-        Samples per second, rounded, since a WAV file stores a whole number.
-
-    Raises
-    ------
-    ValueError
-        As :func:`check_aligned_wav` does.
-    """
-    from stereolag.signals.lag import aligned, aligned_length
-
-    # They keep their type: a converted copy of an hour would take a gigabyte.
-    first, second = np.asarray(signal_1), np.asarray(signal_2)
-    check_aligned_wav(first.size, second.size, lag, sampling_rate)
-    length = aligned_length(first.size, second.size, lag)
-    loudest = max(1.0, *(max(float(signal.max()), -float(signal.min())) for signal in (first, second)))
-    means = float(first.mean(dtype=np.float64)), float(second.mean(dtype=np.float64))
-    stream = io.BytesIO()
-    with soundfile.SoundFile(stream, "w", round(sampling_rate), 2, "FLOAT", format="WAV") as file:
-        for start in range(0, length, BLOCK):
-            part = aligned(first, second, lag, start, min(start + BLOCK, length), means=means)
-            file.write((part / loudest).astype(np.float32))
-    return stream.getvalue()
-
-
-def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) -> None:
-    """Refuse recordings that :func:`aligned_wav` cannot store; far quicker than trying.
-
-    Raises
-    ------
-    ValueError
-        A sampling rate that a WAV file cannot store, or recordings too long for one.
-    """
-    from stereolag.signals.lag import aligned_length
-
-    lowest, highest = WAV_RATES
-    if not lowest <= sampling_rate <= highest:
-        raise ValueError(
-            f"sampling_rate is {sampling_rate:g}; a WAV file holds {lowest} to {highest:,} samples a second."
-        )
-    most = WAV_BYTES // 8 - BLOCK
-    length = aligned_length(size_1, size_2, lag)
-    if length > most:
-        raise ValueError(f"The aligned recordings have {length:,} samples; a stereo WAV file holds {most:,}.")

@@ -1,13 +1,30 @@
-"""Shared by all readers and writers: the bytes of a source, size limits, safe quotes in errors, and whole files."""
+"""The bytes of files: read from a source, from a ZIP archive, as an array of NumPy; quoted in errors; written whole.
+
+Of an archive, only requested files are unpacked, within limits, and never to disk. The limits are: the size of the
+directory, checked before it is parsed; the number and total size of the files as stated in the directory, checked
+before anything is decompressed; and during decompression, the stated size of the file. Names are only keys for
+requesting files and never become paths.
+"""
 
 from __future__ import annotations
 
+import io
+import math
 import os
 import re
+import unicodedata
+import zipfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
-from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO, TypeAlias
 from uuid import uuid4
+
+import numpy as np
+import numpy.typing as npt
 
 from stereolag.core.jobs import limits
 
@@ -68,15 +85,12 @@ def check_pixels(width: int, height: int, what: str) -> None:
     """
     if width < 1 or height < 1:
         raise ValueError(f"The {what} is {width} × {height} pixels: it holds none.")
-    if max(width, height) > MAX_SIDE:
+    too_long = max(width, height) > MAX_SIDE
+    if too_long or width * height > limits().max_pixels:
         raise ValueError(
-            f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); "
-            f"at most {limits().max_megapixels} megapixels are accepted, and {MAX_SIDE:,} pixels in a row or column."
-        )
-    if width * height > limits().max_pixels:
-        raise ValueError(
-            f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); "
-            f"at most {limits().max_megapixels} megapixels are accepted."
+            f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); at most "
+            f"{limits().max_megapixels} megapixels are accepted"
+            f"{f', and {MAX_SIDE:,} pixels in a row or column' if too_long else ''}."
         )
 
 
@@ -119,3 +133,243 @@ def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+# ZIP archives.
+
+ZIP_MAGIC = b"PK\x03\x04"
+MAX_FILES = 2000
+MAX_DIRECTORY_BYTES = 2**20
+MAX_NAME = 300
+MAX_DEPTH = 8
+
+_END = b"PK\x05\x06"
+_END_BYTES, _COMMENT_BYTES = 22, 65_535
+_END_OF_ZIP64 = b"PK\x06\x07"
+_ZIP64_LOCATOR_BYTES = 20
+_ENCRYPTED = 1
+_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+
+
+@dataclass(frozen=True, eq=False)
+class Archive:
+    """The files of an archive, still packed.
+
+    Attributes
+    ----------
+    names
+        Names of all files, in the archive's order, folders with slashes: "scene/left.png". Untrusted text.
+    packed
+        The bytes of the archive.
+    """
+
+    names: tuple[str, ...]
+    packed: bytes
+
+    def __reduce__(self) -> tuple[type[Archive], tuple[tuple[str, ...], bytes]]:
+        return Archive, (self.names, self.packed)
+
+    @cached_property
+    def _opened(self) -> zipfile.ZipFile:
+        """Return the opened archive, its directory parsed once: for thousands of files this is slower than a read."""
+        return zipfile.ZipFile(io.BytesIO(self.packed))
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of one file; several threads may call this at once.
+
+        Raises
+        ------
+        ValueError
+            No such file, or one that is damaged.
+        """
+        if name not in self.names:
+            raise ValueError(f"The archive holds no {quote(name)}.")
+        try:
+            with self._opened.open(name) as file:
+                data = file.read()  # no more than the directory states, which was checked
+            if len(data) != self._opened.getinfo(name).file_size:
+                raise EOFError("shorter than stated")
+        except Exception as error:  # zipfile and zlib raise all kinds of errors on broken files
+            raise ValueError(f"{quote(name)} in the archive is damaged or cut short.") from error
+        return data
+
+
+def is_archive(data: bytes) -> bool:
+    """Return whether the bytes begin like a ZIP archive."""
+    return data.startswith((ZIP_MAGIC, _END))
+
+
+def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
+    """Read the directory of a ZIP archive.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+    max_files
+        Largest number of files.
+
+    Returns
+    -------
+    archive
+        The files, without folders, hidden files and those added by macOS.
+
+    Raises
+    ------
+    ValueError
+        An archive that is damaged, encrypted or packed by a method other than "deflate", or that has too many files or
+        none, two of the same name, more than 256 MB unpacked, or names that are too long or lead out of it.
+    """
+    packed = read_bytes(source, "archive")
+    _check_directory(packed)
+    try:
+        with zipfile.ZipFile(io.BytesIO(packed)) as whole:
+            members = whole.infolist()
+    except Exception as error:  # zipfile raises all kinds of errors on broken files
+        raise _damaged() from error
+    kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
+    if not kept:
+        raise ValueError("The archive holds no files.")
+    if len(kept) > max_files:
+        raise ValueError(f"The archive holds {len(kept):,} files; at most {max_files:,} are accepted.")
+    for member in kept:
+        parts = PurePosixPath(member.filename.replace("\\", "/")).parts
+        if len(member.filename) > MAX_NAME or len(parts) > MAX_DEPTH:
+            raise ValueError(f"{quote(member.filename)} in the archive has too long a name.")
+        if ".." in parts or member.filename.startswith(("/", "\\")) or ":" in parts[0]:
+            raise ValueError(
+                f"{quote(member.filename)} in the archive points outside it; only names within are accepted."
+            )
+        if member.flag_bits & _ENCRYPTED:
+            raise ValueError(f"{quote(member.filename)} in the archive is encrypted; pack it without a password.")
+        if member.compress_type not in _METHODS:
+            raise ValueError(f"{quote(member.filename)} in the archive is packed by a method other than “deflate”.")
+    unpacked = sum(member.file_size for member in kept)
+    if unpacked > MAX_BYTES:
+        raise ValueError(
+            f"The archive holds {unpacked / 2**20:,.0f} MB unpacked; at most {MAX_BYTES // 2**20} MB are accepted."
+        )
+    names = tuple(member.filename for member in kept)
+    twins = [name for name, count in Counter(names).items() if count > 1]
+    if twins:
+        raise ValueError(f"The archive holds two files named {quote(twins[0])}.")
+    return Archive(names, packed)
+
+
+def _check_directory(packed: bytes) -> None:
+    """Refuse a directory that is too long to parse: every entry takes ten times its bytes in memory."""
+    end = packed.rfind(_END, max(0, len(packed) - _END_BYTES - _COMMENT_BYTES))
+    if end < 0 or len(packed) - end < _END_BYTES:
+        raise _damaged()
+    if packed[max(0, end - _ZIP64_LOCATOR_BYTES) : end].startswith(_END_OF_ZIP64):
+        raise ValueError("The archive is in the format for more than 4 GB (ZIP64); pack fewer files.")
+    size = int.from_bytes(packed[end + 12 : end + 16], "little")
+    if size > MAX_DIRECTORY_BYTES:
+        raise ValueError(
+            f"The archive has a directory of {size / 2**20:,.0f} MB; at most {MAX_DIRECTORY_BYTES // 2**20} MB is "
+            "accepted: pack fewer files."
+        )
+
+
+def _is_hidden(name: str) -> bool:
+    parts = name.replace("\\", "/").split("/")
+    return "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1].casefold() in ("thumbs.db", "desktop.ini")
+
+
+def _damaged() -> ValueError:
+    return ValueError("The archive is not a ZIP file, or it is damaged or cut short.")
+
+
+LONGEST_STEM, LONGEST_SUFFIX = 50, 10
+EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""The earliest date that a ZIP can store: the time of the export would make every archive differ."""
+
+READABLE = 0o644 << 16
+UNIX = 3
+_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+
+
+def bundle(files: Mapping[str, bytes | str]) -> bytes:
+    """Return a ZIP of all the files, in their order.
+
+    Parameters
+    ----------
+    files
+        {name: bytes or text}; :func:`file_name` makes each name harmless.
+
+    Raises
+    ------
+    ValueError
+        No files at all, or two whose names become the same.
+    """
+    if not files:
+        raise ValueError("files is empty; an archive needs at least one.")
+    names = [file_name(name) for name in files]
+    # Windows and macOS do not distinguish A from a.
+    counts = Counter(name.casefold() for name in names)
+    twins = sorted({name for name in names if counts[name.casefold()] > 1})
+    if twins:
+        raise ValueError(f"files holds several that become {', '.join(twins)}; give each its own name.")
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in zip(names, files.values(), strict=True):
+            entry = zipfile.ZipInfo(name, EARLIEST)
+            # A PNG is compressed already.
+            entry.compress_type = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
+            entry.external_attr, entry.create_system = READABLE, UNIX
+            archive.writestr(entry, data)
+    return stream.getvalue()
+
+
+def file_name(name: str) -> str:
+    """Return a name that is safe as a file name on any system and as text on a page: no folders, no Markdown.
+
+    Letters and digits of any script, and dots, underscores and hyphens between them, are kept; all else becomes a
+    hyphen.
+    """
+    last = unicodedata.normalize("NFC", re.split(r"[/\\]", name)[-1])
+    harmless = PurePosixPath(re.sub(r"[^\w.]+", "-", last).strip("-_."))
+    short = harmless.stem[:LONGEST_STEM] + harmless.suffix[:LONGEST_SUFFIX]
+    return f"file-{short}".rstrip("-") if not short or _DEVICES.match(short) else short
+
+
+# Arrays as NumPy saves them: numbers, no pickles.
+
+NPY_MAGIC = b"\x93NUMPY"
+MAX_DIMENSIONS = 32
+
+_HEADERS = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+
+
+def parse_npy(data: bytes, what: str) -> npt.NDArray[Any]:
+    """Return the array of numbers in the bytes of an ``.npy`` file (a read-only view of them).
+
+    Raises
+    ------
+    ValueError
+        A broken header, objects or text in place of real numbers, or fewer bytes than the header claims.
+    """
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        shape, is_fortran, dtype = _HEADERS[min(version[0], 2)](stream)
+        if len(shape) > MAX_DIMENSIONS or any(side < 0 or isinstance(side, bool) for side in shape):
+            raise ValueError(f"shape {shape}")
+    except Exception as error:  # the header is Python, and can be broken in all kinds of ways
+        raise ValueError(f"The {what} has the mark of an .npy file, but its header cannot be read.") from error
+    if dtype.kind not in "biuf" or dtype.itemsize > 8:
+        held = "records of several fields" if dtype.names else dtype.name
+        raise ValueError(f"The {what} (.npy) holds {held}; allowed are integers and floats.")
+    offset, count = stream.tell(), math.prod(shape)
+    if count * dtype.itemsize > len(data) - offset:
+        announced = f"{min(count, 10**30):.15g} numbers of {dtype.name}"
+        raise ValueError(f"The {what} (.npy) is cut short: its header announces {announced}.")
+    array = np.frombuffer(data, dtype, count, offset) if count else np.zeros(0, dtype)
+    return array.reshape(shape, order="F" if is_fortran else "C")
+
+
+def npy(array: npt.ArrayLike) -> bytes:
+    """Return an array of numbers as the bytes of an ``.npy`` file, bit for bit."""
+    stream = io.BytesIO()
+    np.save(stream, np.asarray(array), allow_pickle=False)
+    return stream.getvalue()

@@ -37,12 +37,11 @@ from stereolag.geometry.calibrating import LeftOut, PairReport, StereoCalibratio
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.geometry.rectification import rectify
-from stereolag.io.archives import is_archive, read_archive
 from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
-from stereolag.io.sources import MAX_BYTES, escape
+from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import download_button

@@ -22,8 +22,8 @@ import streamlit as st
 
 from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import format_bytes, limits
-from stereolag.io.archives import bundle
-from stereolag.io.results import wav
+from stereolag.io.recordings import wav
+from stereolag.io.sources import bundle
 from stereolag.ui import prose
 from stereolag.ui.results import HEAVY_MEMORY, Turn, limiter
 

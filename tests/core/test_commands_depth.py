@@ -18,9 +18,9 @@ from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.io.images import image_png
-from stereolag.io.numpy_files import npy
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
+from stereolag.io.sources import npy
 
 SHIFT = 7
 MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "disparity_kitti.png", "settings.json"]

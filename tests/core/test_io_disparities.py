@@ -30,7 +30,7 @@ from stereolag.io.disparities import (
     valid_mask_png,
 )
 from stereolag.io.images import image_png, image_tiff
-from stereolag.io.numpy_files import npy
+from stereolag.io.sources import npy
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
 QUANTUM = 1 / 256

@@ -20,9 +20,9 @@ from pydantic import Field
 
 import stereolag as sl
 from stereolag.core.settings import Settings
-from stereolag.io.archives import bundle
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.programs import constructor, imports, opencv_script, script
+from stereolag.io.sources import bundle
 from stereolag.stereo.opencv import BlockMatcher
 from tests.programs import run_program, run_program_alone
 

@@ -335,7 +335,7 @@ def test_audio_on_disk_is_streamed_whatever_its_bytes(tmp_path: Path, monkeypatc
     path = tmp_path / "sound.wav"
     soundfile.write(path, np.tile(LONG, (25, 1)), 8000, subtype="PCM_16")
     monkeypatch.setattr(sources, "MAX_BYTES", 10_000)
-    monkeypatch.setattr(recordings, "_BLOCK", 2**16)
+    monkeypatch.setattr(recordings, "BLOCK", 2**16)
     with pytest.raises(ValueError, match="larger than"):
         read_signal(path.read_bytes())
     tracemalloc.start()

@@ -23,12 +23,9 @@ from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.images import image_png
-from stereolag.io.numpy_files import npy
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
+from stereolag.io.recordings import BLOCK, aligned_wav, check_aligned_wav
 from stereolag.io.results import (
-    BLOCK,
-    aligned_wav,
-    check_aligned_wav,
     curve_csv,
     lag_json,
     matches_csv,
@@ -36,6 +33,7 @@ from stereolag.io.results import (
     metrics_csv,
     search_figures,
 )
+from stereolag.io.sources import npy
 from stereolag.signals.lag import aligned, mix
 from tests.programs import run_program
 
@@ -113,7 +111,7 @@ def test_any_part_of_the_aligned_recordings_is_that_of_the_whole(
 def test_the_wav_holds_all_of_both_and_their_lag_is_0(
     lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stereolag.io.results.BLOCK", 777)
+    monkeypatch.setattr("stereolag.io.recordings.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
     assert sl.signal_lag(first, second).lag == lag
     back = sl.read_signal(aligned_wav(first, second, lag, 8000.0))

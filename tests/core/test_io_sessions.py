@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from stereolag import Calibration
-from stereolag.io.archives import bundle, read_archive
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import pfm
 from stereolag.io.images import image_png, image_tiff
-from stereolag.io.sessions import SESSION, Colours, Session, holds_session, read_session, session_json
+from stereolag.io.settings import SESSION, Colours, Session, holds_session, read_session, session_json
+from stereolag.io.sources import bundle, read_archive
 from stereolag.stereo.methods import METHODS
 
 LEFT, RIGHT = np.random.default_rng(0).integers(0, 2**16, (2, 30, 40, 3)).astype(np.uint16)

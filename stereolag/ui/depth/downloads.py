@@ -19,11 +19,10 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, pfm, valid_mask_png
 from stereolag.io.images import image_png, image_tiff
-from stereolag.io.numpy_files import npy
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
-from stereolag.io.sessions import SESSION, session_json
-from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
+from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json
+from stereolag.io.sources import npy
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher

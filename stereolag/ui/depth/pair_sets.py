@@ -12,7 +12,7 @@ import streamlit as st
 
 from stereolag.assess.judging import Criterion, Judgement, TuningPair, estimate_reference, widest_range
 from stereolag.core.jobs import Estimate, Progress
-from stereolag.io.sessions import Session
+from stereolag.io.settings import Session
 from stereolag.pair import SIZES, Bundle, Pair, PairSet, Preparation, prepare, read_bundle, session_pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

@@ -11,7 +11,7 @@ from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import PALETTES
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.sessions import Colours, Session
+from stereolag.io.settings import Colours, Session
 from stereolag.pair import SIZES, Pair, PairId
 from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher

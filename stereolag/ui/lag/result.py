@@ -9,9 +9,10 @@ import streamlit as st
 
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
-from stereolag.io.numpy_files import npy
 from stereolag.io.programs import lag_command, lag_script
-from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_json
+from stereolag.io.recordings import aligned_wav, check_aligned_wav
+from stereolag.io.results import curve_csv, lag_json
+from stereolag.io.sources import npy
 from stereolag.signals import SignalLag
 from stereolag.signals.lag import aligned_length, mix
 from stereolag.ui import prose
