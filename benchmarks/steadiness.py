@@ -18,7 +18,7 @@ from stereolag.sequences import (
     open_sequence,
     run_sequence,
 )
-from stereolag.sequences.steadying import motion_since, steadied
+from stereolag.sequences.motion import motion_since, steadied
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

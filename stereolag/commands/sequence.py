@@ -21,7 +21,7 @@ from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import DISPARITY_FORMATS
 from stereolag.pair import Pair, PairId
-from stereolag.sequences.motion import SequenceSettings
+from stereolag.sequences import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
@@ -146,7 +146,7 @@ def _read_sequence(
     OSError
         Files that cannot be opened.
     """
-    from stereolag.sequences import RectifiedSequence, open_sequence
+    from stereolag.sequences import open_sequence, rectified_sequence
 
     sequence = open_sequence(options.left, options.right, truth=options.truth, frame_rate=options.frame_rate)
     if options.calibration is None:
@@ -158,7 +158,7 @@ def _read_sequence(
     fitted = calibration_for(calibration, first.left.shape[1], first.left.shape[0])
     pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, WORDING)
     if pair.rectification is not None and pair.rectification.done:
-        sequence = RectifiedSequence(sequence, calibration)
+        sequence = rectified_sequence(sequence, calibration)
     return sequence, pair.calibration, said
 
 

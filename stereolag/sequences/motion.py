@@ -1,16 +1,19 @@
-"""Motion in a sequence: the flow since the previous frame, our own speed, and moving things."""
+"""From frame to frame: the flicker of maps, maps steadied by the previous frame, our own motion and moving things."""
 
 from __future__ import annotations
 
 import math
 import time
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.core.arrays import FloatMap, Rgb
-from stereolag.core.inputs import Image
+from stereolag.core.arrays import FloatMap, Mask, Rgb
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image
 from stereolag.core.jobs import Progress
 from stereolag.core.settings import Settings
 from stereolag.figures.pictures import (
@@ -25,11 +28,236 @@ from stereolag.figures.pictures import (
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
-from stereolag.sequences.records import MOTION, FrameRecord
 from stereolag.sequences.sources import StereoFrame, StereoSequence
-from stereolag.sequences.steadying import Steadiness
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import preset
+
+STILL_LEVELS = 3.0
+"""Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""
+
+NEIGHBOURHOOD = 7
+"""Side of the neighbourhood, px; about that of a small matching window, so that the matcher's input is unchanged."""
+
+LEAST_SHARE = 0.001
+"""Least share of the pixels for a meaningful figure."""
+
+
+def still_pixels(
+    before: npt.ArrayLike, now: npt.ArrayLike, *, levels: float = STILL_LEVELS, size: int = NEIGHBOURHOOD
+) -> npt.NDArray[np.bool_]:
+    """Return the mask of pixels at which a picture did not change.
+
+    Parameters
+    ----------
+    before, now
+        (H, W), (H, W, 3) or (H, W, 4): two frames of one camera, of one size.
+    levels
+        Mean absolute change of a neighbourhood up to which it counts as still, grey levels of 255.
+    size
+        Side of the neighbourhood, px.
+
+    Returns
+    -------
+    still
+        (H, W) bool.
+    """
+    frames = as_eight_bit(as_grey(as_image(before, "before")), as_grey(as_image(now, "now")))
+    change = cv2.blur(cv2.absdiff(*frames), (size, size))
+    return np.asarray(change <= levels)
+
+
+def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> float:
+    """Return the mean absolute change of the disparity where the picture did not change, px.
+
+    Parameters
+    ----------
+    before, now
+        (H, W) disparities of two consecutive frames, px; NaN = none.
+    still
+        (H, W) bool from :func:`still_pixels`.
+
+    Returns
+    -------
+    flicker
+        px; NaN if less than a thousandth of the pixels are still and have a disparity in both.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+
+    Notes
+    -----
+    The world may move where the picture does not, such as a road passing below the car, but its disparity then stays:
+    any change comes from the matching. The mean is used because flicker consists of jumps, which a median would miss.
+    """
+    first, second = np.asarray(before, dtype=np.float32), np.asarray(now, dtype=np.float32)
+    unchanged = np.asarray(still, dtype=np.bool_)
+    if not first.shape == second.shape == unchanged.shape:
+        raise ValueError(f"the shapes are {first.shape}, {second.shape} and {unchanged.shape}; all must be one (H, W).")
+    change = cv2.absdiff(first, second)[unchanged]
+    known = change[np.isfinite(change)]
+    return float(known.mean()) if known.size >= LEAST_SHARE * first.size and known.size else math.nan
+
+
+def same_picture_size(before: Image, now: Image) -> bool:
+    """Return whether two frames can be compared: a camera may be switched to another size during a sequence."""
+    return before.shape[:2] == now.shape[:2] and before.dtype == now.dtype
+
+
+SMALLEST = 16
+"""Least width and height of a frame, px: the optical flow needs about that much."""
+
+SAME_LEVELS = 12
+"""Mean change of a neighbourhood along the motion up to which both frames show the same, grey levels of 255."""
+
+SAME_SIZE = 7
+"""Side of that neighbourhood, px."""
+
+DRIFT_SIZE, DRIFT_LIMITS, DRIFT_SHRINKAGE = 45, (3.0, 1.5), 0.05
+"""Side of the window over which the change of disparity is averaged, px; largest deviation of the pixels used from the
+estimate so far, px; weight of the whole scene's change where little is measured, as a share of a neighbourhood."""
+
+QUIET_SIZE, QUIET_SHARE, QUIET_LIMITS = 91, 0.9, 2.0
+"""Side of the neighbourhood of a guessed pixel, px; share of its measured pixels that must be unchanged; and the
+tolerance for that, as a multiple of the agreement limit."""
+
+EVERY, LEAST = 5, 200
+"""Spacing of the pixels that give the change of the whole scene, px, and the least number of them."""
+
+
+class Steadiness(Settings):
+    """Averages the map of a frame with that of the previous frame, carried over, where the two agree."""
+
+    limit: float = Field(
+        default=1.0,
+        title="Agreement",
+        description="Largest difference at which the map carried over from the previous frame is averaged with this "
+        "one, px.",
+        gt=0,
+        le=16,
+        json_schema_extra={"step": 0.25},
+    )
+
+
+class Motion(NamedTuple):
+    """Motion of the picture since the previous frame; each (H, W)."""
+
+    col: FloatMap
+    """Position of each pixel in the previous frame, px."""
+    row: FloatMap
+    same: Mask
+    """Whether it looks the same there."""
+    still: Mask
+    """Whether the picture did not change at this pixel."""
+
+
+def motion_since(before: Image, now: Image) -> Motion | None:
+    """Return the motion of the picture, by dense inverse search; None if the frames cannot be compared.
+
+    Parameters
+    ----------
+    before, now
+        (H, W), (H, W, 3) or (H, W, 4): two frames of one camera.
+    """
+    if not same_picture_size(before, now) or min(now.shape[:2]) < SMALLEST:
+        return None
+    old, new = as_eight_bit(as_grey(before), as_grey(now))
+    # Identical bit for bit on any number of threads, as it always uses eight stripes.
+    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    flow = search.calc(new, old, None)  # type: ignore[call-overload]
+    rows, cols = new.shape
+    col = flow[:, :, 0] + np.arange(cols, dtype=np.float32)
+    row = flow[:, :, 1] + np.arange(rows, dtype=np.float32)[:, None]
+    inside = (col >= 0) & (col <= cols - 1) & (row >= 0) & (row <= rows - 1)
+    fetched = cv2.remap(old, col, row, cv2.INTER_LINEAR)
+    change = cv2.blur(cv2.absdiff(fetched, new), (SAME_SIZE, SAME_SIZE))
+    return Motion(col, row, inside & (change <= SAME_LEVELS), still_pixels(before, now))
+
+
+def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: Steadiness) -> FloatMap:
+    """Return the disparities of a frame, averaged with those of the previous frame where both agree.
+
+    Parameters
+    ----------
+    before, now
+        A matcher's maps of the two frames, each by itself.
+    motion
+        From :func:`motion_since`.
+    settings
+        The limit of agreement.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32, px; NaN where `now` has none.
+
+    Notes
+    -----
+    Disparities of approaching points grow, so the carried-over map is first corrected by the mean change of the
+    measured pixels nearby; averaging removes their individual errors. Guesses, pixels filled in both maps, are averaged
+    even if they differ, provided neither the picture nor the measured pixels around them changed.
+    """
+    carried = _fetched(before.disparity, motion, cv2.INTER_LINEAR)
+    measured = _measured(now)
+    witnesses = measured & motion.same & (_fetched(_measured(before).astype(np.uint8), motion, cv2.INTER_NEAREST) > 0)
+    carried += _drift(carried, now.disparity, witnesses)
+    agreeing = motion.same & (np.abs(carried - now.disparity) <= np.float32(settings.limit))
+    out = np.where(agreeing, (carried + now.disparity) / 2, now.disparity)
+    guessed = motion.still & ~agreeing & now.filled & before.filled
+    if guessed.any():
+        guessed &= _quiet(before, now, np.float32(QUIET_LIMITS * settings.limit))
+        out[guessed] = (before.disparity[guessed] + now.disparity[guessed]) / 2
+    return np.asarray(out, np.float32)
+
+
+def _measured(one: DisparityMap) -> Mask:
+    return np.asarray((one.reason == Reason.MEASURED) & one.valid)
+
+
+def _fetched(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) -> np.ndarray:
+    return np.asarray(cv2.remap(values, motion.col, motion.row, interpolation))
+
+
+def _drift(carried: FloatMap, now: FloatMap, witnesses: Mask) -> FloatMap:
+    """Return the smooth growth of the disparities since the previous frame, px, from the pixels measured in both.
+
+    Where these are few, it is the growth expected when approaching a static scene, in which 1/d shrinks by the same
+    amount everywhere.
+    """
+    change = now - carried
+    approach = _approach(carried[::EVERY, ::EVERY], now[::EVERY, ::EVERY], witnesses[::EVERY, ::EVERY])
+    near = np.maximum(np.nan_to_num(carried), 0)
+    scale = np.maximum(1 - approach * near, np.float32(0.25))
+    expected = np.asarray(approach * near * near / scale, np.float32)
+    drift, size = expected, (DRIFT_SIZE, DRIFT_SIZE)
+    for limit in DRIFT_LIMITS:
+        taking_part = witnesses & (np.abs(change - drift) <= np.float32(limit))
+        more = cv2.blur(np.where(taking_part, change - expected, np.float32(0)), size)
+        share = cv2.blur(taking_part.astype(np.float32), size)
+        drift = np.asarray(expected + more / (share + np.float32(DRIFT_SHRINKAGE)), np.float32)
+    return drift
+
+
+def _approach(carried: FloatMap, now: FloatMap, witnesses: Mask) -> np.float32:
+    """Return the decrease of 1/d, per px: a median weighted towards near pixels, which are the most accurate."""
+    chosen = witnesses & (carried > 1) & (now > 1)
+    if np.count_nonzero(chosen) < LEAST:
+        return np.float32(0)
+    before, after = carried[chosen].astype(np.float64), now[chosen].astype(np.float64)
+    weight = before * after
+    found = (after - before) / weight
+    order = np.argsort(found, kind="stable")
+    total = np.cumsum(weight[order])
+    return np.float32(found[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def _quiet(before: DisparityMap, now: DisparityMap, limit: np.float32) -> Mask:
+    """Return the mask of pixels around which nearly all measured pixels kept their disparity."""
+    both, size = _measured(before) & _measured(now), (QUIET_SIZE, QUIET_SIZE)
+    kept = both & (np.abs(now.disparity - before.disparity) <= limit)
+    counts = [cv2.blur(one.astype(np.float32), size) for one in (kept, both)]
+    return np.asarray(counts[0] >= np.float32(QUIET_SHARE) * counts[1])
 
 
 class SequenceMotion(Settings):
@@ -65,7 +293,7 @@ class SequenceSettings(Settings):
 
 
 SAMPLED = 5
-"""Frames, spread over the sequence, that determine the displacement at the rim of the colour wheel."""
+"""Frames, spread over the sequence, that determine the colours of disparities and of the flow before one is drawn."""
 
 ARROW_EVERY = 1 / 28
 """Spacing of the arrows, as a share of the width."""
@@ -96,12 +324,16 @@ class FrameMotion:
     scene: SceneFlow | None
     milliseconds: float
 
-    def things(self) -> str:
-        """Return the text for the table that lists the moving things, nearest first."""
-        regions = () if self.scene is None else self.scene.regions
-        return "; ".join(
-            f"{one.distance_m:.1f} m" + (f" {one.speed_kmh:.0f} km/h" if one.trusted else "") for one in regions
+    def figures(self) -> dict[str, Any]:
+        """Return the figures for the table; moving things are listed nearest first."""
+        figures = {"coverage": self.coverage, "milliseconds": self.milliseconds}
+        if self.scene is None:
+            return figures
+        things = (
+            f"{one.distance_m:.1f} m" + (f" {one.speed_kmh:.0f} km/h" if one.trusted else "")
+            for one in self.scene.regions
         )
+        return figures | {"own_speed_kmh": self.scene.own_speed_kmh, "moving": "; ".join(things)}
 
 
 class MotionWatch:
@@ -204,20 +436,6 @@ class MotionWatch:
             for number, one in enumerate(motion.scene.regions, start=1)
         ]
         return with_outlines(picture, outlines), seen
-
-    def record(self, number: int, motion: FrameMotion) -> FrameRecord:
-        """Return the row of the table."""
-        speed = None if motion.scene is None else motion.scene.own_speed_kmh
-        return FrameRecord(
-            number,
-            self._sequence.names[number],
-            number / self._sequence.frame_rate,
-            MOTION,
-            coverage=motion.coverage,
-            milliseconds=motion.milliseconds,
-            own_speed_kmh=math.nan if speed is None else speed,
-            moving=motion.things(),
-        )
 
     def _matched(self, number: int, progress: Progress | None) -> tuple[StereoFrame, DisparityMap | None]:
         if self._last is not None and self._last[0] == number:

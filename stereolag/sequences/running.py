@@ -1,32 +1,260 @@
-"""The job over the frames of a sequence: matching, writing, drawing and reporting; finished frames are kept."""
+"""The job over the frames of a sequence, on threads or a Dask cluster: matching, writing, drawing and reporting."""
 
 from __future__ import annotations
 
 import math
 import os
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError
-from contextlib import ExitStack
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
-from stereolag.core.inputs import Image
+from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
-from stereolag.sequences.motion import MotionWatch, SequenceSettings
-from stereolag.sequences.records import FrameRecord, damaged_records
-from stereolag.sequences.runners import PairRunner, Runner, SteadyRunner, in_order, runner_at
-from stereolag.sequences.sources import StereoSequence, Truth
-from stereolag.sequences.steadying import flicker, same_picture_size, still_pixels
+from stereolag.loops.bands import available_cores
+from stereolag.sequences.frames import (
+    MOTION,
+    PNG,
+    FrameMap,
+    FrameRecord,
+    FrameTask,
+    MatchedFrame,
+    encoded_frame,
+    finished_frame,
+    match_frame,
+)
+from stereolag.sequences.motion import (
+    SAMPLED,
+    MotionWatch,
+    SequenceSettings,
+    flicker,
+    same_picture_size,
+    still_pixels,
+)
+from stereolag.sequences.sources import StereoSequence
 from stereolag.sequences.targets import SequenceFolder, SequenceTarget
 from stereolag.sequences.video import SequenceVideo, VideoWriter, common_range, panels
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+
+LOCAL = "local"
+"""Scheduler address for a cluster of processes on this machine that lasts as long as the job."""
+
+LOOKS_S = 0.1
+"""Interval at which the job checks for cancellation."""
+
+_CONNECTS_S = "10s"
+_COUNTS_S = 5.0
+
+
+class Pending(Protocol):
+    """A frame being matched somewhere."""
+
+    def result(self, timeout: float | None = None) -> MatchedFrame[FrameMap]:
+        """Wait for the frame; raise ``TimeoutError`` if it is not ready in time."""
+
+    def cancel(self) -> object:
+        """Cancel the frame, if it has not begun."""
+
+
+class Runner(Protocol):
+    """Matches several frames at once, and can steady each with the previous one."""
+
+    at_once: int
+    """The largest number of frames in flight, which bounds memory however long the sequence is."""
+
+    crashes: tuple[type[Exception], ...]
+    """Raised by a frame that repeatedly kills its worker; it counts as damaged."""
+
+    def match(self, task: FrameTask) -> Any:
+        """Return a promise of a frame's own maps, to be passed to :meth:`submit`, usually twice."""
+
+    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Pending:
+        """Start a frame as soon as there is room for it; with promises, steadied by the previous frame."""
+
+
+def in_order(
+    runner: Runner, submit: Callable[[FrameTask], Pending], tasks: Iterable[FrameTask], look: Callable[[], None]
+) -> Iterator[MatchedFrame[FrameMap]]:
+    """Yield the frames in the order of their tasks, with no more in flight than the runner allows.
+
+    Parameters
+    ----------
+    runner
+        The runner that does the work.
+    submit
+        Starts a frame on it.
+    tasks
+        The work.
+    look
+        Called ten times a second while waiting; an exception from it ends the job.
+    """
+    coming = iter(tasks)
+    waiting: deque[tuple[int, Pending]] = deque()
+    try:
+        while True:
+            room = max(0, runner.at_once - len(waiting))  # the limit may fall once a worker has died
+            waiting.extend((task.number, submit(task)) for task in islice(coming, room))
+            if not waiting:
+                return
+            look()
+            try:
+                frame = waiting[0][1].result(timeout=LOOKS_S)
+            except TimeoutError:
+                continue
+            except runner.crashes:
+                frame = MatchedFrame(waiting[0][0], problem="This frame crashed every worker that took it.")
+            waiting.popleft()
+            yield frame
+    finally:
+        for _, pending in waiting:
+            pending.cancel()
+
+
+@contextmanager
+def runner_at(scheduler: str | None) -> Iterator[Runner]:
+    """Open the runner for a scheduler; None means threads of this process.
+
+    Raises
+    ------
+    ValueError
+        If Dask is not installed.
+    ConnectionError
+        If there is no scheduler at that address.
+    """
+    with ExitStack() as stack:
+        if scheduler is None:
+            yield stack.enter_context(ThreadRunner())
+            return
+        try:
+            import distributed
+        except ImportError as error:
+            raise ValueError(
+                "A scheduler needs the package dask.distributed: pip install 'stereolag[cluster]'."
+            ) from error
+        address: Any = scheduler
+        if scheduler == LOCAL:
+            address = stack.enter_context(
+                distributed.LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=available_cores(),
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs="ERROR",
+                    preload=__name__,
+                )
+            )
+        opening: Any = distributed.Client
+        try:
+            client = opening(address, timeout=_CONNECTS_S, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
+        stack.callback(client.close)
+        yield DaskRunner(client, (distributed.KilledWorker,))
+
+
+def dask_setup(worker: object) -> None:
+    """Make a local worker ignore Ctrl-C, which the terminal sends to all processes; Dask calls this at startup.
+
+    The process that started the job ends it, and the workers with it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class ThreadRunner:
+    """Runner on threads of this process: while one frame is decoded or encoded, another one is matched.
+
+    On exit, frames in flight end within a few image rows.
+    """
+
+    crashes: tuple[type[Exception], ...] = ()
+
+    def __init__(self) -> None:
+        # One more than there are cores, as the serial parts of a frame leave some cores idle.
+        threads = available_cores() + 1
+        self.at_once = threads + 2
+        self._stop = threading.Event()
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="frames")
+
+    def __enter__(self) -> ThreadRunner:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def match(self, task: FrameTask) -> LazyFrame:
+        """Return a promise of a frame: the first thread that needs it matches it."""
+        return LazyFrame(task, self._stop_here)
+
+    def submit(self, task: FrameTask, own: LazyFrame | None = None, before: LazyFrame | None = None) -> Pending:
+        """Start a frame as soon as a thread is free."""
+
+        def frame() -> MatchedFrame[FrameMap]:
+            promised = [None if one is None else one() for one in (own, before)]
+            return encoded_frame(task, *promised, progress=self._stop_here)
+
+        return self._pool.submit(frame)
+
+    def _stop_here(self, fraction: float) -> None:
+        if self._stop.is_set():
+            raise CancelledError
+
+
+class LazyFrame:
+    """A frame's own maps, computed by the first thread to ask while others wait; it cannot deadlock."""
+
+    def __init__(self, task: FrameTask, progress: Progress) -> None:
+        self._task, self._progress = task, progress
+        self._lock = threading.Lock()
+        self._found: MatchedFrame[DisparityMap] | None = None
+
+    def __call__(self) -> MatchedFrame[DisparityMap]:
+        """Return the maps, matching the frame if nobody has yet."""
+        with self._lock:
+            if self._found is None:
+                self._found = match_frame(self._task, self._progress)
+            return self._found
+
+
+class DaskRunner:
+    """Runner on a Dask cluster, whose workers read the frames themselves; frames of a dead worker go to another one.
+
+    Parameters
+    ----------
+    client
+        A ``distributed.Client``.
+    crashes
+        As in :class:`Runner`.
+    """
+
+    def __init__(self, client: Any, crashes: tuple[type[Exception], ...]) -> None:
+        self._client, self.crashes = client, crashes
+        self._looked = -math.inf
+        self.at_once = 4
+
+    def match(self, task: FrameTask) -> Any:
+        """Have a worker match a frame and keep the result."""
+        return self._client.submit(match_frame, task, pure=False)
+
+    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Pending:
+        """Send a frame to a worker: with promises, to the one that has its maps."""
+        if time.monotonic() - self._looked > _COUNTS_S:
+            # The number of frames in flight follows the workers, which come and go.
+            self._looked = time.monotonic()
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self.at_once = max(4, 3 * sum(worker["nthreads"] for worker in workers))
+        pending: Pending = self._client.submit(encoded_frame, task, own, before, pure=False)
+        return pending
 
 
 @dataclass(frozen=True)
@@ -76,10 +304,6 @@ class SequenceResult:
     elapsed_s: float
 
 
-SAMPLED = 5
-"""Frames, spread over the sequence, that determine the colour range before the first one is drawn."""
-
-
 def run_sequence(
     sequence: StereoSequence,
     matchers: StereoMatcher | Mapping[str, StereoMatcher],
@@ -104,7 +328,7 @@ def run_sequence(
         One, or several by the names of their folders.
     out
         The output folder, for ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as in KITTI), ``frames.csv``
-        (:class:`~stereolag.sequences.records.FrameRecord`) and ``sequence.json``. Frames already finished there are not
+        (:class:`~stereolag.sequences.frames.FrameRecord`) and ``sequence.json``. Frames already finished there are not
         matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
         Provides the distance of the nearest obstacle in metres.
@@ -143,14 +367,18 @@ def run_sequence(
     settings = settings or SequenceSettings()
     if video is not None and not isinstance(video, SequenceVideo):
         video = SequenceVideo(video)
+    task = FrameTask(
+        0,
+        partial(sequence.frame, 0),
+        named,
+        disparity_format,
+        calibration,
+        in_colour=video is not None,
+        steadiness=settings.steadiness,
+        with_truth=video is not None and video.with_truth,
+    )
     with ExitStack() as stack:
-        target: SequenceTarget
-        if isinstance(out, str | os.PathLike):
-            target = SequenceFolder(
-                Path(out), sequence, named, disparity_format, calibration, settings.steadiness, again=again
-            )
-        else:
-            target = out
+        target = out if isinstance(out, SequenceTarget) else SequenceFolder(Path(out), sequence, task, again=again)
         stack.callback(target.close)
         writer = None
         if video is not None:
@@ -165,16 +393,6 @@ def run_sequence(
         if settings.motion is not None:
             method = next(iter(named.values()))
             watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
-        task = FrameTask(
-            0,
-            partial(sequence.frame, 0),
-            named,
-            disparity_format,
-            calibration,
-            in_colour=writer is not None,
-            steadiness=settings.steadiness,
-            with_truth=video is not None and video.with_truth,
-        )
         runner = stack.enter_context(runner_at(scheduler))
         return _Job(sequence, task, target, writer, watch, runner, progress, cancelled).run()
 
@@ -189,18 +407,20 @@ class _Job:
         target: SequenceTarget,
         writer: VideoWriter | None,
         watch: MotionWatch | None,
-        runner: PairRunner,
+        runner: Runner,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
-        self._progress, self._cancelled = progress, cancelled
+        self._runner, self._progress, self._cancelled = runner, progress, cancelled
         self._start = time.perf_counter()
-        self._missing = [number for number in range(len(sequence)) if number not in target]
+        self._missing = [number for number in range(len(sequence)) if number not in target.finished]
         self._done = self._before = len(sequence) - len(self._missing)
-        self._runner: Runner = runner if task.steadiness is None else SteadyRunner(runner, self._missing, self._task)
         self._matched, self._damaged = 0, dict[str, str]()
-        self._last: MatchedFrame | None = None
+        self._last: MatchedFrame[FrameMap] | None = None
+        # Each frame is matched for itself and for the next one; the promise of its maps is dropped after its last use.
+        self._uses = Counter(one for number in self._missing for one in (number, number - 1))
+        self._promised: dict[int, Any] = {}
 
     def run(self) -> SequenceResult:
         """Process all frames in order."""
@@ -215,94 +435,111 @@ class _Job:
             len(self._sequence), self._matched, self._before, self._damaged, cancelled=ended, elapsed_s=elapsed
         )
 
-    def _frames(self) -> Iterator[MatchedFrame]:
+    def _frames(self) -> Iterator[MatchedFrame[FrameMap]]:
         """Yield every frame to match, and finished ones that the video or the motion needs."""
-        sampled: dict[int, MatchedFrame] = {}
+        sampled: dict[int, MatchedFrame[FrameMap]] = {}
         if self._writer is not None and self._target.colours is None:
-            numbers = _spread(self._missing or range(len(self._sequence)), SAMPLED)
-            tasks = map(self._task, numbers)
-            found = in_order(self._runner, tasks, self._look) if self._missing else map(self._read_back, numbers)
-            sampled = {frame.number: frame for frame in found}
-            self._target.set_colours(
-                common_range([one.disparity for frame in sampled.values() for one in frame.maps.values()])
+            numbers = self._missing or range(len(self._sequence))
+            places = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), SAMPLED)).round().astype(int))
+            chosen = [numbers[place] for place in places]
+            sampled = dict(
+                zip(chosen, self._computed(chosen) if self._missing else map(self._read_back, chosen), strict=True)
             )
+            maps = [one.disparity for frame in sampled.values() for one in frame.maps.values()]
+            self._target.set_colours(common_range(maps))
         missing = set(self._missing)
-        others = [number for number in self._missing if number not in sampled]
-        coming = in_order(self._runner, map(self._task, others), self._look)
+        coming = self._computed([number for number in self._missing if number not in sampled])
         for number in range(len(self._sequence)):
             self._look()
             if number in missing:
                 yield sampled.pop(number) if number in sampled else next(coming)
-            elif self._writer is not None or (self._motion is not None and self._target.lacks_motion(number)):
+            elif self._writer is not None or (
+                self._motion is not None and (number, MOTION) not in self._target.records
+            ):
                 yield self._read_back(number)
 
-    def _take(self, frame: MatchedFrame) -> None:
+    def _computed(self, numbers: Iterable[int]) -> Iterator[MatchedFrame[FrameMap]]:
+        return in_order(self._runner, self._submit, map(self._task, numbers), self._look)
+
+    def _submit(self, task: FrameTask) -> Pending:
+        if task.steadiness is None:
+            return self._runner.submit(task)
+        before = self._own(task.number - 1) if task.number else None
+        return self._runner.submit(task, self._own(task.number), before)
+
+    def _own(self, number: int) -> Any:
+        """Return the promise of a frame's own maps."""
+        self._uses[number] -= 1
+        if number not in self._promised:
+            self._promised[number] = self._runner.match(self._task(number))
+        return self._promised[number] if self._uses[number] > 0 else self._promised.pop(number)
+
+    def _take(self, frame: MatchedFrame[FrameMap]) -> None:
         """Write a frame if it is new, and draw it."""
-        seen = None
+        motion = None
         if self._motion is not None and not frame.problem:
-            self._motion.lock_colours(self._look_at)
+            self._motion.lock_colours(self._look)
             self._target.largest_motion = self._motion.largest
-            seen = self._motion.since_before(frame.number, self._look_at)
-        if frame.number not in self._target:
-            name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
+            motion = self._motion.since_before(frame.number, self._look)
+        name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
+        record = partial(FrameRecord, frame.number, name, moment)
+        moved = [] if motion is None else [record(MOTION, **motion.figures())]
+        if frame.number in self._target.finished:
+            self._target.add(moved)
+        else:
             if frame.problem:
                 self._damaged[name] = frame.problem
-                records = damaged_records(frame.number, name, moment, tuple(self._each.matchers), frame.problem)
+                records = [record(method, problem=frame.problem) for method in self._each.matchers]
             else:
                 changes = self._flicker(frame)
                 records = [
-                    FrameRecord(frame.number, name, moment, method, flicker_px=changes[method], **one.figures._asdict())
+                    record(method, flicker_px=changes.get(method, math.nan), **one.figures)
                     for method, one in frame.maps.items()
                 ]
-                if self._motion is not None and seen is not None:
-                    records.append(self._motion.record(frame.number, seen))
-            self._target.write(frame, records)
+            self._target.write(frame, records + moved)
             self._matched += not frame.problem
             self._done += 1
-        elif self._motion is not None and seen is not None:
-            self._target.add([self._motion.record(frame.number, seen)])
         if self._writer is not None:
             if frame.left is None or self._target.colours is None:
                 self._writer.write_blank()
             else:
                 disparities = [one.disparity for one in frame.maps.values()]
                 if self._each.with_truth:
-                    disparities.append(_truth_of(frame, frame.left))
+                    truth = frame.truth
+                    if truth is None or truth.shape != frame.left.shape[:2]:
+                        truth = np.full(frame.left.shape[:2], np.nan, np.float32)
+                    disparities.append(truth)
                 left, more = as_rgb(frame.left), []
                 if self._motion is not None:
-                    left, flow = self._motion.drawn(frame.left, seen)
+                    left, flow = self._motion.drawn(frame.left, motion)
                     more = [flow]
                 self._writer.write(panels(left, disparities, self._target.colours, more=more))
         self._last = frame
         self._look()
 
-    def _flicker(self, frame: MatchedFrame) -> dict[str, float]:
-        unknown = dict.fromkeys(self._each.matchers, math.nan)
+    def _flicker(self, frame: MatchedFrame[FrameMap]) -> dict[str, float]:
+        """Return the flicker of each method's map since the previous frame; nothing if that is not known."""
         before = self._last
-        if frame.number == 0:
-            return unknown
         if before is None or before.number != frame.number - 1:
-            if frame.number - 1 not in self._target:
-                return unknown
+            if frame.number - 1 not in self._target.finished:
+                return {}
             before = self._read_back(frame.number - 1)
         if frame.left is None or before.left is None or not same_picture_size(before.left, frame.left):
-            return unknown
+            return {}
         still = still_pixels(before.left, frame.left)
         return {
             method: flicker(before.maps[method].disparity, one.disparity, still) for method, one in frame.maps.items()
         }
 
-    def _read_back(self, number: int) -> MatchedFrame:
-        return finished_frame(self._task(number), self._target.files(number))
+    def _read_back(self, number: int) -> MatchedFrame[FrameMap]:
+        files = {method: self._target.file(number, method) for method in self._target.finished[number]}
+        return finished_frame(self._task(number), files)
 
     def _task(self, number: int) -> FrameTask:
         return self._each._replace(number=number, reader=self._sequence.reader(number))
 
-    def _look_at(self, fraction: float) -> None:
-        self._look()
-
-    def _look(self) -> None:
-        """Report the progress; raise CancelledError if the job was cancelled."""
+    def _look(self, fraction: float = 0.0) -> None:
+        """Report the progress; raise CancelledError if the job was cancelled. Also reports that of a part of it."""
         if self._cancelled is not None and self._cancelled():
             raise CancelledError
         if self._progress is not None:
@@ -310,17 +547,3 @@ class _Job:
             left = len(self._sequence) - self._done
             remaining = elapsed / new * left if new else math.nan
             self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
-
-
-def _truth_of(frame: MatchedFrame, left: Image) -> Truth:
-    rows, cols = left.shape[:2]
-    if frame.truth is None or frame.truth.shape != (rows, cols):
-        return np.full((rows, cols), np.nan, np.float32)
-    return frame.truth
-
-
-def _spread(numbers: list[int] | range, count: int) -> list[int]:
-    """Return at most `count` of the numbers, from the first to the last, as evenly spaced as possible."""
-    if len(numbers) <= count:
-        return list(numbers)
-    return [numbers[round(place * (len(numbers) - 1) / (count - 1))] for place in range(count)]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import glob
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path, PurePosixPath
@@ -55,7 +54,8 @@ FrameReader: TypeAlias = Callable[[], StereoFrame]
 """Reads one frame, here or in another process; raises ``ValueError`` or ``OSError`` if it is damaged."""
 
 
-class StereoSequence(ABC):
+@dataclass(frozen=True, eq=False)
+class StereoSequence:
     """Frames of a stereo camera, by number.
 
     Attributes
@@ -64,22 +64,19 @@ class StereoSequence(ABC):
         Unique names of the frames: those of the left pictures without endings, or the frame numbers in a video.
     frame_rate
         Hz.
+    reader
+        Returns a reader for a frame: small, picklable, and with no file open.
+    has_truth
+        Whether any frame has a true disparity.
     rectified
         Whether frames are rectified when they are read.
     """
 
     names: tuple[str, ...]
     frame_rate: float
+    reader: Callable[[int], FrameReader]
+    has_truth: bool = False
     rectified: bool = False
-
-    @property
-    def has_truth(self) -> bool:
-        """Return whether any frame has a true disparity."""
-        return False
-
-    @abstractmethod
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader for a frame: small, picklable, and with no file open."""
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -109,74 +106,10 @@ class StereoSequence(ABC):
         return None
 
 
-@dataclass(frozen=True, eq=False)
-class PictureFiles(StereoSequence):
-    """Frames in separate picture files, given by paths."""
-
-    names: tuple[str, ...]
-    files: tuple[FrameFiles, ...]
-    frame_rate: float = USUAL_RATE
-
-    @property
-    def has_truth(self) -> bool:
-        """Return whether a frame has a file of true disparities."""
-        return _any_truth(self.files)
-
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader for a frame from its files."""
-        return partial(_read_files, self.files[number])
-
-
-@dataclass(frozen=True, eq=False)
-class ArchivedPictures(StereoSequence):
-    """Frames in the picture files of one archive, given by its path, which every process opens once, or its bytes."""
-
-    names: tuple[str, ...]
-    files: tuple[FrameFiles, ...]
-    archive: Path | Archive
-    frame_rate: float = USUAL_RATE
-    door: Door = unguarded
-
-    @property
-    def has_truth(self) -> bool:
-        """Return whether a frame has a file of true disparities."""
-        return _any_truth(self.files)
-
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader for a frame from the archive."""
-        return partial(_read_archived, self.archive, self.files[number], self.door)
-
-
-class TwoVideos(StereoSequence):
-    """Frames of two videos, as many as in the shorter one."""
-
-    def __init__(self, left: VideoFile, right: VideoFile, frame_rate: float | None = None) -> None:
-        self._left, self._right = left, right
-        self.names = _numbers(min(len(left), len(right)))
-        self.frame_rate = frame_rate or left.frame_rate
-
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader for a frame from both videos."""
-        return partial(_read_two, self._left, self._right, number)
-
-
-class SideBySideVideo(StereoSequence):
-    """Frames of one video whose left half is the left camera's picture."""
-
-    def __init__(self, video: VideoFile, frame_rate: float | None = None) -> None:
-        if video.width < 2 or video.width % 2:
-            raise ValueError(f"The video is {video.width} px wide; two pictures side by side have an even width.")
-        self._video = video
-        self.names = _numbers(len(video))
-        self.frame_rate = frame_rate or video.frame_rate
-
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader for a frame that splits it into halves."""
-        return partial(_read_halves, self._video, number)
-
-
-class RectifiedSequence(StereoSequence):
-    """Frames of a raw stereo camera, rectified when they are read.
+def rectified_sequence(
+    sequence: StereoSequence, calibration: Calibration, alpha: float | None = None
+) -> StereoSequence:
+    """Return the frames of a raw stereo camera, rectified when they are read, without their true disparities.
 
     Parameters
     ----------
@@ -187,16 +120,12 @@ class RectifiedSequence(StereoSequence):
     alpha
         The framing, as for :func:`stereolag.rectify`.
     """
-
-    rectified = True
-
-    def __init__(self, sequence: StereoSequence, calibration: Calibration, alpha: float | None = None) -> None:
-        self._sequence, self._calibration, self._alpha = sequence, calibration, alpha
-        self.names, self.frame_rate = sequence.names, sequence.frame_rate
-
-    def reader(self, number: int) -> FrameReader:
-        """Return a reader that rectifies a frame and drops its true disparity, which belongs to the raw pictures."""
-        return partial(_read_rectified, self._sequence.reader(number), self._calibration, self._alpha)
+    return replace(
+        sequence,
+        reader=lambda number: partial(_read_rectified, sequence.reader(number), calibration, alpha),
+        has_truth=False,
+        rectified=True,
+    )
 
 
 def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float | None) -> StereoFrame:
@@ -205,28 +134,45 @@ def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float 
     return StereoFrame(straight.left, straight.right)
 
 
-def _any_truth(files: tuple[FrameFiles, ...]) -> bool:
-    return any(one.truth is not None for one in files)
+def _picture_sequence(
+    files: Sequence[FrameFiles],
+    frame_rate: float | None,
+    source_of: Callable[[str], Source] = Path,
+    door: Door = unguarded,
+) -> StereoSequence:
+    """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique."""
+    names = [PurePosixPath(one.left.replace("\\", "/")).stem for one in files]
+    if len(set(names)) < len(names):
+        names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
+    return StereoSequence(
+        tuple(names),
+        frame_rate or USUAL_RATE,
+        lambda number: partial(_read_pictures, files[number], source_of, door),
+        has_truth=any(one.truth is not None for one in files),
+    )
 
 
-def _numbers(count: int) -> tuple[str, ...]:
-    return tuple(f"{number:06d}" for number in range(count))
+def _read_pictures(names: FrameFiles, source_of: Callable[[str], Source], door: Door) -> StereoFrame:
+    if names.right is None:
+        raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
+    left, right = (door(read_image)(source_of(name)) for name in (names.left, names.right))
+    return StereoFrame(left, right, None if names.truth is None else door(read_disparity)(source_of(names.truth)))
 
 
-def _read_files(names: FrameFiles) -> StereoFrame:
-    left, right = (read_image(Path(name)) for name in (names.left, _right_of(names)))
-    return StereoFrame(left, right, None if names.truth is None else read_disparity(Path(names.truth)))
-
-
-def _read_archived(archive: Path | Archive, names: FrameFiles, door: Door) -> StereoFrame:
-    files = archive if isinstance(archive, Archive) else _opened_once(archive)
-    left, right = (door(read_image)(files.read(name)) for name in (names.left, _right_of(names)))
-    return StereoFrame(left, right, None if names.truth is None else door(read_disparity)(files.read(names.truth)))
+def _archived(archive: Path | Archive, name: str) -> bytes:
+    """Return a file of an archive, given by its path, which every process opens once, or by its bytes."""
+    return (archive if isinstance(archive, Archive) else _opened_once(archive)).read(name)
 
 
 @lru_cache(maxsize=2)
 def _opened_once(path: Path) -> Archive:
     return read_archive(path, max_files=MAX_ARCHIVED)
+
+
+def _video_sequence(read: Callable[[int], StereoFrame], count: int, frame_rate: float) -> StereoSequence:
+    return StereoSequence(
+        tuple(f"{number:06d}" for number in range(count)), frame_rate, lambda number: partial(read, number)
+    )
 
 
 def _read_two(left: VideoFile, right: VideoFile, number: int) -> StereoFrame:
@@ -239,12 +185,6 @@ def _read_halves(video: VideoFile, number: int) -> StereoFrame:
     return StereoFrame(np.ascontiguousarray(both[:, :middle]), np.ascontiguousarray(both[:, middle:]))
 
 
-def _right_of(names: FrameFiles) -> str:
-    if names.right is None:
-        raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
-    return names.right
-
-
 _BEGINNING = 4
 
 
@@ -254,6 +194,7 @@ def open_sequence(
     *,
     truth: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
+    door: Door = unguarded,
 ) -> StereoSequence:
     """Open the frames of a stereo camera.
 
@@ -268,6 +209,8 @@ def open_sequence(
         includes its own.
     frame_rate
         Hz; by default that of the video, or 10 for pictures.
+    door
+        :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
 
     Returns
     -------
@@ -281,43 +224,33 @@ def open_sequence(
         If there is nothing to read, the sides cannot be paired, the frame rate is implausible, or there are more
         frames, pixels or seconds than the limits in force.
     """
-    return _opened(left, right, truth, frame_rate, unguarded)
-
-
-def open_uploads(left: bytes, right: bytes | None = None) -> StereoSequence:
-    """Open the frames in strangers' files as :func:`open_sequence` does; the guard decodes them."""
-    return _opened(left, right, None, None, guarded)
-
-
-def _opened(
-    left: Source,
-    right: Source | None,
-    truth: str | PathLike[str] | None,
-    frame_rate: float | None,
-    door: Door,
-) -> StereoSequence:
     video = VideoFile if door is unguarded else GuardedVideo
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
         sequence = _of_one(left, frame_rate, door, video)
-    elif _holds_video(left):
-        sequence = TwoVideos(video(left), video(right), frame_rate)
+    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
+        lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
+        truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
+        partners = _partners(lefts, rights, "right pictures")
+        known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
+        sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
     else:
-        sequence = _of_pictures(left, right, truth, frame_rate or USUAL_RATE)
+        two = video(left), video(right)
+        sequence = _video_sequence(partial(_read_two, *two), min(map(len, two)), frame_rate or two[0].frame_rate)
     if len(sequence) > limits().max_frames:
         raise ValueError(f"The sequence has {len(sequence):,} frames; at most {limits().max_frames:,} are accepted.")
     return sequence
 
 
+open_uploads = partial(open_sequence, door=guarded)
+"""Opens the frames in strangers' files; the guard decodes them."""
+
+
 def example_sequence(example: DriveExample) -> StereoSequence:
     """Return the frames of a bundled drive, with the true disparity of each."""
     files = zip(example.left, example.right, example.disparity, strict=True)
-    return PictureFiles(
-        tuple(path.stem for path in example.left),
-        tuple(FrameFiles(str(left), str(right), str(truth)) for left, right, truth in files),
-        example.frame_rate,
-    )
+    return _picture_sequence([FrameFiles(*map(str, one)) for one in files], example.frame_rate)
 
 
 def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[VideoFile]) -> StereoSequence:
@@ -325,13 +258,15 @@ def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[Vi
     if path is not None and path.is_dir():
         raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(_beginning(source)):
-        return SideBySideVideo(video(source), frame_rate)
+        both = video(source)
+        if both.width < 2 or both.width % 2:
+            raise ValueError(f"The video is {both.width} px wide; two pictures side by side have an even width.")
+        return _video_sequence(partial(_read_halves, both), len(both), frame_rate or both.frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
-    files = tuple(_frames_among(archive.names))
+    files = _frames_among(archive.names)
     if not files:
         raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
-    names = _frame_names([one.left for one in files])
-    return ArchivedPictures(names, files, path or archive, frame_rate or USUAL_RATE, door)
+    return _picture_sequence(files, frame_rate, partial(_archived, path or archive), door)
 
 
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
@@ -345,15 +280,6 @@ def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 
-def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None, frame_rate: float) -> PictureFiles:
-    lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
-    truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
-    partners = _partners(lefts, rights, "right pictures")
-    known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
-    files = tuple(map(FrameFiles, lefts, partners, known))
-    return PictureFiles(_frame_names(lefts), files, frame_rate)
-
-
 def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
     """Return the paths of the files in a folder or matching a pattern, in natural order."""
     if not isinstance(source, str | PathLike):
@@ -361,7 +287,7 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
     path = Path(source)
     # Path.glob takes no absolute pattern.
     found = path.iterdir() if path.is_dir() else map(Path, glob.glob(str(source)))  # noqa: PTH207
-    kept = [one for one in found if one.suffix.removeprefix(".").casefold() in endings and not one.name.startswith(".")]
+    kept = [one for one in found if _ending(one) in endings and not one.name.startswith(".")]
     if not kept:
         raise ValueError(
             f"There are no pictures at {str(source)!r}; allowed are folders, patterns such as 'left/*.png'."
@@ -383,19 +309,8 @@ def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[st
     return list(others)
 
 
-def _frame_names(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of frames: the stems of their files, numbered if they are not unique."""
-    parts = [PurePosixPath(path.replace("\\", "/")) for path in paths]
-    stems = [path.stem for path in parts]
-    if len(set(stems)) == len(stems):
-        return tuple(stems)
-    return tuple(f"{number:06d}_{stem}" for number, stem in enumerate(stems))
-
-
-def _holds_video(source: Source) -> bool:
-    if isinstance(source, str | PathLike):
-        return Path(source).suffix.removeprefix(".").casefold() in VIDEO_ENDINGS and not Path(source).is_dir()
-    return True
+def _ending(path: Path) -> str:
+    return path.suffix.removeprefix(".").casefold()
 
 
 def _beginning(source: Source) -> bytes:

@@ -4,105 +4,96 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import DISPARITY_FORMATS
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
-from stereolag.sequences.matching import PNG, MatchedFrame
-from stereolag.sequences.records import MOTION, FrameRecord, header, lines, read_records
+from stereolag.sequences.frames import (
+    MOTION,
+    PNG,
+    FrameMap,
+    FrameRecord,
+    FrameTask,
+    MatchedFrame,
+    read_records,
+    table_lines,
+)
 from stereolag.sequences.sources import StereoSequence
-from stereolag.sequences.steadying import Steadiness
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.version import VERSION
 
 
-class SequenceTarget(Protocol):
-    """Receives frames in order, and knows which are finished."""
+class SequenceTarget(ABC):
+    """Receives frames in order, and knows which are finished.
 
-    @property
-    def colours(self) -> tuple[float, float] | None:
-        """Return the disparities at the ends of the video's colour range, px; None until known."""
+    Attributes
+    ----------
+    records
+        {(frame number, method): figures}, in order of arrival; motion added later comes after all others.
+    finished
+        {number of a finished frame: the methods that have maps}.
+    colours
+        The disparities at the ends of the video's colour range, px; None until known.
+    largest_motion
+        Displacement at the rim of the colour wheel of the flow, px; None until known.
+    """
+
+    def __init__(self) -> None:
+        self.records: dict[tuple[int, str], FrameRecord] = {}
+        self.finished: dict[int, tuple[str, ...]] = {}
+        self.colours: tuple[float, float] | None = None
+        self.largest_motion: float | None = None
+
+    @abstractmethod
+    def file(self, number: int, method: str) -> Source:
+        """Return a map of a finished frame."""
 
     def set_colours(self, colours: tuple[float, float]) -> None:
         """Store the colour range."""
+        self.colours = colours
 
-    largest_motion: float | None
-    """Displacement at the rim of the colour wheel of the flow, px; None until known."""
-
-    def __contains__(self, number: int) -> bool:
-        """Return whether a frame is finished."""
-
-    def lacks_motion(self, number: int) -> bool:
-        """Return whether there is no record of the motion in a frame."""
-
-    def files(self, number: int) -> Mapping[str, Source]:
-        """Return the maps of a finished frame, by method."""
+    def write(self, frame: MatchedFrame[FrameMap], records: Iterable[FrameRecord]) -> None:
+        """Store a frame and its figures, one record per method; a damaged frame has only records."""
+        self.add(records)
+        if not frame.problem:
+            self.finished[frame.number] = tuple(frame.maps)
 
     def add(self, records: Iterable[FrameRecord]) -> None:
         """Store figures of a frame whose maps are stored, replacing those of the same method."""
+        self.records |= {(one.number, one.method): one for one in records}
 
-    def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
-        """Store a frame and its figures, one record per method; a damaged frame has only records."""
-
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  # most targets have nothing to do
         """Finish; no more frames follow."""
 
 
-class SequenceMemory:
+class SequenceMemory(SequenceTarget):
     """Target that keeps everything in memory: nothing that a visitor uploads is written to disk.
 
     Attributes
     ----------
     maps
         {(frame number, method): bytes of the map}.
-    records
-        {(frame number, method): figures}, in order of arrival.
-    colours, largest_motion
-        As in :class:`SequenceTarget`.
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self.maps: dict[tuple[int, str], bytes] = {}
-        self.records: dict[tuple[int, str], FrameRecord] = {}
-        self.colours: tuple[float, float] | None = None
-        self.largest_motion: float | None = None
-        self._finished: dict[int, tuple[str, ...]] = {}
 
-    def set_colours(self, colours: tuple[float, float]) -> None:
-        """Store the colour range."""
-        self.colours = colours
+    def file(self, number: int, method: str) -> Source:
+        """Return the bytes of a map."""
+        return self.maps[number, method]
 
-    def __contains__(self, number: int) -> bool:
-        """Return whether a frame is finished."""
-        return number in self._finished
-
-    def lacks_motion(self, number: int) -> bool:
-        """Return whether there is no record of the motion in a frame."""
-        return (number, MOTION) not in self.records
-
-    def files(self, number: int) -> Mapping[str, Source]:
-        """Return the bytes of the maps of a frame."""
-        return {method: self.maps[number, method] for method in self._finished[number]}
-
-    def add(self, records: Iterable[FrameRecord]) -> None:
-        """Store figures; motion added later comes after all others."""
-        self.records |= {(one.number, one.method): one for one in records}
-
-    def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
+    def write(self, frame: MatchedFrame[FrameMap], records: Iterable[FrameRecord]) -> None:
         """Store a frame and its figures."""
-        self.add(records)
-        if not frame.problem:
-            self.maps |= {(frame.number, method): one.data for method, one in frame.maps.items()}
-            self._finished[frame.number] = tuple(frame.maps)
-
-    def close(self) -> None:
-        """Do nothing."""
+        self.maps |= {(frame.number, method): one.data for method, one in frame.maps.items()}
+        super().write(frame, records)
 
 
 TABLE, MANIFEST = "frames.csv", "sequence.json"
@@ -111,16 +102,15 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _PNG_END = b"IEND\xaeB`\x82"
 
 
-class SequenceFolder:
+class SequenceFolder(SequenceTarget):
     """A folder with a map for every frame and method, ``METHOD/FRAME.png``, and a table of figures, ``frames.csv``.
 
     Parameters
     ----------
     path
         Created if missing.
-    sequence, matchers, suffix, calibration, steadiness
-        The inputs of the maps and the table. They are recorded in ``sequence.json``; a folder begun with other inputs
-        is refused.
+    sequence, task
+        The frames, and the work on each. They are recorded in ``sequence.json``; a folder begun with others is refused.
     again
         Whether to discard finished frames and their recorded inputs.
 
@@ -133,82 +123,65 @@ class SequenceFolder:
         If the folder cannot be created or written.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        sequence: StereoSequence,
-        matchers: Mapping[str, StereoMatcher],
-        suffix: str,
-        calibration: Calibration | None,
-        steadiness: Steadiness | None = None,
-        *,
-        again: bool,
-    ) -> None:
-        _check(matchers, suffix)
-        self._path, self._suffix = path, suffix
-        self._names, self._methods = sequence.names, tuple(matchers)
-        self._document = _document(sequence, matchers, suffix, calibration, steadiness)
-        self.colours: tuple[float, float] | None = None if again else self._noted()
-        """The disparities at the ends of the video's colour range, px; None until known."""
-        self.largest_motion: float | None = None
-        for method in matchers:
+    def __init__(self, path: Path, sequence: StereoSequence, task: FrameTask, *, again: bool) -> None:
+        _check(task.matchers, task.suffix)
+        super().__init__()
+        self._path, self._suffix = path, task.suffix
+        self._names, self._methods = sequence.names, tuple(task.matchers)
+        self._document = _document(sequence, task)
+        self.colours = None if again else self._noted()
+        for method in self._methods:
             (path / method).mkdir(parents=True, exist_ok=True)
-        self._records = {} if again else self._finished()
+        if not again and (path / TABLE).is_file():
+            self.records = {
+                (one.number, one.method): one for one in read_records(path / TABLE) if self._is_finished(one)
+            }
+        for number in range(len(sequence)):
+            if all((number, method) in self.records for method in self._methods):
+                self.finished[number] = self._methods
         self._note()
         self._rewrite_table()
         self._table = (path / TABLE).open("a", encoding="utf-8")
 
-    def __contains__(self, number: int) -> bool:
-        """Return whether a frame is finished."""
-        return all((number, method) in self._records for method in self._methods)
-
-    def lacks_motion(self, number: int) -> bool:
-        """Return whether there is no record of the motion in a frame."""
-        return (number, MOTION) not in self._records
-
-    def files(self, number: int) -> Mapping[str, Path]:
-        """Return the paths of a frame's maps, by method."""
-        return {method: self._file(number, method) for method in self._methods}
+    def file(self, number: int, method: str) -> Path:
+        """Return the path of a map."""
+        return self._path / method / f"{self._names[number]}{self._suffix}"
 
     def set_colours(self, colours: tuple[float, float]) -> None:
         """Record the colour range, so that it is kept when the work is resumed."""
-        self.colours = colours
+        super().set_colours(colours)
         self._note()
 
-    def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
+    def write(self, frame: MatchedFrame[FrameMap], records: Iterable[FrameRecord]) -> None:
         """Write the maps of a frame, each atomically, and then its rows of the table."""
         for method, one in frame.maps.items():
-            write_file(self._file(frame.number, method), one.data, synced=False)
-        self.add(records)
+            write_file(self.file(frame.number, method), one.data, synced=False)
+        super().write(frame, records)
 
     def add(self, records: Iterable[FrameRecord]) -> None:
         """Write figures to the table, replacing those of the same method."""
-        new = {(record.number, record.method): record for record in records}
-        self._table.write(lines(new.values()))
+        records = [*records]
+        self._table.write(table_lines(records))
         self._table.flush()
-        self._records |= new
+        super().add(records)
 
     def close(self) -> None:
         """Sort the table."""
         self._table.close()
         self._rewrite_table()
 
-    def _file(self, number: int, method: str) -> Path:
-        return self._path / method / f"{self._names[number]}{self._suffix}"
-
-    def _finished(self) -> dict[tuple[int, str], FrameRecord]:
-        if not (self._path / TABLE).is_file():
-            return {}
-        return {
-            (record.number, record.method): record
-            for record in read_records(self._path / TABLE)
-            if not record.problem
-            and record.number < len(self._names)
-            and (
-                record.method == MOTION
-                or (record.method in self._methods and _is_whole(self._file(record.number, record.method)))
-            )
-        }
+    def _is_finished(self, record: FrameRecord) -> bool:
+        """Return whether a row of the table counts, and its map is complete: a power failure may cut a file short."""
+        if record.problem or record.number >= len(self._names):
+            return False
+        if record.method not in self._methods:
+            return record.method == MOTION
+        try:
+            with self.file(record.number, record.method).open("rb") as file:
+                file.seek(-len(_PNG_END), os.SEEK_END)
+                return self._suffix != PNG or file.read() == _PNG_END
+        except OSError:  # missing, or shorter than that
+            return False
 
     def _noted(self) -> tuple[float, float] | None:
         """Return the colour range recorded in the folder; refuse a folder begun with other inputs."""
@@ -229,13 +202,14 @@ class SequenceFolder:
         return None if colours is None else (float(colours[0]), float(colours[1]))
 
     def _note(self) -> None:
-        document = {"digest": _digest(self._document), "made_of": self._document, "colours": self.colours}
+        digest = hashlib.sha256(json.dumps(self._document, sort_keys=True).encode()).hexdigest()
+        document = {"digest": digest, "made_of": self._document, "colours": self.colours}
         write_file(self._path / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
 
     def _rewrite_table(self) -> None:
         order = {method: place for place, method in enumerate(self._methods)}
-        ordered = sorted(self._records.values(), key=lambda one: (one.number, order.get(one.method, len(order))))
-        write_file(self._path / TABLE, (header() + lines(ordered)).encode())
+        ordered = sorted(self.records.values(), key=lambda one: (one.number, order.get(one.method, len(order))))
+        write_file(self._path / TABLE, table_lines(ordered, header=True).encode())
 
 
 def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
@@ -255,40 +229,17 @@ def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
             )
 
 
-def _document(
-    sequence: StereoSequence,
-    matchers: Mapping[str, StereoMatcher],
-    suffix: str,
-    calibration: Calibration | None,
-    steadiness: Steadiness | None,
-) -> dict[str, Any]:
+def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
     """Return the inputs of maps and table, under names that an error message can use."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
     frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
     document = {
         "version": VERSION,
-        "settings": {name: settings_document(matcher) for name, matcher in matchers.items()},
+        "settings": {name: settings_document(matcher) for name, matcher in task.matchers.items()},
         "frames": frames | ({"rectified": True} if sequence.rectified else {}),
-        "format": suffix,
-        "calibration": None if calibration is None else asdict(calibration) | {"rig": None},
-        "steadiness": None if steadiness is None else steadiness.model_dump(mode="json"),
+        "format": task.suffix,
+        "calibration": None if task.calibration is None else asdict(task.calibration) | {"rig": None},
+        "steadiness": None if task.steadiness is None else task.steadiness.model_dump(mode="json"),
     }
     normalised: dict[str, Any] = json.loads(json.dumps(document))
     return normalised
-
-
-def _digest(document: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
-
-
-def _is_whole(path: Path) -> bool:
-    """Return whether a file exists and is complete: after a power failure it may be cut short."""
-    try:
-        with path.open("rb") as file:
-            file.seek(0, 2)
-            if file.tell() < len(_PNG_END):
-                return False
-            file.seek(-len(_PNG_END), 2)
-            return path.suffix != PNG or file.read() == _PNG_END
-    except OSError:
-        return False

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Final, Self
+from typing import Any, BinaryIO, Final, Self
 from uuid import uuid4
 
 import av
@@ -127,7 +127,7 @@ class VideoWriter:
 
     def __init__(
         self,
-        target: str | os.PathLike[str] | IO[bytes] | io.RawIOBase,
+        target: str | os.PathLike[str] | BinaryIO | _Sink,
         frame_rate: float,
         most_frames: int,
         *,
@@ -248,30 +248,21 @@ class VideoPieces(VideoWriter):
         self._collect(self.frames)
 
     def _collect(self, frames: int) -> None:
-        written = self._sink.taken()
-        if written:
+        if self._sink.written:
             self.collected = frames if self.pieces else 0
-            self.pieces.append(written)
+            self.pieces.append(bytes(self._sink.written))
+            self._sink.written.clear()
 
 
-class _Sink(io.RawIOBase):
-    """A stream that buffers written bytes until they are taken."""
+class _Sink:
+    """A stream that can only be written to: the video cannot go back to bytes that have been taken."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self._written = bytearray()
-
-    def writable(self) -> bool:
-        return True
+        self.written = bytearray()
 
     def write(self, data: Any) -> int:
-        self._written += data
+        self.written += data
         return len(data)
-
-    def taken(self) -> bytes:
-        """Return the bytes written since the last call."""
-        written, self._written = bytes(self._written), bytearray()
-        return written
 
 
 def whole_video(pieces: Sequence[bytes]) -> bytes:

@@ -18,7 +18,7 @@ from small_drives import pair, write_folders
 from stereolag import preset
 from stereolag.io.images import image_png
 from stereolag.io.sources import Source
-from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, runners
+from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, running
 
 distributed = pytest.importorskip("distributed")
 DISPARITIES = [4 + number % 6 for number in range(12)]
@@ -131,7 +131,7 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple
 def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
     folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runners, "available_cores", lambda: 1)  # one worker is enough to show it
+    monkeypatch.setattr(running, "available_cores", lambda: 1)  # one worker is enough to show it
     others = {process.pid for process in multiprocessing.active_children()}
     told = set[int]()
 

@@ -15,18 +15,18 @@ from pairs import texture
 from stereolag import Calibration, StereoBM, StereoSGBM
 from stereolag.geometry.scene import ground_of
 from stereolag.io.disparities import kitti_png, pfm, read_disparity
-from stereolag.sequences.matching import FrameMap, as_stored, read_back
-from stereolag.sequences.records import (
+from stereolag.sequences.frames import (
     COLUMNS,
-    FrameFigures,
+    FrameMap,
     FrameRecord,
+    as_stored,
     figures_of,
-    header,
-    lines,
     nearest_obstacle,
+    read_back,
     read_records,
+    table_lines,
 )
-from stereolag.sequences.steadying import flicker, still_pixels
+from stereolag.sequences.motion import flicker, still_pixels
 
 FloatMap = npt.NDArray[np.float32]
 CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)
@@ -108,13 +108,13 @@ def test_figures_of_a_frame() -> None:
     result = StereoSGBM(num_disparities=16).compute(wide[:, :120].copy(), wide[:, 7:127].copy())
     truth = np.full((80, 120), 7, np.float32)
     figures = figures_of(result, truth, CALIBRATION)
-    assert figures.nearest_px == pytest.approx(7, abs=0.2)
-    assert figures.nearest_m == pytest.approx(700 * 0.5 / figures.nearest_px)
-    assert figures.coverage == result.coverage
-    assert figures.bad_2_percent == pytest.approx(100 * (1 - result.coverage), abs=1)
-    assert figures.epe_px < 0.2 and figures.milliseconds == result.elapsed_s * 1e3
+    assert figures["nearest_px"] == pytest.approx(7, abs=0.2)
+    assert figures["nearest_m"] == pytest.approx(700 * 0.5 / figures["nearest_px"])
+    assert figures["coverage"] == result.coverage
+    assert figures["bad_2_percent"] == pytest.approx(100 * (1 - result.coverage), abs=1)
+    assert figures["epe_px"] < 0.2 and figures["milliseconds"] == result.elapsed_s * 1e3
     blind = figures_of(result, truth[:, 1:], None)
-    assert math.isnan(blind.epe_px) and math.isnan(blind.nearest_m)
+    assert "epe_px" not in blind and math.isnan(blind["nearest_m"])
 
 
 def test_a_map_is_what_is_read_back_from_its_file() -> None:
@@ -135,24 +135,23 @@ def test_a_map_without_any_disparity_is_read_back_too(encode: Callable[[FloatMap
 
 def test_a_map_travels_as_its_file() -> None:
     disparity = as_stored(np.random.default_rng(0).uniform(0, 60, (40, 50)).astype(np.float32), ".png")
-    one = FrameMap(disparity, kitti_png(disparity), FrameFigures(0.5))
+    one = FrameMap(disparity, kitti_png(disparity), {"coverage": 0.5})
     packed = pickle.dumps(one)
     assert len(packed) < len(one.data) + 500
     other = pickle.loads(packed)
-    assert np.array_equal(other.disparity, disparity) and other.data == one.data and other.figures.coverage == 0.5
+    assert np.array_equal(other.disparity, disparity) and other.data == one.data and other.figures == one.figures
 
 
 def test_a_table_is_read_back_up_to_where_it_was_cut(tmp_path: Path) -> None:
-    figures = FrameFigures(0.5, 12.25, 30.0, 11.5)
-    records = [FrameRecord(number, f"a, {number}", number / 10, "fast", **figures._asdict()) for number in range(3)]
+    records = [FrameRecord(n, f"a, {n}", n / 10, "fast", 0.5, 12.25, 30.0, 11.5) for n in range(3)]
     records.append(FrameRecord(3, "d", 0.3, "fast", problem='cut "short"'))
-    text = header() + lines(records)
+    text = table_lines(records, header=True)
     assert text.splitlines()[0].split(",") == list(COLUMNS)
     table = tmp_path / "frames.csv"
     table.write_text(text)
     read = read_records(table)
     assert list(map(repr, read)) == list(map(repr, records))
-    for cut in range(len(header()), len(text)):
+    for cut in range(text.index("\n") + 1, len(text)):
         table.write_text(text[:cut])
         assert list(map(repr, read_records(table))) == list(map(repr, records[: text[:cut].count("\n") - 1]))
     table.write_text("another,table\n1,2\n")
@@ -162,4 +161,4 @@ def test_a_table_is_read_back_up_to_where_it_was_cut(tmp_path: Path) -> None:
 def test_a_matcher_of_opencv_has_no_filled_pixels() -> None:
     wide = np.rint(np.clip(texture(80, 152), 0, 255)).astype(np.uint8)
     result = StereoBM(num_disparities=16).compute(wide[:, :120].copy(), wide[:, 5:125].copy())
-    assert figures_of(result, None, None).nearest_px == pytest.approx(5, abs=0.3)
+    assert figures_of(result, None, None)["nearest_px"] == pytest.approx(5, abs=0.3)

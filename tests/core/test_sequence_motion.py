@@ -14,8 +14,8 @@ from moving_drives import CAMERA, CAR_KMH, COLS, OWN_KMH, RATE, ROWS, archive, c
 from stereolag import preset
 from stereolag.figures.pictures import FRAME, NO_ANSWER, Outline, outline_of, with_outlines
 from stereolag.sequences import SequenceMemory, SequenceSettings, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.frames import MOTION, read_records, table_lines
 from stereolag.sequences.motion import MotionWatch, SequenceMotion
-from stereolag.sequences.records import MOTION, header, lines, read_records
 
 COUNT = 4
 MATCHER = preset("fast", num_disparities=32)
@@ -39,7 +39,7 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         assert car.distance_m == pytest.approx(9 + number, rel=0.03)
         true = car_mask(number)
         assert (found.scene.moving & true).sum() / (found.scene.moving | true).sum() > 0.7
-        assert found.things() == f"{car.distance_m:.1f} m {car.speed_kmh:.0f} km/h"
+        assert found.figures()["moving"] == f"{car.distance_m:.1f} m {car.speed_kmh:.0f} km/h"
         # Driving ahead moves the right half to the right and the left half to the left.
         assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
 
@@ -57,13 +57,13 @@ def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) ->
     left = drive.frame(1).left
     picture, flow = watch.drawn(left, found)
     assert (picture[..., 0] == left).all() and flow.shape == (ROWS, COLS, 3)
-    assert "km/h" not in found.things() and np.isnan(watch.record(1, found).own_speed_kmh)
+    assert [*found.figures()] == ["coverage", "milliseconds"]
 
 
 def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     moving, kept, film = SequenceSettings(motion=SequenceMotion()), SequenceMemory(), io.BytesIO()
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, settings=moving)
-    rows = [*csv.DictReader(io.StringIO(header() + lines(kept.records.values())))]
+    rows = [*csv.DictReader(io.StringIO(table_lines(kept.records.values(), header=True)))]
     told = [row for row in rows if row["method"] == MOTION]
     assert [row["number"] for row in told] == ["1", "2", "3"]
     assert all(float(row["own_speed_kmh"]) == pytest.approx(OWN_KMH, rel=0.04) for row in told)
@@ -95,9 +95,9 @@ def test_motion_asked_for_later_is_told_of_finished_frames(
     assert [one.number for one in told] == [1, 2, 3] and len(records) == COUNT + 3
     assert all(one.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04) for one in told)
     seen: list[int] = []
-    monkeypatch.setattr(MotionWatch, "record", lambda _, number, motion: seen.append(number))
+    monkeypatch.setattr(MotionWatch, "since_before", lambda _, number, look: seen.append(number))
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, settings=moving)
-    assert not seen, "told once"
+    assert seen == [0], "each is told once, and the first has none"
 
 
 def test_arrows_stand_on_the_dimmed_picture(drive: StereoSequence) -> None:

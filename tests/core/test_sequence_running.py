@@ -11,7 +11,6 @@ import time
 from concurrent.futures import Future
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import av
 import numpy as np
@@ -29,8 +28,9 @@ from stereolag.sequences import (
     open_sequence,
     run_sequence,
 )
-from stereolag.sequences.matching import FrameTask, MatchedFrame
-from stereolag.sequences.runners import in_order
+from stereolag.sequences.frames import FrameMap, FrameTask, MatchedFrame
+from stereolag.sequences.running import in_order
+from stereolag.sequences.sources import FrameReader
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import PixelMatches
 
@@ -226,20 +226,18 @@ def test_only_so_many_frames_are_held_at_once(tmp_path: Path) -> None:
     left, right, _ = write_folders(tmp_path / "drive", [5])
     one = open_sequence(left, right)
 
-    class Long(StereoSequence):
-        names, frame_rate = tuple(map(str, range(count))), 10.0
-
-        def reader(self, number: int) -> Any:
-            nonlocal asked
-            asked += 1
-            ahead.append(asked - done)
-            return one.reader(0)
+    def reader(number: int) -> FrameReader:
+        nonlocal asked
+        asked += 1
+        ahead.append(asked - done)
+        return one.reader(0)
 
     def note(state: SequenceState) -> None:
         nonlocal done
         done = state.done
 
-    run_sequence(Long(), StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=note)
+    long = StereoSequence(tuple(map(str, range(count))), 10.0, reader)
+    run_sequence(long, StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=note)
     assert asked == count and max(ahead) < 12
 
 
@@ -350,16 +348,25 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
         """A runner that takes six frames at once, and four after a worker has died."""
 
         at_once = 6
+        crashes = (ZeroDivisionError,)
 
-        def submit(self, task: FrameTask) -> Future[MatchedFrame]:
+        def match(self, task: FrameTask) -> None:
+            pass
+
+        def submit(self, task: FrameTask, own: object = None, before: object = None) -> Future[MatchedFrame[FrameMap]]:
+            done = Future[MatchedFrame[FrameMap]]()
             if task.number == 5:
                 self.at_once = 4
-            done = Future[MatchedFrame]()
-            done.set_result(MatchedFrame(task.number))
+                done.set_exception(ZeroDivisionError())
+            else:
+                done.set_result(MatchedFrame(task.number))
             return done
 
     tasks = [FrameTask(number, None, {}) for number in range(20)]  # type: ignore[arg-type]  # nobody reads them
-    assert [frame.number for frame in in_order(Shrinking(), tasks, lambda: None)] == list(range(20))
+    runner = Shrinking()
+    frames = [*in_order(runner, runner.submit, tasks, lambda: None)]
+    assert [frame.number for frame in frames] == list(range(20))
+    assert [frame.number for frame in frames if frame.problem == "This frame crashed every worker that took it."] == [5]
 
 
 @pytest.mark.parametrize("colours", [(5.0, 5.0), (9.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])

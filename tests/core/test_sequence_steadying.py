@@ -21,8 +21,8 @@ from stereolag.core.settings import SettingsError
 from stereolag.io.disparities import kitti_png
 from stereolag.io.images import image_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
-from stereolag.sequences.matching import FrameTask, encoded_frame, match_frame
-from stereolag.sequences.steadying import flicker, motion_since, steadied, still_pixels
+from stereolag.sequences.frames import FrameTask, encoded_frame, match_frame
+from stereolag.sequences.motion import flicker, motion_since, steadied, still_pixels
 from stereolag.stereo.matcher import DisparityMap, PixelMatches, Reason
 
 Grey = npt.NDArray[np.uint8]

@@ -18,13 +18,13 @@ from stereolag.io.videos import VIDEO_ENDINGS
 from stereolag.pair import Pair, PairId
 from stereolag.samples import drives
 from stereolag.sequences import (
-    RectifiedSequence,
     SequenceMotion,
     SequenceSettings,
     Steadiness,
     StereoFrame,
     StereoSequence,
     example_sequence,
+    rectified_sequence,
 )
 from stereolag.sequences.sources import open_uploads
 from stereolag.stereo.matcher import StereoMatcher
@@ -152,7 +152,7 @@ def _with_calibration(
     show_decision(pair, KEY, "Each frame")
     decision = pair.rectification
     if decision is not None and decision.done and fitted is not None:
-        sequence = RectifiedSequence(sequence, fitted, decision.alpha)
+        sequence = rectified_sequence(sequence, fitted, decision.alpha)
     found = _range_of(pair)
     first, count = found or (0, None)
     return Drive(sequence, replace(pair, min_disparity=first, num_disparities=count))

@@ -21,7 +21,7 @@ from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
-from stereolag.sequences.records import MOTION, FrameRecord, header, lines
+from stereolag.sequences.frames import MOTION, FrameRecord, table_lines
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
@@ -425,7 +425,7 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
 
 
 def _table(work: DriveWork) -> str:
-    return header() + lines(work.kept.records.values())
+    return table_lines(work.kept.records.values(), header=True)
 
 
 def _maps(work: DriveWork, drive: Drive) -> bytes:

@@ -1,0 +1,359 @@
+"""One frame of a sequence: from its files to the bytes and figures of its maps, the same wherever it runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image, as_grey
+from stereolag.core.jobs import Progress
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scene import ground_of
+from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
+from stereolag.io.sources import Source
+from stereolag.sequences.motion import Steadiness, motion_since, steadied
+from stereolag.sequences.sources import FrameReader, Truth
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+
+PNG = ".png"
+
+AnyMap = TypeVar("AnyMap", bound="DisparityMap | FrameMap")
+
+
+class FrameTask(NamedTuple):
+    """The work on one frame; it can be pickled, and is small if the frames are in files."""
+
+    number: int
+    reader: FrameReader
+    matchers: Mapping[str, StereoMatcher]
+    suffix: str = PNG
+    calibration: Calibration | None = None
+    in_colour: bool = True
+    """Whether the left picture is returned unchanged; otherwise in grey."""
+    steadiness: Steadiness | None = None
+    """How the previous frame is used."""
+    with_truth: bool = False
+    """Whether the true disparity is returned too."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMap:
+    """The map of one method.
+
+    Attributes
+    ----------
+    disparity
+        (H, W) float32, px, NaN = none: bit for bit as read from `data`.
+    data
+        The bytes of its file.
+    figures
+        Those fields of a :class:`FrameRecord` that follow from this frame alone.
+    """
+
+    disparity: FloatMap
+    data: bytes
+    figures: Mapping[str, Any]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Only the file is sent between machines: it is a fourth of the map's size.
+        return _from_file, (self.data, self.figures)
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedFrame(Generic[AnyMap]):
+    """One frame after matching: its maps as matched, each by itself, or as their files hold them.
+
+    Attributes
+    ----------
+    number
+        The number of the frame.
+    left
+        The left picture; None for a damaged frame.
+    maps
+        The maps, by name of the method.
+    problem
+        Why there are no maps, in one sentence; "" if there are.
+    truth
+        The true disparity, px, if known; with files, also if requested.
+    """
+
+    number: int
+    left: Image | None = None
+    maps: Mapping[str, AnyMap] = field(default_factory=dict)
+    problem: str = ""
+    truth: Truth | None = None
+
+
+def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame[DisparityMap]:
+    """Read and match one frame; a damaged or rejected frame is reported in the result, not raised.
+
+    `progress` may raise to end the work early: its exception propagates, unless it is a ``ValueError`` or ``OSError``.
+    """
+    try:
+        frame = task.reader()
+        maps = {}
+        for name, matcher in task.matchers.items():
+            result = matcher.compute(frame.left, frame.right, progress=progress)
+            # Scores and vertical displacements are not needed here, and would be sent between machines.
+            maps[name] = replace(result, _score=None, _dy=None)
+    except (ValueError, OSError) as error:
+        return MatchedFrame(task.number, problem=_in_one_line(error))
+    return MatchedFrame(task.number, frame.left, maps, truth=frame.truth)
+
+
+def encoded_frame(
+    task: FrameTask,
+    own: MatchedFrame[DisparityMap] | None = None,
+    before: MatchedFrame[DisparityMap] | None = None,
+    *,
+    progress: Progress | None = None,
+) -> MatchedFrame[FrameMap]:
+    """Match one frame, encode its maps and measure them.
+
+    Parameters
+    ----------
+    task
+        The work.
+    own
+        The frame from :func:`match_frame`, if it has been matched already.
+    before
+        The previous frame from :func:`match_frame`, by whose maps these are steadied.
+    progress
+        As for :func:`match_frame`.
+    """
+    own = own or match_frame(task, progress)
+    if own.left is None:
+        return MatchedFrame(task.number, problem=own.problem)
+    maps = {}
+    try:
+        for name, result in _steadied(task, own, before).items():
+            data = DISPARITY_FORMATS[task.suffix].write(result.disparity)
+            figures = figures_of(result, own.truth, task.calibration)
+            maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
+    except ValueError as error:
+        return MatchedFrame(task.number, problem=_in_one_line(error))
+    return _handed_back(task, own.left, maps, own.truth)
+
+
+def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame[FrameMap]:
+    """Read a frame whose maps have been written, as :func:`encoded_frame` would return it, but without figures."""
+    try:
+        frame = task.reader()
+        maps = {name: FrameMap(read_back(file), b"", {}) for name, file in files.items()}
+    except (ValueError, OSError) as error:
+        return MatchedFrame(task.number, problem=_in_one_line(error))
+    return _handed_back(task, frame.left, maps, frame.truth)
+
+
+def _steadied(
+    task: FrameTask, own: MatchedFrame[DisparityMap], before: MatchedFrame[DisparityMap] | None
+) -> Mapping[str, DisparityMap]:
+    """Return the maps steadied by the previous frame, if asked for and possible, with the time for it added."""
+    if task.steadiness is None or before is None or before.left is None or own.left is None:
+        return own.maps
+    start = time.perf_counter()
+    motion = motion_since(before.left, own.left)
+    if motion is None:
+        return own.maps
+    moved_s = time.perf_counter() - start
+    maps = {}
+    for name, one in own.maps.items():
+        start = time.perf_counter()
+        disparity = steadied(before.maps[name], one, motion, task.steadiness)
+        maps[name] = replace(one, disparity=disparity, elapsed_s=one.elapsed_s + moved_s + time.perf_counter() - start)
+    return maps
+
+
+def _handed_back(
+    task: FrameTask, left: Image, maps: Mapping[str, FrameMap], truth: Truth | None
+) -> MatchedFrame[FrameMap]:
+    shown = left if task.in_colour else as_grey(left)
+    return MatchedFrame(task.number, shown, maps, truth=truth if task.with_truth else None)
+
+
+def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
+    """Return a map as stored in its file, so that frame-to-frame figures do not depend on whether it was read back."""
+    if suffix != PNG:
+        return disparity
+    scaled = np.rint(disparity * np.float32(KITTI_SCALE))
+    return np.asarray(np.maximum(scaled, np.float32(1)) / np.float32(KITTI_SCALE))  # NaN stays NaN
+
+
+def read_back(file: Source) -> FloatMap:
+    """Return the map in a file of a sequence; unlike a ground truth, it may have no disparity at all."""
+    found = read_stored_disparity(file)
+    known = found.stored.any() if found.zero_is_unknown else np.isfinite(found.stored).any()
+    if not known:
+        return np.full(found.stored.shape, np.nan, np.float32)
+    return found.divided(found.divisor or 1.0)
+
+
+def _from_file(data: bytes, figures: Mapping[str, Any]) -> FrameMap:
+    return FrameMap(read_back(data), data, figures)
+
+
+def _in_one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{Path(error.filename).name}: {error.strerror}." if error.filename else f"{error.strerror}."
+    return " ".join(str(error).split())
+
+
+LEAST_SHARE = 0.001
+"""Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
+
+LOWEST, HIGHEST = 0.2, 2.0
+"""Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
+
+
+def nearest_obstacle(disparity: npt.ArrayLike) -> float:
+    """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) px; NaN = none.
+
+    Returns
+    -------
+    disparity
+        px; NaN if there is none. If a ground is seen, its pixels and anything overhanging the road do not count: the
+        height of a point above the ground, as a share of the camera's, is ``1 - d_ground / d``.
+
+    Raises
+    ------
+    ValueError
+        If the array is not (H, W).
+    """
+    values = np.asarray(disparity, dtype=np.float32)
+    if values.ndim != 2 or values.size == 0:
+        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
+    known = np.isfinite(values) & (values > 0)
+    ground = ground_of(values)
+    if ground is not None:
+        below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
+        known &= values * np.float32(1 - LOWEST) > below[:, None]
+        known &= values * np.float32(1 - HIGHEST) < below[:, None]
+    obstacles = values[known]
+    rank = max(1, round(LEAST_SHARE * values.size))
+    if obstacles.size < rank:
+        return math.nan
+    return float(np.partition(obstacles, obstacles.size - rank)[obstacles.size - rank])
+
+
+BAD_PX = 2.0
+
+MOTION = "motion"
+"""Entry of the method column in rows of motion figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRecord:
+    """The figures of one frame by one method; NaN = unknown.
+
+    Attributes
+    ----------
+    number, name
+        The number and name of the frame.
+    time_s
+        Its time in the sequence, s.
+    method
+        The name of the matcher.
+    coverage
+        Share of the pixels that have a disparity, 0..1.
+    milliseconds
+        Time for the matching alone, while other frames were matched in parallel.
+    nearest_px, nearest_m
+        Disparity and depth of the nearest obstacle; metres need a calibration.
+    bad_2_percent, epe_px
+        Percentage of pixels off by more than 2 px or missing, and the mean error of pixels with a disparity.
+    own_speed_kmh
+        Speed of the camera since the previous frame; only in rows of motion, whose coverage is that of the flow.
+    moving
+        Things that move against the world, nearest first: distance, and speed if known well enough.
+    flicker_px
+        Mean change of the disparity since the previous frame, where the picture did not change.
+    problem
+        Why there is no map; "" if there is one.
+    """
+
+    number: int
+    name: str
+    time_s: float
+    method: str
+    coverage: float = math.nan
+    milliseconds: float = math.nan
+    nearest_px: float = math.nan
+    nearest_m: float = math.nan
+    bad_2_percent: float = math.nan
+    epe_px: float = math.nan
+    own_speed_kmh: float = math.nan
+    moving: str = ""
+    flicker_px: float = math.nan
+    problem: str = ""
+
+
+COLUMNS: Mapping[str, Callable[[str], Any]] = {
+    one.name: {"int": int, "str": str}.get(str(one.type), lambda cell: float(cell or "nan"))
+    for one in fields(FrameRecord)
+}
+"""The columns of the table, and how their cells are read."""
+
+
+def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibration | None) -> dict[str, float]:
+    """Return those fields of a :class:`FrameRecord` that follow from one frame alone.
+
+    A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.
+    """
+    # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
+    nearest = nearest_obstacle(np.where(result.filled, np.float32(np.nan), result.disparity))
+    figures = {
+        "coverage": result.coverage,
+        "milliseconds": result.elapsed_s * 1e3,
+        "nearest_px": nearest,
+        "nearest_m": math.nan if calibration is None else float(calibration.depth(nearest)),
+    }
+    if truth is not None and truth.shape == result.disparity.shape:
+        found = evaluate(result.disparity, truth, thresholds=(BAD_PX,))
+        figures |= {"bad_2_percent": found.bad[BAD_PX], "epe_px": found.epe}
+    return figures
+
+
+def table_lines(records: Iterable[FrameRecord], *, header: bool = False) -> str:
+    """Return records as lines of the table, below its header if wanted; unknown figures are left empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    if header:
+        writer.writerow(COLUMNS)
+    writer.writerows(map(_cell, astuple(record)) for record in records)
+    return text.getvalue()
+
+
+def read_records(path: Path) -> list[FrameRecord]:
+    """Read a table back; a line cut short by an interruption, and everything after it, is skipped."""
+    records: list[FrameRecord] = []
+    text = path.read_text(encoding="utf-8")
+    for row in csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1])):
+        if list(row) != list(COLUMNS) or None in row.values():
+            break
+        try:
+            records.append(FrameRecord(**{name: COLUMNS[name](cell) for name, cell in row.items()}))
+        except ValueError:
+            break
+    return records
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return value
