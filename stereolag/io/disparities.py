@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.images import image_png, parse_pfm, parse_pgm, read_image
+from stereolag.io.images import image_png, parse_netpbm, parse_pfm, read_image
 from stereolag.io.sources import NPY_MAGIC, Source, check_pixels, npy, parse_npy, read_bytes, write_file
 
 if TYPE_CHECKING:
@@ -110,10 +111,14 @@ class StoredDisparity(NamedTuple):
 def read_stored_disparity(source: Source) -> StoredDisparity:
     """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     data = read_bytes(source, WHAT)
-    found = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES).read(data)
-    if found.stored.ndim != 2:
-        raise ValueError(f"The {WHAT} has shape {found.stored.shape}; allowed is one channel, (rows, cols).")
-    return found
+    kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
+    stored = kind.read(data)
+    if stored.ndim != 2:
+        raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
+    check_pixels(stored.shape[1], stored.shape[0], WHAT)
+    if kind is not IMAGES or stored.dtype.kind != "u":
+        return StoredDisparity(stored, 1.0, False)
+    return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), True)
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
@@ -231,28 +236,13 @@ def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
     return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
 
 
-def _stored_pfm(data: bytes) -> StoredDisparity:
-    return StoredDisparity(parse_pfm(data, WHAT), 1.0, False)
-
-
-def _stored_npy(data: bytes) -> StoredDisparity:
-    stored = parse_npy(data, WHAT)
-    if stored.ndim == 2:
-        check_pixels(stored.shape[1], stored.shape[0], WHAT)
-    return StoredDisparity(stored, 1.0, False)
-
-
-def _stored_image(data: bytes) -> StoredDisparity:
+def _stored_image(data: bytes) -> npt.NDArray[Any]:
     if data.startswith((b"P2", b"P5")):
-        image: npt.NDArray[Any] = parse_pgm(data, WHAT)
-    else:
-        try:
-            image = read_image(data)
-        except ValueError as error:
-            raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
-    if image.dtype.kind != "u":
-        return StoredDisparity(image, 1.0, False)
-    return StoredDisparity(image, None if image.dtype == np.uint8 else float(KITTI_SCALE), True)
+        return parse_netpbm(data, WHAT, as_stored=True)
+    try:
+        return read_image(data)
+    except ValueError as error:
+        raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
 
 
 def _npy_map(disparity: npt.ArrayLike) -> bytes:
@@ -272,7 +262,8 @@ class MapFormat(NamedTuple):
     begins
         How its files begin.
     read, write
-        From and to the bytes of a file; maps to be written are (rows, cols), px, NaN or infinite where unknown.
+        From the bytes of a file, as stored, and to them; maps to be written are (rows, cols), px, NaN or infinite where
+        unknown.
     holds
         The disparities that it can store.
     """
@@ -280,7 +271,7 @@ class MapFormat(NamedTuple):
     name: str
     suffixes: tuple[str, ...]
     begins: tuple[bytes, ...]
-    read: Callable[[bytes], StoredDisparity]
+    read: Callable[[bytes], npt.NDArray[Any]]
     write: Callable[[npt.ArrayLike], bytes]
     holds: str = "any disparity"
 
@@ -296,9 +287,9 @@ IMAGES = MapFormat(
 """Read whatever else an image file may be, too."""
 
 FORMATS = (
-    MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), _stored_pfm, pfm),
+    MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), partial(parse_pfm, what=WHAT), pfm),
     IMAGES,
-    MapFormat("NPY", ("npy",), (NPY_MAGIC,), _stored_npy, _npy_map),
+    MapFormat("NPY", ("npy",), (NPY_MAGIC,), partial(parse_npy, what=WHAT), _npy_map),
 )
 """All formats: readers, writers, uploads and the help of commands follow this list."""
 

@@ -4,15 +4,12 @@ A reader is a plain function from bytes to their content. A script calls it dire
 pixels and samples are enough. A server calls it through :func:`guarded`, in a worker process: if a file
 takes more time or memory than is allowed, or crashes its decoder, that worker ends, and the server and its other
 visitors do not notice. Workers are started ahead, so that nobody waits for one to start or to be replaced.
-
-Jobs and answers go through memory that both processes share; on systems other than Linux, through pipes.
 """
 
 from __future__ import annotations
 
 import atexit
 import importlib
-import io
 import os
 import pickle
 import signal
@@ -27,7 +24,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, Generic, ParamSpec, Protocol, TypeVar
+from typing import Any, Generic, ParamSpec, Protocol, TypeVar
 
 from stereolag.core.jobs import PREFIX, limits, machine_memory, set_defaults
 
@@ -56,7 +53,6 @@ TOO_LARGE = "The file takes more memory to read than is allowed; save it again, 
 CRASHED = "The file is damaged: it cannot be decoded."
 
 _PRELOADED = ("stereolag.io.calibrations", "stereolag.io.disparities", "stereolag.io.recordings")
-_READ, _REFUSED, _FAILED = range(3)
 
 
 class Door(Protocol):
@@ -130,17 +126,14 @@ class _Worker:
     def __init__(self) -> None:
         # Not by multiprocessing, which would run the page's script again: Streamlit makes it the main module.
         environment = {name: value for name, value in os.environ.items() if not name.startswith(PREFIX)}
-        self._shared = io.FileIO(os.memfd_create("guard"), "r+") if sys.platform == "linux" else None
-        shared = () if self._shared is None else (self._shared.fileno(),)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", f"from {__name__} import serve; serve{shared}"],
+            [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # Ctrl+C is for the server alone
-            pass_fds=shared,
         )
-        _workers.add(self)
+        _guard.workers.add(self)
 
     @property
     def ended(self) -> bool:
@@ -157,33 +150,31 @@ class _Worker:
         watch.daemon = True
         watch.start()
         try:
-            outcome, content = self._answer((most.model_dump(), (seconds, 2 * PATIENCE * seconds, memory), job))
+            outcome: tuple[T, Exception | None] = self._exchanged(
+                (most.model_dump(), (seconds, 2 * PATIENCE * seconds, memory), job)
+            )
         except (OSError, EOFError, pickle.UnpicklingError):
             # The worker has ended; nothing that a file does can end it otherwise.
+            self.end()
             out_of_time = late.is_set() or self._process.wait() == -getattr(signal, "SIGPROF", 0)
             raise ValueError(TOO_SLOW if out_of_time else CRASHED) from None
-        finally:
-            watch.cancel()
-            watch.join()
-        if outcome == _REFUSED:
-            raise ValueError(content)
-        if outcome == _FAILED:
-            raise RuntimeError(f"A reader failed.\n{content}")
-        result: T = content
-        return result
-
-    def _answer(self, job: Any) -> tuple[int, Any]:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        try:
-            _send(job, self._process.stdin, self._shared)
-            answer: tuple[int, Any] = _received(self._process.stdout, self._shared)
-            if self._shared is not None:
-                self._shared.truncate(0)
         except BaseException:  # an interrupted exchange cannot be continued
             self.end()
             raise
-        return answer
+        finally:
+            watch.cancel()
+            watch.join()
+        result, error = outcome
+        if error is not None:
+            raise error
+        return result
+
+    def _exchanged(self, message: Any) -> Any:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        pickle.dump(message, self._process.stdin, protocol=5)
+        self._process.stdin.flush()
+        return pickle.load(self._process.stdout)
 
     def _end_late(self, late: threading.Event) -> None:
         late.set()
@@ -193,23 +184,30 @@ class _Worker:
         """End the process now; if it is ending by itself, its own exit code stays."""
         self._process.kill()
         self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._shared):
+        for stream in (self._process.stdin, self._process.stdout):
             with suppress(OSError):  # what was not sent any more
                 if stream is not None:
                     stream.close()
-
-
-_workers: weakref.WeakSet[_Worker] = weakref.WeakSet()
 
 
 class _Guard:
     """The workers that are free, and the objects that have one of their own."""
 
     def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin without workers; in a forked process, they stay with the one that it was forked from."""
         self._lock = threading.Lock()
         self._slots = threading.BoundedSemaphore(AT_ONCE)
         self._free: list[_Worker] = []
         self._in_use: OrderedDict[int, weakref.ref[GuardedObject[Any]]] = OrderedDict()
+        self.workers: weakref.WeakSet[_Worker] = weakref.WeakSet()
+
+    def end(self) -> None:
+        """End all workers."""
+        for worker in list(self.workers):
+            worker.end()
 
     def start(self) -> None:
         """Start a worker if none is free."""
@@ -255,52 +253,16 @@ class _Guard:
 _guard = _Guard()
 
 
-@atexit.register
-def _end_workers() -> None:
-    for worker in list(_workers):
-        worker.end()
-
-
-def _leave_workers() -> None:
-    """Leave the workers to the process that this one was forked from."""
-    global _guard, _workers
-    _left.append((_guard, list(_workers)))
-    _guard, _workers = _Guard(), weakref.WeakSet()
-
-
-_left: list[object] = []
-
+atexit.register(_guard.end)
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_leave_workers)
-
-
-def _send(message: Any, pipe: IO[bytes], shared: io.FileIO | None) -> None:
-    if shared is None:
-        pickle.dump(message, pipe, protocol=5)
-    else:
-        shared.seek(0)
-        with open(shared.fileno(), "wb", closefd=False) as store:
-            pickle.dump(message, store, protocol=5)
-        pipe.write(b".")
-    pipe.flush()
-
-
-def _received(pipe: IO[bytes], shared: io.FileIO | None) -> Any:
-    if shared is None:
-        return pickle.load(pipe)
-    if not pipe.read(1):
-        raise EOFError
-    shared.seek(0)
-    with open(shared.fileno(), "rb", closefd=False) as store:
-        return pickle.load(store)
+    os.register_at_fork(after_in_child=_guard.forget)
 
 
 # In the worker.
 
 
-def serve(shared_memory: int | None = None) -> None:
+def serve() -> None:
     """Answer jobs until the server is gone."""
-    shared = None if shared_memory is None else io.FileIO(shared_memory, "r+")
     jobs, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever is printed must not get among the answers
     warnings.simplefilter("ignore")
@@ -313,7 +275,7 @@ def serve(shared_memory: int | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), number)
     while True:
         try:
-            values, most, job = _received(jobs, shared)
+            values, most, job = pickle.load(jobs)
         except EOFError:
             return
         set_defaults(**values)
@@ -321,20 +283,21 @@ def serve(shared_memory: int | None = None) -> None:
         answer = _answer_to(job)
         _limit(0, 0, None)
         try:
-            _send(answer, answers, shared)
+            pickle.dump(answer, answers, protocol=5)
+            answers.flush()
         except BrokenPipeError:
             os._exit(0)
 
 
-def _answer_to(job: Callable[[], Any]) -> tuple[int, Any]:
+def _answer_to(job: Callable[[], Any]) -> tuple[Any, Exception | None]:
     try:
-        return _READ, job()
+        return job(), None
     except ValueError as error:
-        return _REFUSED, str(error)
+        return None, ValueError(str(error))
     except MemoryError:
-        return _REFUSED, TOO_LARGE
+        return None, ValueError(TOO_LARGE)
     except Exception:  # an error of the reader, for the log of the server
-        return _FAILED, traceback.format_exc()
+        return None, RuntimeError(f"A reader failed.\n{traceback.format_exc()}")
 
 
 def _limit(seconds: float, by_the_clock: float, memory: int | None) -> None:

@@ -156,8 +156,8 @@ _FIELD = rb"(?:\s|#[^\r\n]*+)*+([^\s#]++)"
 """Spaces and comments, then what is neither."""
 
 
-def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
-    """Return a P1 to P6 or Pf image, integers stretched to the full range of their type.
+def parse_netpbm(data: bytes, what: str, *, as_stored: bool = False) -> npt.NDArray[Any]:
+    """Return a P1 to P6 or Pf image, its integers stretched to the full range of their type, or as they are stored.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
     Raises
     ------
     ValueError
-        A broken header, too many or too few pixels.
+        A broken header, too many or too few pixels, or integers to be returned as stored above the announced largest.
     """
     if data.startswith(b"Pf"):
         return np.ascontiguousarray(parse_pfm(data, what), dtype=np.float32)
@@ -180,7 +180,9 @@ def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
     width, height, rest, offset = header
     check_pixels(width, height, what)
     largest = _whole(rest) if rest else 1
-    dtype = _type_up_to(largest, what)
+    if not 1 <= largest <= 65535:
+        raise ValueError(f"The {what} (PGM) has {largest} for its largest value; allowed are 1 to 65535.")
+    dtype: np.dtype[np.unsignedinteger[Any]] = np.dtype(np.uint8 if largest < 256 else np.uint16)
     full = np.iinfo(dtype).max
     if magic == b"P4":
         packed = _from_binary(data, offset, np.dtype(np.uint8), (width + 7) // 8, height, what)
@@ -189,8 +191,11 @@ def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
         pixels = _from_binary(data, offset, dtype.newbyteorder(">"), width * channels, height, what)
     else:
         pixels = np.minimum(_from_text(data[offset:], magic, width * height * channels, what), full)
-    stretched = np.minimum(np.rint(np.arange(full + 1) * full / largest), full).astype(dtype)
-    return stretched[pixels].reshape((height, width, 3) if channels == 3 else (height, width))
+    if not as_stored:
+        pixels = np.minimum(np.rint(np.arange(full + 1) * full / largest), full).astype(dtype)[pixels]
+    elif pixels.max() > largest:
+        raise ValueError(f"The {what} (PGM) holds {pixels.max()}, above the {largest} it announces.")
+    return pixels.astype(dtype, copy=False).reshape((height, width, 3) if channels == 3 else (height, width))
 
 
 def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
@@ -215,27 +220,6 @@ def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
     return _from_binary(data, offset, np.dtype("<f4" if scale < 0 else ">f4"), width, height, what)[::-1]
 
 
-def parse_pgm(data: bytes, what: str) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Return the (rows, cols) integers of a binary PGM as stored, uint16 if its largest is above 255, else uint8.
-
-    Raises
-    ------
-    ValueError
-        A broken header, too many pixels, too few bytes, or numbers above the announced largest value.
-    """
-    header = _header(data, b"P5", 3)
-    if header is None:
-        raise ValueError(f"The {what} is not a binary PGM: it must begin with P5, width, height and largest value.")
-    width, height, rest, offset = header
-    check_pixels(width, height, what)
-    largest = _whole(rest)
-    dtype = _type_up_to(largest, what)
-    pixels = _from_binary(data, offset, dtype.newbyteorder(">"), width, height, what)
-    if pixels.max() > largest:
-        raise ValueError(f"The {what} (PGM) holds {pixels.max()}, above the {largest} it announces.")
-    return pixels.astype(dtype)
-
-
 def _header(data: bytes, magic: bytes, count: int) -> tuple[int, int, bytes, int] | None:
     """Return width, height, the third field if `count` is 3, and the offset of the pixels after one more space."""
     found = re.match(magic + rb"(?=[\s#])" + count * _FIELD + rb"(?=\s)", data[:HEADER_BYTES])
@@ -249,12 +233,6 @@ def _header(data: bytes, magic: bytes, count: int) -> tuple[int, int, bytes, int
 def _whole(field: bytes) -> int:
     """Return a number of up to nine digits, 0 for anything else."""
     return int(field) if field.isdigit() and len(field) < 10 else 0
-
-
-def _type_up_to(largest: int, what: str) -> np.dtype[np.unsignedinteger[Any]]:
-    if not 1 <= largest <= 65535:
-        raise ValueError(f"The {what} (PGM) has {largest} for its largest value; allowed are 1 to 65535.")
-    return np.dtype(np.uint8 if largest < 256 else np.uint16)
 
 
 def _from_binary(

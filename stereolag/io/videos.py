@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import av
 import numpy as np
@@ -42,13 +42,6 @@ _PATIENCE_PACKETS = 64
 """Number of later frames decoded before a missing frame counts as damaged."""
 
 
-class _Index(NamedTuple):
-    """Sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
-
-    shown: tuple[int, ...]
-    keys: tuple[int, ...]
-
-
 class VideoFile:
     """The frames of a video by their numbers; a path is opened again after unpickling.
 
@@ -79,14 +72,14 @@ class VideoFile:
         rate = stream.average_rate or stream.guessed_rate
         self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
         """Hz."""
-        self._index = self._indexed()
+        self._shown, self._keys = self._indexed()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (_opened_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self._index.shown)
+        return len(self._shown)
 
     def frame(self, number: int) -> Image:
         """Return a frame.
@@ -125,7 +118,23 @@ class VideoFile:
 
     @cached_property
     def _container(self) -> InputContainer:
-        return _opened(self._source)
+        if isinstance(self._source, Path):
+            with self._source.open("rb") as stream:
+                beginning = stream.read(_HEADER_BYTES)
+        else:
+            beginning = self._source[:_HEADER_BYTES]
+        # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
+        kind = next((name for magic, name in _CONTAINERS.items() if beginning.startswith(magic)), None)
+        kind = "mov" if beginning[4:8] in _BOXES else kind
+        if kind is None or (kind == "avi" and beginning[8:12] != b"AVI "):
+            raise ValueError(
+                f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
+            )
+        file = str(self._source) if isinstance(self._source, Path) else io.BytesIO(self._source)
+        try:
+            return av.open(file, "r", format=kind, options={"protocol_whitelist": "file"}, metadata_errors="replace")
+        except av.FFmpegError as error:
+            raise _damaged() from error
 
     @cached_property
     def _stream(self) -> VideoStream:
@@ -142,10 +151,11 @@ class VideoFile:
         context.thread_count = 1  # leaves the cores to the matching
         return stream
 
-    def _indexed(self) -> _Index:
+    def _indexed(self) -> tuple[list[int], list[int]]:
+        """Return the sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
         most, most_s = limits().max_frames, limits().max_video_s
-        shown, keys = [], []
-        unit = float(self._stream.time_base or 0)
+        shown: list[int] = []
+        keys: list[int] = []
         try:
             for packet in self._container.demux(self._stream):
                 if packet.size == 0 or packet.is_discard:
@@ -163,18 +173,16 @@ class VideoFile:
                 raise _damaged() from error
         if not shown or not keys:
             raise _damaged()
-        index = _Index(tuple(sorted(set(shown))), tuple(sorted(keys)))
-        seconds = (index.shown[-1] - index.shown[0]) * unit
+        seconds = (max(shown) - min(shown)) * float(self._stream.time_base or 0)
         if seconds > most_s:
             raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {most_s:,} s are accepted.")
-        return index
+        return sorted(set(shown)), sorted(keys)
 
     def _decoded(self, number: int) -> VideoFrame:
-        wanted = self._index.shown[number]
+        wanted = self._shown[number]
         if self._frames is None or number != self._next:
-            place = bisect_right(self._index.keys, wanted) - 1
-            start = self._index.keys[max(place, 0)]
-            self._container.seek(start, stream=self._stream, backward=True)
+            place = bisect_right(self._keys, wanted) - 1
+            self._container.seek(self._keys[max(place, 0)], stream=self._stream, backward=True)
             self._frames = self._walk()
         past = 0
         for frame in self._frames:
@@ -231,33 +239,6 @@ def _facts(video: VideoFile) -> tuple[int, int, int, float]:
 def _opened_once(path: Path) -> VideoFile:
     """Return the video at a path, opened only once by a worker process that reads frame after frame."""
     return VideoFile(path)
-
-
-def _opened(source: Path | bytes) -> InputContainer:
-    if isinstance(source, Path):
-        with source.open("rb") as stream:
-            beginning = stream.read(_HEADER_BYTES)
-    else:
-        beginning = source[:_HEADER_BYTES]
-    # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
-    kind = _container_format(beginning)
-    if kind is None:
-        raise ValueError(
-            f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
-        )
-    file = str(source) if isinstance(source, Path) else io.BytesIO(source)
-    try:
-        return av.open(file, "r", format=kind, options={"protocol_whitelist": "file"}, metadata_errors="replace")
-    except av.FFmpegError as error:
-        raise _damaged() from error
-
-
-def _container_format(beginning: bytes) -> str | None:
-    if beginning[4:8] in _BOXES:
-        return "mov"
-    if beginning.startswith(b"RIFF") and beginning[8:12] != b"AVI ":
-        return None
-    return next((name for magic, name in _CONTAINERS.items() if beginning.startswith(magic)), None)
 
 
 def _damaged() -> ValueError:

@@ -295,7 +295,7 @@ def signals() -> dict[str, Case]:
 
 def disparities() -> dict[str, Case]:
     return {
-        "PGM, 60 MB of comments": (lambda: b"P5" + b"#\n" * (30 * MB), "not a binary PGM"),
+        "PGM, 60 MB of comments": (lambda: b"P5" + b"#\n" * (30 * MB), "no size and largest value"),
         "PFM, 60 MB of spaces": (lambda: b"Pf" + b" " * (60 * MB), "not a grey PFM"),
         "PFM, 60 MB of scale": (lambda: b"Pf 2 2 " + b"1" * (60 * MB), "not a grey PFM"),
         "PFM, scale 1e999": (lambda: b"Pf\n2 2\n1e999\n" + bytes(16), "scale 1e999"),
