@@ -15,8 +15,7 @@ from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
 from stereolag.assess.features import Correspondences
 from stereolag.assess.orientation import best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
-from stereolag.io.disparities import read_disparity
-from stereolag.io.images import read_image
+from stereolag.io.images import read_disparity, read_image
 from stereolag.samples import stereo_pairs
 
 Array = npt.NDArray[Any]

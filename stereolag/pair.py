@@ -34,9 +34,8 @@ from stereolag.geometry.rectification import (
     scaled_image,
 )
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.disparities import StoredDisparity, read_disparity, read_stored_disparity
 from stereolag.io.guard import guarded
-from stereolag.io.images import read_image
+from stereolag.io.images import StoredDisparity, read_disparity, read_image, read_stored_disparity
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive

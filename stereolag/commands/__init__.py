@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in MEASURING:
-        from stereolag.commands.parsing import guarded
+        from stereolag.commands.arguments import guarded
 
         module = import_module(f"{__name__}.{given[0]}")
         return guarded(given[0], lambda: int(module.run(given[1:])))

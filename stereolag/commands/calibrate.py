@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
+from stereolag.commands.arguments import DONE, CommandParser, add_output, tell
 from stereolag.io.sources import Archive, is_archive, read_archive, read_bytes
 
 if TYPE_CHECKING:

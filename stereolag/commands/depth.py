@@ -9,19 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import stereolag as sl
+from stereolag.commands.arguments import DONE, CommandParser, add_output, read, tell
 from stereolag.commands.pairs import (
     MatcherFlags,
     Wording,
     add_calibration,
     rectified_as_asked,
 )
-from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json, read_calibration
-from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
-from stereolag.io.images import image_png, image_tiff, read_image
+from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_image, read_stored_disparity
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file

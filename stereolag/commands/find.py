@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import stereolag as sl
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.parsing import DONE, NOT_FOUND, CommandParser, add_output, read, tell
+from stereolag.commands.arguments import DONE, NOT_FOUND, CommandParser, SettingsFlags, add_output, read, tell
 from stereolag.core.searches import TemplateQuery
 
 

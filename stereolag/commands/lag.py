@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
+from stereolag.commands.arguments import DONE, CommandParser, SettingsFlags, add_output, read, tell
 from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.parsing import CommandParser, read
+from stereolag.commands.arguments import CommandParser, SettingsFlags, read
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.settings import read_matcher
 from stereolag.pair import Pair, Preparation, Rows, prepare

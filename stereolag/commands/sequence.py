@@ -8,18 +8,27 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.flags import SettingsFlags
+from stereolag.commands.arguments import (
+    DAMAGED,
+    DONE,
+    INTERRUPTED,
+    CommandParser,
+    SettingsFlags,
+    add_output,
+    one_line,
+    read,
+    tell,
+)
 from stereolag.commands.pairs import (
     MatcherFlags,
     Wording,
     add_calibration,
     rectified_as_asked,
 )
-from stereolag.commands.parsing import DAMAGED, DONE, INTERRUPTED, CommandParser, add_output, one_line, read, tell
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.disparities import DISPARITY_FORMATS
+from stereolag.io.images import DISPARITY_FORMATS
 from stereolag.pair import Pair, PairId
 from stereolag.sequences import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher

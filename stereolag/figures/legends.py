@@ -28,8 +28,7 @@ from stereolag.figures.pictures import (
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import clean_point_cloud
-from stereolag.io.disparities import ply
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, ply
 from stereolag.stereo.matcher import DisparityMap
 
 FAR_TO_NEAR = VIRIDIS

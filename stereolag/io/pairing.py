@@ -11,8 +11,7 @@ from typing import TypeVar
 
 from stereolag.core.inputs import Image
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
-from stereolag.io.disparities import DISPARITY_SUFFIXES
-from stereolag.io.images import IMAGE_SUFFIXES, read_image
+from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, read_image
 from stereolag.io.sources import quote
 
 K = TypeVar("K", bound=Hashable)

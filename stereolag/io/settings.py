@@ -32,9 +32,8 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import SettingsError
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.disparities import read_disparity
 from stereolag.io.guard import Door, unguarded
-from stereolag.io.images import read_image
+from stereolag.io.images import read_disparity, read_image
 from stereolag.io.sources import Archive, Source, escape, quote, read_bytes, write_file
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatcher
 from stereolag.stereo.methods import METHODS

@@ -19,7 +19,7 @@ from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import ground_of
-from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
+from stereolag.io.images import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.sources import Source
 from stereolag.sequences.motion import Steadiness, motion_since, steadied
 from stereolag.sequences.sources import FrameReader, Truth

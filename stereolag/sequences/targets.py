@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stereolag.io.disparities import DISPARITY_FORMATS
+from stereolag.io.images import DISPARITY_FORMATS
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
 from stereolag.sequences.frames import (

@@ -13,8 +13,7 @@ import streamlit as st
 
 from stereolag.core.jobs import limits
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
-from stereolag.io.disparities import DISPARITY_SUFFIXES
-from stereolag.io.images import IMAGE_SUFFIXES
+from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES
 from stereolag.io.sources import quote
 from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose

@@ -16,7 +16,7 @@ from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, 
 from stereolag.core.jobs import Estimate
 from stereolag.figures.legends import Colours
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.disparities import VERTEX
+from stereolag.io.images import VERTEX
 from stereolag.io.settings import settings_json
 from stereolag.pair import Pair, PairId, resized
 from stereolag.stereo.matcher import StereoMatcher

@@ -16,7 +16,7 @@ from playwright.sync_api import expect
 
 from stereolag.geometry.scene import SeenPoint, distance_between
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_disparity
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, number_in
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, file_of, resized, screenshot, settled
 

@@ -52,8 +52,7 @@ from PIL import Image
 from recording_bytes import id3, lying_flac, npy, npy_of, plain_wav, saved, sound, wav
 
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.disparities import read_disparity
-from stereolag.io.images import read_image
+from stereolag.io.images import read_disparity, read_image
 from stereolag.io.recordings import read_signal
 from stereolag.io.settings import read_matcher, settings_json
 from stereolag.stereo.methods import METHODS

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pairs import texture
 
-from stereolag.io.disparities import kitti_png
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, kitti_png
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS = 80, 120

@@ -16,8 +16,7 @@ import stereolag as sl
 from stereolag import samples
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.disparities import kitti_png, pfm
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy

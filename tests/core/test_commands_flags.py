@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from commanded import Command
 
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.parsing import CommandParser
+from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Settings, SettingsError, base_type, changed, choices, nested, setting
 from stereolag.io.settings import write_matcher

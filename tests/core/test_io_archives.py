@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from stereolag import read_disparity
-from stereolag.io.disparities import kitti_png, pfm
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.sources import MAX_BYTES, MAX_DIRECTORY_BYTES, bundle, file_name, is_archive, read_archive
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)

@@ -18,18 +18,19 @@ from ply_reader import read_ply
 
 import stereolag as sl
 from stereolag import read_disparity, read_image, write_disparity
-from stereolag.io.disparities import (
+from stereolag.io.images import (
     DISPARITY_FORMATS,
     FORMATS,
     check_kitti,
     confidence_png,
+    image_png,
+    image_tiff,
     kitti_png,
     measured_mask_png,
     pfm,
     ply,
     valid_mask_png,
 )
-from stereolag.io.images import image_png, image_tiff
 from stereolag.io.sources import npy
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)

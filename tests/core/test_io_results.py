@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 import stereolag as sl
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.parsing import CommandParser
+from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.images import image_png
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script

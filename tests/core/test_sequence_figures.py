@@ -14,7 +14,7 @@ from pairs import texture
 
 from stereolag import Calibration, StereoBM, StereoSGBM
 from stereolag.geometry.scene import ground_of
-from stereolag.io.disparities import kitti_png, pfm, read_disparity
+from stereolag.io.images import kitti_png, pfm, read_disparity
 from stereolag.sequences.frames import (
     COLUMNS,
     FrameMap,

@@ -15,8 +15,7 @@ from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, 
 
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
-from stereolag.io.disparities import kitti_png
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, kitti_png
 from stereolag.io.pairing import matched_pairs
 from stereolag.io.sources import Archive
 from stereolag.sequences import StereoSequence, open_sequence

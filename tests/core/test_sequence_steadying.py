@@ -18,8 +18,7 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.core.settings import SettingsError
-from stereolag.io.disparities import kitti_png
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, kitti_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import FrameTask, encoded_frame, match_frame
 from stereolag.sequences.motion import flicker, motion_since, steadied, still_pixels

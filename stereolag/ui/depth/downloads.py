@@ -17,8 +17,16 @@ from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, pfm, valid_mask_png
-from stereolag.io.images import image_png, image_tiff
+from stereolag.io.images import (
+    check_kitti,
+    confidence_png,
+    image_png,
+    image_tiff,
+    kitti_png,
+    measured_mask_png,
+    pfm,
+    valid_mask_png,
+)
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json

@@ -18,9 +18,8 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.rectification import halves
-from stereolag.io.disparities import StoredDisparity, read_stored_disparity
 from stereolag.io.guard import guarded
-from stereolag.io.images import read_image
+from stereolag.io.images import StoredDisparity, read_image, read_stored_disparity
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
     SAME_PICTURE,
