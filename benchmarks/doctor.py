@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
 from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
-from stereolag.assess.features import Correspondences
-from stereolag.assess.orientation import best_rectification, find_correspondences
+from stereolag.assess.orientation import Correspondences, best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
 from stereolag.io.images import read_disparity, read_image
 from stereolag.samples import stereo_pairs

@@ -17,10 +17,10 @@ from typing import Any, Protocol, Self, TypeAlias, TypeVar
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolag.assess.disparities import likely_divisor
+from stereolag.assess.diagnosis import Remedy, apply_remedy
 from stereolag.assess.orientation import RowEvidence, row_evidence
-from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration, StereoRig
@@ -40,6 +40,7 @@ from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
 from stereolag.samples import StereoExample
+from stereolag.stereo.opencv import StereoSGBM
 
 T = TypeVar("T")
 
@@ -330,6 +331,51 @@ def assemble_pair(
         description=description,
         changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in said),
     )
+
+
+DIVISORS = (1, 2, 4, 8, 16)
+"""Factors by which data sets scale disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
+
+LARGEST_STORED = 255
+QUICK_WIDTH = 480
+"""Px; a map this wide is enough to find the divisor, and takes a few hundredths of a second."""
+SEARCHED_SHARE = 0.5
+"""Share of the width."""
+AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
+"""Two disparities agree if they differ by no more than the larger of this distance and this share; neighbouring
+divisors differ by a factor of two."""
+
+
+def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
+    """Return the divisor, one of :data:`DIVISORS`, that makes the stored values agree best with a quick map.
+
+    Parameters
+    ----------
+    stored
+        (H, W) values as stored in the file, NaN where unknown; the size of the left image.
+    left, right
+        The pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_alike` allows; its rows must match.
+
+    Returns
+    -------
+    divisor
+        The divisor with the most agreeing pixels; the smallest if there is a tie or no agreement.
+    """
+    left, right = cropped_alike(left, right)
+    rows, cols = left.shape[:2]
+    factor = min(1.0, QUICK_WIDTH / cols)
+    values = scaled_disparity(np.asarray(stored)[:rows, :cols], factor)
+    small = [scaled_image(image, factor) for image in (left, right)]
+    reach = min(LARGEST_STORED, int(SEARCHED_SHARE * small[0].shape[1]))
+    matcher = StereoSGBM(num_disparities=max(16, reach // 16 * 16))
+    try:
+        found = matcher.compute(*small).disparity
+    except ValueError:  # too narrow for a search
+        return DIVISORS[0]
+    known = np.isfinite(values) & np.isfinite(found)
+    tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[known])
+    agreeing = [np.count_nonzero(np.abs(values[known] / divisor - found[known]) <= tolerance) for divisor in DIVISORS]
+    return DIVISORS[int(np.argmax(agreeing))]
 
 
 def truth_in_px(stored: StoredDisparity, left: Image, right: Image) -> tuple[FloatMap, str]:

@@ -1,4 +1,4 @@
-"""The input doctor: the findings on a stereo pair, as codes and numbers, and the search range they suggest."""
+"""The input doctor: the findings on a stereo pair, as codes and numbers, their remedies, and the range it needs."""
 
 from __future__ import annotations
 
@@ -9,24 +9,27 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+import scipy  # scipy.spatial is loaded on first use
 
-from stereolag.assess.disparities import INFINITY_SLACK_PX, disparities_of, disparities_seen, range_for
-from stereolag.assess.features import FEWEST_MATCHES, Correspondences
 from stereolag.assess.orientation import (
-    UncalibratedRectification,
+    FEWEST_MATCHES,
+    Correspondences,
     bend_of,
     best_rectification,
+    centre_of,
     find_correspondences,
     match_noise,
-    row_residuals,
+    robust_fit,
     row_spread,
     vertical_plane,
 )
-from stereolag.assess.remedies import Remedy, exposed_alike, exposure
+from stereolag.core.arrays import DoubleMap
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair, local_deviation
 from stereolag.core.jobs import COSTS, Estimate, check_memory
+from stereolag.stereo.opencv import StereoSGBM
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15
@@ -47,6 +50,18 @@ SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
 """The sides of a raw pair are known if more than the first share of its features agree and less than the second
 disagree."""
 
+TEXTURE_WINDOW = 11
+"""Side of the windows in which texture is judged, px."""
+
+FLAT_DEVIATION = 0.01
+"""A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
+
+DOUBTED_PX = 0.5
+"""Spread of the rows above which they are tested for bending, px at the size at which features were matched."""
+
+SURELY = 2.0
+"""Standard deviations from 0 at which the sign of a disparity is certain."""
+
 
 class FindingCode(StrEnum):
     """The questions that the input doctor asks about a pair."""
@@ -60,6 +75,21 @@ class FindingCode(StrEnum):
     EXPOSURE = "exposure"
     TEXTURE = "texture"
     RANGE = "range"
+
+
+class Remedy(StrEnum):
+    """The fix for a finding: a corrected pair (:func:`apply_remedy`), or another search range."""
+
+    SWAP_SIDES = "swap_sides"
+    ALIGN_ROWS = "align_rows"
+    LEVEL = "level"
+    """Rotate and scale the right image until its rows match; depth becomes relative."""
+    RECTIFY = "rectify"
+    """Rotate both views, and undo a lens distortion if that helps, until rows match; depth becomes relative.
+    This is no substitute for a calibration."""
+    MATCH_EXPOSURE = "match_exposure"
+    SET_RANGE = "set_range"
+    """Search the range that the finding suggests: changes the settings, not the images."""
 
 
 @dataclass(frozen=True)
@@ -148,15 +178,14 @@ def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: floa
     in_front, behind
         Shares of the features whose disparity is certainly above 0, and certainly below 0, as with swapped sides.
     """
-    swapped, known = behind > in_front, max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
+    known = max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
     numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
-    return _found(FindingCode.SWAPPED, swapped and known, Remedy.SWAP_SIDES, **numbers)
+    return _found(FindingCode.SWAPPED, known and behind > in_front, Remedy.SWAP_SIDES, **numbers)
 
 
 def judge_rows(offset: float, spread: float, remedy: Remedy | None = Remedy.ALIGN_ROWS) -> Finding:
     """Judge the median and the spread of dy, px."""
-    misaligned = abs(offset) > ROW_OFFSET_PX
-    return _found(FindingCode.ROWS, misaligned, remedy, offset_px=offset, spread_px=spread)
+    return _found(FindingCode.ROWS, abs(offset) > ROW_OFFSET_PX, remedy, offset_px=offset, spread_px=spread)
 
 
 def judge_rotation(degrees: float, scale: float, remedy: Remedy | None = Remedy.LEVEL) -> Finding:
@@ -183,10 +212,8 @@ def judge_bent_rows(
     """
     bent = math.sqrt(max(spread**2 - noise**2, 0.0)) * scale > BENT_PX
     numbers = {"spread_px": spread, "noise_px": noise, "lowest_px": ends[0], "highest_px": ends[1]}
-    if rectified is None:
-        return _found(FindingCode.BENT_ROWS, bent, None, **numbers)
-    numbers |= {"rectified_px": rectified[0], "lens": rectified[1]}
-    return _found(FindingCode.BENT_ROWS, bent, Remedy.RECTIFY, **numbers)
+    after = {} if rectified is None else {"rectified_px": rectified[0], "lens": rectified[1]}
+    return _found(FindingCode.BENT_ROWS, bent, Remedy.RECTIFY if after else None, **numbers, **after)
 
 
 def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
@@ -228,20 +255,6 @@ def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggest
 
 def _found(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
     return Finding(code, not ill, numbers, remedy if ill else None)
-
-
-TEXTURE_WINDOW = 11
-"""Side of the windows in which texture is judged, px."""
-
-FLAT_DEVIATION = 0.01
-"""A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
-
-
-DOUBTED_PX = 0.5
-"""Spread of the rows above which they are tested for bending, px at the size at which features were matched."""
-
-SURELY = 2.0
-"""Standard deviations from 0 at which the sign of a disparity is certain."""
 
 
 @dataclass(frozen=True)
@@ -331,25 +344,26 @@ def diagnose(
     -5.0
     """
     images = as_stereo_pair(left, right)
-    shape, dtype = images[0].shape, images[0].dtype
-    check_memory(estimate_diagnosis(shape, dtype))
-    points = find_correspondences(*images)
-    judged = len(points) >= FEWEST_MATCHES
-    grey = as_grey(images[0])
+    check_memory(estimate_diagnosis(images[0].shape, images[0].dtype))
+    found = find_correspondences(*images)
+    points = found if len(found) >= FEWEST_MATCHES else None
+    grey, other = (as_grey(image) for image in images)
     darkest, brightest = np.percentile(grey, (1, 99))
     range_of_greys = max(float(brightest - darkest), 1e-6)
-    identical = _judge_identity(images, points if judged else None, range_of_greys)
-    geometry = _judge_geometry(points) if judged and identical.healthy else ()
+    difference = float(np.mean(np.abs(other.astype(np.float32) - grey.astype(np.float32)))) / range_of_greys
+    moved = None if points is None else float(np.percentile(np.hypot(points.dx, points.dy), 95))
+    identical = judge_identical(difference, moved, found.scale)
+    geometry = _judge_geometry(points) if points is not None and identical.healthy else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
-    seen = disparities_seen(images[0], exposed_alike(*images), points) if identical.healthy and sides_known else None
+    seen = _disparities_seen(images[0], exposed_alike(*images), points) if identical.healthy and sides_known else None
     findings = (
-        judge_matches(len(points)),
+        judge_matches(len(found)),
         identical,
         *geometry,
-        judge_exposure(*exposure(*images, points if judged else None), range_of_greys),
+        judge_exposure(*_exposure(*images, points), range_of_greys),
         judge_texture(float(np.mean(local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))),
     )
-    examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen))
+    examined = Diagnosis(findings, seen, None if seen is None else _range_for(*seen))
     searched = judge_range(examined, min_disparity, num_disparities)
     return examined if searched is None else replace(examined, findings=(*findings, searched))
 
@@ -385,22 +399,12 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     return judge_searched(diagnosis.disparities, (min_disparity, num_disparities), diagnosis.suggested_range)
 
 
-def _judge_identity(images: tuple[Image, Image], points: Correspondences | None, range_of_greys: float) -> Finding:
-    """Judge whether both images show one view."""
-    left, right = (as_grey(image).astype(np.float32) for image in images)
-    difference = float(np.mean(np.abs(right - left))) / range_of_greys
-    if points is None:
-        return judge_identical(difference, None, 1.0)
-    return judge_identical(difference, float(np.percentile(np.hypot(points.dx, points.dy), 95)), points.scale)
-
-
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     """Judge the relative orientation of the views."""
     offset = float(np.median(points.dy))
     spread = 1.4826 * float(np.median(np.abs(points.dy - offset)))
-    _, sine, growth = vertical_plane(points)
-    turned = float(np.degrees(sine)), 1 + growth
-    residuals, bend = row_residuals(points), bend_of(points)
+    (_, sine, growth), residuals = vertical_plane(points)
+    turned, bend = (float(np.degrees(sine)), float(1 + growth)), bend_of(points)
     bent, noise, ends = row_spread(residuals), match_noise(points, residuals), np.percentile(residuals, (2, 98))
     straight = best_rectification(points) if max(bent, float(np.std(bend))) * points.scale > DOUBTED_PX else None
     if straight is not None and np.std(bend) > bent:
@@ -413,16 +417,228 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         None if straight is None else (straight.spread_px, straight.lens),
     )
     if straight is None or rows.remedy is None:
-        sides = judge_sides(*disparities_of(points))
-        return sides, judge_rows(offset, spread), judge_rotation(*turned), rows
+        return judge_sides(*_disparities_of(points)), judge_rows(offset, spread), judge_rotation(*turned), rows
+    disparities, deviations = straight.disparities(points)
+    lowest, highest = np.percentile(disparities, (2, 98))
+    in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
+    sides = judge_raw_sides(float(lowest), float(highest), in_front, behind)
     # The remedy for bent rows also corrects offset and rotation.
-    sides = _judge_raw_sides(straight, points)
     return sides, judge_rows(offset, spread, remedy=None), judge_rotation(*turned, remedy=None), rows
 
 
-def _judge_raw_sides(model: UncalibratedRectification, points: Correspondences) -> Finding:
-    """Judge whether the sides of an unrectified pair are swapped, from its disparities after rectification."""
-    disparities, deviations = model.disparities(points)
-    lowest, highest = np.percentile(disparities, (2, 98))
-    in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
-    return judge_raw_sides(float(lowest), float(highest), in_front, behind)
+COARSE_WIDTH = 320
+"""Width to which a pair is reduced for the coarse search, px."""
+
+FARTHEST, NEAREST = 0.12, 0.28
+"""Reach of the coarse search behind and in front of infinity, as shares of the width."""
+
+COARSE_ROW_PX = 0.5
+"""Row errors up to this size in the coarse images are left uncorrected."""
+
+FEWEST_MEASURED = 0.02
+"""Share of coarse pixels that must be matched for the search to count."""
+
+LEAST_TAIL, FAR_TAIL, NEAR_TAIL = 0.5, 10.0, 5.0
+"""Least percentage of disparities trimmed at each end, and how it grows at the far and near ends with the share not
+measured: the less can be matched, the more matches are wrong. Missing near objects hurts more."""
+
+FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
+"""Percentage of features trimmed at each end, and their least number."""
+
+NEIGHBOURS, LEAST_ALIKE, ALIKE = 8, 3, 0.01
+"""Nearest features compared, number that must have the same disparity, and the tolerance as a share of the width."""
+
+INFINITY_SLACK_PX = 4.0
+"""Disparities no more than this below 0 still count as infinity on a rectified pair."""
+
+RANGE_MARGIN = 0.15
+"""Margin of the suggested range beyond the disparities seen, as a share of their span."""
+
+
+def _disparities_seen(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float] | None:
+    """Return the range of disparities in a pair, px; None if neither pixels nor features reveal it.
+
+    Combines a coarse semi-global search, far wider than any pair should need, with the matched features. Features alone
+    would miss near objects, which fill few but important pixels; they help if the search is too narrow or rows are too
+    far off.
+
+    Parameters
+    ----------
+    left, right
+        Checked images of one size, with matched exposure.
+    points
+        Matches between them, by which the rows are aligned first; None with too few.
+    """
+    scale = min(1.0, COARSE_WIDTH / left.shape[1])
+    height, width = (max(1, round(side * scale)) for side in left.shape[:2])
+    coarse = [cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in (left, right)]
+    count, first = 16 * max(1, -(-int((FARTHEST + NEAREST) * width) // 16)), -int(FARTHEST * width)
+    ends: list[tuple[float, float]] = []
+    if points is not None:
+        coarse[1] = _rows_aligned(coarse[1], points, scale)
+        ends.append(_disparities_of(points))
+    framed = [cv2.copyMakeBorder(image, 8, 8, count + 8, 8 - first, cv2.BORDER_REPLICATE) for image in coarse]
+    matcher = StereoSGBM(
+        num_disparities=count,
+        min_disparity=first,
+        p2=1600,
+        uniqueness_ratio=15,
+        speckle_window_size=60,
+        speckle_range=1,
+    )
+    found = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+    seen = found[np.isfinite(found)]
+    if seen.size >= FEWEST_MEASURED * found.size:
+        far, near = (max(LEAST_TAIL, tail * (1 - seen.size / found.size)) for tail in (FAR_TAIL, NEAR_TAIL))
+        low, high = np.percentile(seen, (far, 100 - near)) / scale
+        ends.append((float(low), float(high)))
+    return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
+
+
+def _disparities_of(points: Correspondences) -> tuple[float, float]:
+    """Return the range of the disparities of matched features, px, without a few outliers.
+
+    Features with few neighbours of similar disparity do not count: a match with the wrong picket of a fence is on the
+    same row as the right one, but can have any disparity.
+    """
+    disparities = -points.dx
+    _, found = scipy.spatial.cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
+    near = np.asarray(found)[:, 1:]  # the first is the feature itself
+    apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
+    known = disparities[(apart <= ALIKE * points.shape[1]).sum(axis=1) >= LEAST_ALIKE]
+    if known.size < FEWEST_MATCHES:
+        known = disparities
+    tail = max(FEATURE_TAIL, 100 * FEATURES_LEFT_OUT / known.size)
+    low, high = np.percentile(known, (tail, 100 - tail))
+    return float(low), float(high)
+
+
+def _range_for(low: float, high: float) -> tuple[int, int]:
+    """Return the search range for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
+    margin = RANGE_MARGIN * max(high - low, 8.0)
+    first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
+    count = int(np.ceil(high + margin)) - first + 1
+    return first, max(16, 16 * -(-count // 16))
+
+
+def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
+    """Return the coarse right image with its rows moved to match the left one; columns stay.
+
+    A quadratic surface corrects the offset, roll and yaw of a raw pair, and most of the lens distortion.
+    """
+
+    def terms(x: npt.NDArray[np.floating], y: npt.NDArray[np.floating]) -> DoubleMap:
+        return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
+
+    size = points.shape[1]
+    seen = (np.column_stack([points.right[:, 0], points.left[:, 1]]) / size).astype(np.float64)
+    surface = robust_fit(terms(*seen.T), points.dy.astype(np.float64))
+    rows, cols = np.indices(right.shape[:2])
+    x, y = ((at.ravel() + 0.5) / (scale * size) for at in (cols, rows))
+    away = (terms(x, y) @ surface).reshape(rows.shape) * scale
+    if np.abs(away).max() <= COARSE_ROW_PX:
+        return right
+    columns, lines = (np.asarray(where, dtype=np.float32) for where in (cols, rows + away))
+    return np.asarray(cv2.remap(right, columns, lines, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
+    """Apply one remedy to a pair.
+
+    The left image is unchanged, so that everything known about its pixels remains valid, except that swapping exchanges
+    the images and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make depth relative, as the cameras are
+    unknown.
+
+    Parameters
+    ----------
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+    remedy
+        The remedy of a :class:`Finding`.
+
+    Returns
+    -------
+    left, right
+        The corrected images, of the same size and type.
+
+    Raises
+    ------
+    ValueError
+        If the remedy is ``Remedy.SET_RANGE``, which changes matcher settings rather than images; if too few features
+        are matched to find the geometry; or if no rectification from the images alone brings the rows much closer.
+    """
+    left, right = as_stereo_pair(left, right)
+    if remedy is Remedy.SWAP_SIDES:
+        return right, left
+    if remedy is Remedy.MATCH_EXPOSURE:
+        return left, exposed_alike(left, right)
+    if remedy is Remedy.SET_RANGE:
+        raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
+    points = find_correspondences(left, right)
+    if len(points) < FEWEST_MATCHES:
+        raise ValueError(
+            f"{len(points)} features were matched between the images; at least {FEWEST_MATCHES} are needed to align "
+            "their rows."
+        )
+    if remedy is Remedy.RECTIFY:
+        model = best_rectification(points)
+        if model is None:
+            raise ValueError(
+                "Rotating the images and removing one lens distortion from both aligns their rows hardly better than "
+                "moving, rotating and scaling one of them; calibrate the camera."
+            )
+        return model.applied(left, right)
+    if remedy is Remedy.ALIGN_ROWS:
+        transform = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -float(np.median(points.dy))]])
+    else:
+        transform = _levelling(points)
+    size = right.shape[1], right.shape[0]
+    return left, np.asarray(cv2.warpAffine(right, transform, size, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _levelling(points: Correspondences) -> DoubleMap:
+    """Return the (2, 3) similarity transform about the image centre that makes the rows of the right image match.
+
+    It removes dy, and dx stays unchanged at the centre.
+    """
+    centre = centre_of(points.shape)
+    # The left image's rows as a plane over the right image: y_left = p * x + q * y + t about the centre.
+    plane = np.column_stack([points.right - centre, np.ones(len(points))])
+    p, q, t = robust_fit(plane, points.left[:, 1] - centre[1])
+    turn = np.array([[q, -p, 0.0], [p, q, t]])
+    turn[:, 2] += centre - turn[:, :2] @ centre
+    return turn
+
+
+def _exposure(left: Image, right: Image, points: Correspondences | None = None) -> tuple[float, float]:
+    """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
+
+    Parameters
+    ----------
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) images of one type.
+    points
+        Matches at which to compare the images; by default they are compared as a whole.
+    """
+    samples: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
+    if points is not None:
+        samples = [
+            cv2.remap(cv2.blur(grey, (5, 5)), where[:, 0], where[:, 1], cv2.INTER_LINEAR).ravel()
+            for grey, where in zip(samples, (points.left, points.right), strict=True)
+        ]
+    deviation = [float(np.std(sample)) for sample in samples]
+    gain = deviation[1] / deviation[0] if min(deviation) > 0 else 1.0
+    return gain, float(np.mean(samples[1]) - gain * np.mean(samples[0]))
+
+
+def exposed_alike(left: Image, right: Image) -> Image:
+    """Return the right image with its brightness and contrast fitted to the left image's, in its own dtype."""
+    gain, offset = _exposure(left, right)
+    fitted = (right.astype(np.float64) - offset) / gain
+    if right.ndim == 3 and right.shape[2] == 4:
+        fitted[:, :, 3] = right[:, :, 3]
+    if right.dtype.kind == "f":
+        return fitted.astype(right.dtype)
+    limits = np.iinfo(right.dtype)
+    np.clip(np.rint(fitted, out=fitted), limits.min, limits.max, out=fitted)
+    return fitted.astype(right.dtype)

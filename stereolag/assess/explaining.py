@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeAlias
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, ReasonMap
-from stereolag.core.inputs import Image, as_grey, as_stereo_pair, rescale_extreme_floats
+from stereolag.core.inputs import as_grey, as_stereo_pair, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap, Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
@@ -63,45 +63,8 @@ def score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
     return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
 
 
-def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[np.float64]) -> Surface:
-    """Return the curve along dx through a sub-pixel peak: a Gaussian, or a parabola if a score is not positive.
-
-    Parameters
-    ----------
-    around
-        (3, 3) or (1, 3) scores around the peak; NaN = no candidate.
-    offset
-        (dy, dx) from the peak to the sub-pixel peak, px.
-    at
-        (n,) dx from the peak, px.
-
-    Returns
-    -------
-    ndarray
-        (n,) float64 scores; NaN if a neighbour along the row is missing.
-    """
-    scores = around.astype(np.float64)
-    middle = scores[len(scores) // 2]
-    if not np.isfinite(middle).all():
-        return np.full(at.shape, np.nan)
-    gaussian = bool((scores > 0).all())
-    section = _section(np.log(scores) if gaussian else scores, offset)
-    if section is None:
-        gaussian = bool((middle > 0).all())
-        section = _through_three(np.log(middle) if gaussian else middle)
-    height, slope, bend = section
-    curve = height + slope * at + bend * at**2
-    return np.asarray(np.exp(curve) if gaussian else curve)
-
-
-def _through_three(values: Surface) -> tuple[float, float, float]:
-    """Return the constant, linear and quadratic coefficients of the parabola through the values at -1, 0 and 1."""
-    low, top, high = values
-    return top, (high - low) / 2, (low - 2 * top + high) / 2
-
-
 def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float, float] | None:
-    """Return the same coefficients along dx for the paraboloid fitted to (3, 3) values, at the dy of its maximum.
+    """Return height, slope and bend along dx of the paraboloid fitted to (3, 3) values, at the dy of its maximum.
 
     None if its maximum differs from `offset`, which was then fitted to the row alone, or if there is only one row.
     """
@@ -286,8 +249,7 @@ class MatchExplanation:
     def row(self) -> Surface:
         """Return the (n_dx,) scores along the peak's row, or along the row of the dy nearest 0 without a peak."""
         dy = self.peak[0] if self.peak else int(self.dy[np.argmin(np.abs(self.dy))])
-        scores: Surface = self.surface[dy - int(self.dy[0])]
-        return scores
+        return np.asarray(self.surface[dy - int(self.dy[0])])
 
     def window_at(self, lag: Lag) -> Box:
         """Return the window moved by (dy, dx): its place in the right image."""
@@ -326,8 +288,19 @@ class MatchExplanation:
         ndarray
             (n,) float64 scores; NaN if a neighbour is missing.
         """
-        at = np.asarray(offsets, dtype=np.float64)
-        return np.full(at.shape, np.nan) if self.at_edge else fitted_curve(self.around, self.offset, at)
+        at, scores = np.asarray(offsets, dtype=np.float64), self.around.astype(np.float64)
+        middle = scores[len(scores) // 2]
+        if self.at_edge or not np.isfinite(middle).all():
+            return np.full(at.shape, np.nan)
+        gaussian = bool((scores > 0).all())
+        section = _section(np.log(scores) if gaussian else scores, self.offset)
+        if section is None:
+            gaussian = bool((middle > 0).all())
+            low, top, high = np.log(middle) if gaussian else middle
+            section = top, (high - low) / 2, (low - 2 * top + high) / 2
+        height, slope, bend = section
+        curve = height + slope * at + bend * at**2
+        return np.asarray(np.exp(curve) if gaussian else curve)
 
     @property
     def valley_depth(self) -> float:
@@ -400,11 +373,9 @@ def explain_match(
         asked.dy_first - tried.dy_first : asked.dy_last - tried.dy_first + 1,
         asked.dx_first - tried.dx_first : asked.dx_last - tried.dx_first + 1,
     ]
-    inside = (
-        best is not None and asked.dy_first <= best[0] <= asked.dy_last and asked.dx_first <= best[1] <= asked.dx_last
-    )
-    peak = best if inside else highest(surface, asked)
     dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
+    inside = best is not None and best[0] in dy and best[1] in dx
+    peak = best if inside else highest(surface, asked)
     window = grey[0][top : top + size, start : start + size].astype(np.float64)
     as_good = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
     if matcher.score == "ncc":
@@ -560,86 +531,58 @@ def example_pixel(
     """
     images = as_stereo_pair(left, right)
     if kind is ExampleKind.HIDDEN:
-        return _hidden(matcher, *images, progress)
-    step = max(2, matcher.window_size // 4)
-    matches = _matches(matcher, *images, step, progress)
-    match kind:
-        case ExampleKind.CLEAR:
-            promising, wanted = _surest(matches), {MatchKind.CLEAR}
-        case ExampleKind.REPEATS:
-            promising, wanted = _most_confusable(matches), {MatchKind.REPEATS}
-        case ExampleKind.BARE:
-            promising = _barest(matches, float(as_grey(images[0]).std()))
-            wanted = {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
-    middle = (matcher.window_size - 1) // 2
-    whole = _searched_whole(matcher, images[0].shape[1], step)
+        # Mirrored, the right image plays the left one; mirrored back, its map belongs to the right image's pixels.
+        mirrored = (np.ascontiguousarray(image[:, ::-1]) for image in images[::-1])
+        strips = _hidden_strips(matcher.compute(*mirrored, progress=progress).disparity[:, ::-1])
+        depth = cv2.distanceTransform(strips.astype(np.uint8), cv2.DIST_L2, 5)
+        middle = divmod(int(np.argmax(depth)), depth.shape[1])
+        return middle if 2 * float(depth.max()) >= NARROWEST_HIDDEN else None
+    left, right = (as_grey(image) for image in images)
+    size, step = matcher.window_size, max(2, matcher.window_size // 4)
+    query = replace(matcher.query(left, right), step=step, runner_up=True, right_matches=False)
+    by_spectrum = query.circular or query.score == "phase"
+    engine = "fft" if by_spectrum else cheaper_engine(left.shape, size, step, query.lags)
+    matches = find_matches(query, engine, progress)
+    merits, wanted = _merits(kind, matches, float(left.std()))
+    # Windows whose search along the row stays within the image come first.
+    lags, start = matcher.search.lags(size), np.arange(0, left.shape[1] - size + 1, step)
+    whole = (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= left.shape[1])
+    promising = [window for merit in merits for window in _highest_first(merit)]
     for window in sorted(promising, key=lambda window: not whole[window % whole.size]):
-        row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
+        row, col = (int(at) * step + (size - 1) // 2 for at in np.unravel_index(window, matches.score.shape))
         seen = explain_match(matcher, *images, row, col)
         if seen.kind in wanted and (kind is not ExampleKind.REPEATS or seen.valley_depth > DEEP_VALLEY):
             return row, col
     return None
 
 
-def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, progress: Progress) -> WindowMatches:
-    """Return the best match and the runner-up of windows `step` px apart."""
-    query = replace(matcher.query(as_grey(left), as_grey(right)), step=step, runner_up=True, right_matches=False)
-    shape = (query.left.shape[0], query.left.shape[1])
-    by_spectrum = query.circular or query.score == "phase"
-    engine = "fft" if by_spectrum else cheaper_engine(shape, query.window_size, step, query.lags)
-    return find_matches(query, engine, progress)
+def _merits(kind: ExampleKind, matches: WindowMatches, deviation: float) -> tuple[Sequence[FloatMap], set[MatchKind]]:
+    """Return how promising each window is as an example, in groups one after another, and the matches wanted.
+
+    Bare windows without any match come before those of a smooth sky, then others with little texture. A repeating
+    pattern has textured windows with two equal peaks; if the runner-up is on the peak's flank, it has none.
+    """
+    score, around = matches.score, matches.around
+    if kind is ExampleKind.BARE:
+        bare = matches.texture < BARE_CONTRAST * deviation
+        groups = np.where(bare, -np.nan_to_num(score, nan=-1.0), np.nan), np.where(bare, np.nan, -matches.texture)
+        return groups, {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
+    assert matches.runner_up is not None
+    behind = score - matches.runner_up
+    if kind is ExampleKind.CLEAR:
+        return [behind], {MatchKind.CLEAR}
+    falls = [score - around[len(around) // 2, [0, 2]].mean(axis=0)]
+    if len(around) > 1:
+        falls.append(score - around[[0, 2], 1].mean(axis=0))
+    confusable = (behind < CONFUSABLE * np.abs(score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
+    textured = (CONFUSABLE * np.abs(score) - behind) * np.sqrt(matches.texture)
+    return [np.where(confusable, textured, np.nan)], {MatchKind.REPEATS}
 
 
-def _searched_whole(matcher: CorrelationMatcher, width: int, step: int) -> npt.NDArray[np.bool_]:
-    """Return for every column of windows whether its search along the row stays within the image width."""
-    lags, size = matcher.search.lags(matcher.window_size), matcher.window_size
-    start = np.arange(0, width - size + 1, step)
-    return (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= width)
-
-
-def _surest(matches: WindowMatches) -> Iterator[int]:
-    return _highest_first(matches.score - _runner_up(matches))
-
-
-def _most_confusable(matches: WindowMatches) -> Iterator[int]:
-    """Yield textured windows with two equal peaks first, skipping those whose runner-up is on the peak's flank."""
-    behind = matches.score - _runner_up(matches)
-    middle = len(matches.around) // 2
-    falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]
-    if len(matches.around) > 1:
-        falls.append(matches.score - matches.around[[0, 2], 1].mean(axis=0))
-    confusable = (behind < CONFUSABLE * np.abs(matches.score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
-    textured = (CONFUSABLE * np.abs(matches.score) - behind) * np.sqrt(matches.texture)
-    return _highest_first(np.where(confusable, textured, np.nan))
-
-
-def _barest(matches: WindowMatches, deviation: float) -> Iterator[int]:
-    """Yield bare windows, those without any match before those of a smooth sky, then others with little texture."""
-    bare = matches.texture < BARE_CONTRAST * deviation
-    yield from _highest_first(np.where(bare, -np.nan_to_num(matches.score, nan=-1.0), np.nan))
-    yield from _highest_first(np.where(bare, np.nan, -matches.texture))
-
-
-def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:
-    return matches.score if matches.runner_up is None else matches.runner_up
-
-
-def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
+def _highest_first(merit: FloatMap) -> list[int]:
     known = np.flatnonzero(np.isfinite(merit))
-    yield from known[np.argsort(merit.ravel()[known])[::-1]][:LOOKED_AT].tolist()
-
-
-def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
-    """Return the middle of the widest strip that a nearer object hides from the right camera."""
-    # Mirrored, the right image plays the left one; mirrored back, its map belongs to the right image's pixels.
-    mirrored = matcher.compute(
-        np.ascontiguousarray(right[:, ::-1]), np.ascontiguousarray(left[:, ::-1]), progress=progress
-    )
-    depth = cv2.distanceTransform(_hidden_strips(mirrored.disparity[:, ::-1]).astype(np.uint8), cv2.DIST_L2, 5)
-    if 2 * float(depth.max()) < NARROWEST_HIDDEN:
-        return None
-    row, col = divmod(int(np.argmax(depth)), depth.shape[1])
-    return row, col
+    most: list[int] = known[np.argsort(merit.ravel()[known])[::-1]][:LOOKED_AT].tolist()
+    return most
 
 
 def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:

@@ -1,24 +1,174 @@
-"""The relative orientation of two views from feature matches: which agree on it, rows, and rectification."""
+"""The relative orientation of two views: matched features, which of them agree on it, rows, and rectification."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 import scipy  # scipy.spatial is loaded on first use
 
-from stereolag.assess.features import (
-    FEWEST_MATCHES,
-    Chosen,
-    Correspondences,
-    ReducedPair,
-)
 from stereolag.core.arrays import DoubleMap
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, as_grey
+
+Points = npt.NDArray[np.float32]
+Eight = npt.NDArray[np.uint8]
+Codes = npt.NDArray[np.integer[Any] | np.floating[Any]]
+Chosen = npt.NDArray[np.bool_]
+
+FEWEST_MATCHES = 25
+"""Fewest matched features for which the geometry of a pair is judged."""
+
+LARGEST_SIDE = 1000
+"""Longer side to which larger images are reduced before features are detected, px."""
+
+FEATURES = 2000
+FAST_THRESHOLD = 8
+LOWEST_CONTRAST = 0.02
+
+LOWE_RATIO = 0.8
+"""A SIFT feature is matched if its best candidate is closer than this share of the next one's distance (Lowe 2004)."""
+
+DISTINCTIVE = 0.85
+"""A match is distinctive if it is closer than this share of the distance to any other feature of its own image; on a
+repeating pattern, where it may be one repetition off, it is not."""
+
+APART_PX = 5.0
+"""Features closer together than this show the same point."""
+
+PATCH, FARTHEST_REFINED_PX = 15, 3
+"""Side of the optical-flow window that refines a match, and how far it may move a match, px."""
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """Matched points.
+
+    Attributes
+    ----------
+    left, right
+        (n, 2) float32 (x, y) in the left and in the right image, px.
+    shape
+        (rows, cols) of the images.
+    scale
+        Factor by which the images were reduced before features were matched, at most 1; it limits the precision.
+    """
+
+    left: Points
+    right: Points
+    shape: tuple[int, int]
+    scale: float = 1.0
+
+    @property
+    def dx(self) -> Points:
+        """Return the horizontal displacements, right minus left, px."""
+        return self.right[:, 0] - self.left[:, 0]
+
+    @property
+    def dy(self) -> Points:
+        """Return the vertical displacements, right minus left, px."""
+        return self.right[:, 1] - self.left[:, 1]
+
+    def __len__(self) -> int:
+        return len(self.left)
+
+    def chosen(self, which: Chosen | npt.NDArray[np.intp]) -> Correspondences:
+        """Return the matches selected by a mask or by indices."""
+        return replace(self, left=self.left[which], right=self.right[which])
+
+    def joined(self, other: Correspondences) -> Correspondences:
+        """Return these matches together with others of the same pair."""
+        left, right = np.concatenate([self.left, other.left]), np.concatenate([self.right, other.right])
+        return replace(self, left=left, right=right)
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureMatches:
+    """Feature matches of two views, found without assumptions about rows, range or exposure.
+
+    Mostly right on an easy pair, mostly wrong on a hard one.
+
+    Attributes
+    ----------
+    points
+        The matches, refined to sub-pixel precision by Lucas-Kanade flow.
+    places, codes
+        Positions and descriptors of all features, for the left and for the right view.
+    indices
+        (2, n) The matched features of the left and of the right view.
+    distances
+        (n,) The distances of their descriptors.
+    norm
+        The norm that compares descriptors.
+    """
+
+    points: Correspondences
+    places: Sequence[Points]
+    codes: Sequence[Codes]
+    indices: npt.NDArray[np.intp]
+    distances: npt.NDArray[np.float64]
+    norm: int
+
+    def distinctive(self) -> Correspondences:
+        """Return the matches whose features resemble no other feature of their own view."""
+        distinctive = np.ones(len(self.points), dtype=np.bool_)
+        for places, codes, which in zip(self.places, self.codes, self.indices, strict=True):
+            ranked = cv2.BFMatcher(self.norm).knnMatch(codes[which], codes, k=4) if len(which) else ()
+            for number, (own, near) in enumerate(zip(which, ranked, strict=True)):
+                others = (one.distance for one in near if np.abs(places[own] - places[one.trainIdx]).max() > APART_PX)
+                distinctive[number] &= self.distances[number] < DISTINCTIVE * next(others, np.inf)
+        return self.points.chosen(distinctive)
+
+
+def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: float, *, binary: bool) -> FeatureMatches:
+    """Match the features of two views, and refine their places by optical flow.
+
+    Parameters
+    ----------
+    views
+        The left and the right view in 8-bit grey.
+    shape, scale
+        (rows, cols) of the images, and the factor by which they were reduced.
+    binary
+        The mutual best matches of ORB features (Rublee et al. 2011), which is fast; one whose flow does not converge is
+        dropped. Otherwise SIFT matches that pass the ratio test (Lowe 2004): several times slower, but more robust; one
+        whose flow does not converge stays where it was.
+    """
+    detector: cv2.Feature2D
+    if binary:
+        detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
+        smallest, norm = detector.getPatchSize(), cv2.NORM_HAMMING
+    else:
+        detector, smallest, norm = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST), PATCH, cv2.NORM_L2
+    places, codes = [], []
+    for view in views:
+        keys, described = detector.detectAndCompute(view, None) if min(view.shape) >= smallest else ((), None)
+        places.append(np.array([key.pt for key in keys], dtype=np.float32).reshape(-1, 2))
+        codes.append(np.empty((0, 1), np.uint8) if described is None else described)
+    found: Sequence[cv2.DMatch] = ()
+    if binary and all(map(len, places)):
+        found = cv2.BFMatcher(norm, crossCheck=True).match(codes[0], codes[1])
+    elif not binary and len(places[0]) and len(places[1]) > 1:
+        ranked = cv2.BFMatcher(norm).knnMatch(codes[0], codes[1], k=2)
+        found = [best for best, second in ranked if best.distance < LOWE_RATIO * second.distance]
+    indices = np.array([(one.queryIdx, one.trainIdx) for one in found], dtype=np.intp).reshape(-1, 2).T
+    distances = np.array([one.distance for one in found])
+    start, end = places[0][indices[0]], places[1][indices[1]]
+    if len(start):
+        flow, ok, _ = cv2.calcOpticalFlowPyrLK(
+            *views, start, end.copy(), winSize=(PATCH, PATCH), maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+        )
+        near = (ok.ravel() == 1) & (np.abs(flow - end).max(axis=1) < FARTHEST_REFINED_PX)
+        end = np.where(near[:, None], flow, end)
+        if binary:
+            start, end, indices, distances = start[near], end[near], indices[:, near], distances[near]
+    # A pixel of the small image stands for the centre of a block of the large one.
+    left, right = (np.asarray((points + 0.5) / scale - 0.5, dtype=np.float32) for points in (start, end))
+    return FeatureMatches(Correspondences(left, right, shape, scale), places, codes, indices, distances, norm)
+
 
 USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
 """Typical magnitudes of the parameters: rotations in radians, logarithms of focal lengths, and the lens coefficient
@@ -87,10 +237,9 @@ class UncalibratedRectification:
         """Return the remaining row differences of matches, right minus left, px."""
         return _row_errors(self.parameters, points)
 
-    def places(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
-        """Return the positions of matched points in the rectified images: (n, 2) (x, y) each, px."""
-        left, right = _rectified(self.parameters, self.shape, points.left, points.right)
-        return left + self._shift, right + self._shift
+    def agrees(self, points: Correspondences, tolerance: float) -> Chosen:
+        """Return which matches are on the same row to `tolerance` px, at the size at which they were matched."""
+        return np.asarray(np.abs(self.row_errors(points)) * points.scale < tolerance)
 
     def disparities(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
         """Return the disparities after rectification, 0 at infinity, and their standard deviations, px."""
@@ -105,35 +254,26 @@ class UncalibratedRectification:
 
     def applied(self, left: Image, right: Image) -> tuple[Image, Image]:
         """Return both images rectified, of the same size and type; pixels from outside repeat the border."""
+        width, centre = self.shape[1], centre_of(self.shape)
+        focal, cameras = _cameras(self.parameters)
+        # Both are shifted alike, so that together they are centred in the frame.
+        middles = _rectified(self.parameters, self.shape, centre[None], centre[None])
+        shift = (centre - (middles[0] + middles[1]) / 2)[0]
         rows, cols = (np.arange(0, side + GRID_PX, GRID_PX) for side in self.shape)
         grid = np.stack(np.meshgrid(cols, rows), axis=-1)
+        target = grid.reshape(-1, 2)
+        rays = np.column_stack([(target - shift - centre) / (width * focal), np.ones(len(target))])
         nodes = np.diag([1.0 / GRID_PX, 1.0 / GRID_PX, 1.0])[:2]
         done = []
-        for image, sources in zip((left, right), self._sources(grid.reshape(-1, 2)), strict=True):
+        for image, (turn, length) in zip((left, right), cameras, strict=True):
+            seen = rays @ turn
+            undistorted = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * length
+            sources = _distorted(undistorted, self.parameters) * width + centre
             known = sources.astype(np.float32).reshape(grid.shape)
             where = cv2.warpAffine(known, nodes, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
             x, y = cv2.split(where)
             done.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
         return done[0], done[1]
-
-    def _sources(self, target: npt.NDArray[np.intp]) -> list[DoubleMap]:
-        """Return the points of the left and right images that map to given points of the rectified ones."""
-        width, centre = self.shape[1], centre_of(self.shape)
-        focal, cameras = _cameras(self.parameters)
-        rays = np.column_stack([(target - self._shift - centre) / (width * focal), np.ones(len(target))])
-        found = []
-        for turn, length in cameras:
-            seen = rays @ turn
-            undistorted = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * length
-            found.append(np.asarray(_distorted(undistorted, self.parameters) * width + centre))
-        return found
-
-    @cached_property
-    def _shift(self) -> DoubleMap:
-        """Return the common (x, y) shift that centres both rectified images in the frame, px."""
-        centre = centre_of(self.shape)[None]
-        left, right = _rectified(self.parameters, self.shape, centre, centre)
-        return np.asarray((centre - (left + right) / 2)[0])
 
 
 def fit_rectification(
@@ -305,22 +445,15 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
     return np.asarray(coefficients)
 
 
-def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
+def vertical_plane(points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
     """Return (a, b, c) of ``right.y = a + b * (x - cx) + (1 + c) * (y - cy) + cy``, fitted robustly to the matches.
 
     a is the row offset at the centre (px), b the sine of the rotation and c the difference in scale between the views.
+    Also return the (n,) residuals: dy minus the best-fitting offset, rotation and scale, px.
     """
-    terms = np.column_stack([np.ones(len(points)), points.left - centre_of(points.shape)])
-    offset, rotation, growth = robust_fit(terms, points.dy.astype(np.float64))
-    return float(offset), float(rotation), float(growth)
-
-
-def row_residuals(points: Correspondences) -> DoubleMap:
-    """Return dy minus its best-fitting offset, rotation and scale, px."""
-    offset, *slopes = vertical_plane(points)
-    return np.asarray(
-        points.dy - (offset + (points.left - centre_of(points.shape)) @ np.array(slopes)), dtype=np.float64
-    )
+    away, dy = points.left - centre_of(points.shape), points.dy.astype(np.float64)
+    plane = robust_fit(np.column_stack([np.ones(len(points)), away]), dy)
+    return plane, np.asarray(dy - (plane[0] + away @ plane[1:]))
 
 
 def row_spread(residuals: DoubleMap) -> float:
@@ -392,8 +525,8 @@ def best_rectification(points: Correspondences) -> UncalibratedRectification | N
     gain = np.log1p((turned_errors / noise) ** 2).sum() - np.log1p((freed_errors / noise) ** 2).sum()
     model, errors = (freed, freed_errors) if gain > EVIDENCE else (turned, turned_errors)
     spread = row_spread(errors)
-    helps = spread < RECTIFIED_GAIN * row_spread(row_residuals(points))
-    return replace(model, spread_px=spread) if helps else None
+    _, residuals = vertical_plane(points)
+    return replace(model, spread_px=spread) if spread < RECTIFIED_GAIN * row_spread(residuals) else None
 
 
 EPIPOLAR_PX = 1.0
@@ -407,6 +540,9 @@ UNBENT_PX = 0.3
 
 AGREEMENT = 2.5
 """On an easy pair, a match whose dy is off by more than this many standard deviations is dropped."""
+
+FEWEST_FITTED = 8
+"""Fewest matches to which a model of the views is fitted."""
 
 CHANCE_SHARE = 0.15
 """Agreeing matches are no evidence below this share of the distinct ones: some agree by chance."""
@@ -437,42 +573,43 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     Correspondences
         Possibly empty: matches that could have arisen by chance are no evidence.
     """
-    pair = ReducedPair.of(left, right)
-    quick = pair.binary_matches()
+    shape = left.shape[0], left.shape[1]
+    scale = min(1.0, LARGEST_SIDE / max(shape))
+    views = _stretched(left, scale), _stretched(right, scale)
+    quick = match_features(views, shape, scale, binary=True)
     easy = _nearly_rectified(quick.points)
     if len(easy) >= ENOUGH:
-        return _followed(quick.points, easy) if np.std(bend_of(easy)) * pair.scale > UNBENT_PX else easy
-    thorough = pair.gradient_matches()
+        return _followed(quick.points, easy) if np.std(bend_of(easy)) * scale > UNBENT_PX else easy
+    thorough = match_features(views, shape, scale, binary=False)
     every, distinct = quick.points.joined(thorough.points), quick.distinctive().joined(thorough.distinctive())
-    models = [_settled(distinct, seed) for seed in (_epipolar(distinct), _on_a_plane(distinct))]
-    best = min((model for model in models if model), key=lambda model: robust_cost(model, distinct), default=None)
-    if best is None or _agreeing(best, distinct).sum() < CHANCE_SHARE * len(distinct):
-        return every.chosen(_none(every))
-    return _followed(every, every.chosen(_agreeing(best, every)))
+    seeds = (_epipolar(distinct), _on_a_plane(distinct)) if len(distinct) >= FEWEST_FITTED else ()
+    models = [model for seed in seeds if (model := _settled(distinct, seed)) is not None]
+    best = min(models, key=lambda model: robust_cost(model, distinct), default=None)
+    if best is None or best.agrees(distinct, TOLERANCES_PX[-1]).sum() < CHANCE_SHARE * len(distinct):
+        return every.chosen(np.arange(0))
+    return _followed(every, every.chosen(best.agrees(every, TOLERANCES_PX[-1])))
 
 
 def _epipolar(points: Correspondences) -> Chosen:
     """Return the mask of matches on the epipolar lines of the best fundamental matrix."""
-    if len(points) < 8:
-        return _none(points)
-    _, agreeing = cv2.findFundamentalMat(
-        points.left, points.right, cv2.USAC_MAGSAC, EPIPOLAR_PX / points.scale, 0.999, 5000
-    )
-    return _none(points) if agreeing is None else np.asarray(agreeing.ravel() == 1)
+    tolerance = EPIPOLAR_PX / points.scale
+    _, found = cv2.findFundamentalMat(points.left, points.right, cv2.USAC_MAGSAC, tolerance, 0.999, 5000)
+    return np.zeros(len(points), np.bool_) if found is None else np.asarray(found.ravel() == 1)
 
 
 def _nearly_rectified(points: Correspondences) -> Correspondences:
     """Return the matches of an easy pair whose dy fits small rotations and a lens; none for any other pair."""
-    agreeing = _epipolar(points)
+    none = points.chosen(np.arange(0))
+    if len(points) < ENOUGH:
+        return none
+    terms, agreeing = row_terms(points), _epipolar(points)
     for _ in range(3):
         if agreeing.sum() < ENOUGH:
-            return points.chosen(_none(points))
-        terms = row_terms(points)
+            return none
         residuals = points.dy - terms @ robust_fit(terms[agreeing], points.dy[agreeing].astype(np.float64))
         spread = row_spread(residuals[agreeing]) * points.scale
         agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, NOISE_PX)
-    easy = spread < EVEN_PX and agreeing.mean() > EASY_SHARE
-    return points.chosen(agreeing if easy else _none(points))
+    return points.chosen(agreeing) if spread < EVEN_PX and agreeing.mean() > EASY_SHARE else none
 
 
 def _on_a_plane(points: Correspondences) -> Chosen:
@@ -480,29 +617,24 @@ def _on_a_plane(points: Correspondences) -> Chosen:
 
     On a repeating pattern, more matches may agree on an epipolar geometry that such cameras cannot have.
     """
-    if len(points) < 8:
-        return _none(points)
     places = np.column_stack([np.ones(len(points)), (points.left - centre_of(points.shape)) / points.shape[1]])
     sample = np.random.default_rng(0).integers(0, len(points), (PLANES, 3))
     corners, heights = places[sample], points.dy[sample].astype(np.float64)
     wide = np.abs(np.linalg.det(corners)) > 0.01
     planes = np.linalg.solve(corners[wide], heights[wide][..., None])[..., 0]
     slopes = np.abs(planes[:, 1:]).max(axis=1, initial=0) / points.shape[1]
-    planes = planes[slopes < STEEPEST]
-    if not len(planes):
-        return _none(points)
-    near = np.abs(points.dy - planes @ places.T) < PLANE_SHARE * points.shape[0]
-    return np.asarray(near[near.sum(axis=1).argmax()])
+    near = np.abs(points.dy - planes[slopes < STEEPEST] @ places.T) < PLANE_SHARE * points.shape[0]
+    return np.asarray(max(near, key=np.count_nonzero, default=np.zeros(len(points), np.bool_)))
 
 
 def _settled(points: Correspondences, agreeing: Chosen) -> UncalibratedRectification | None:
     """Return the model of the views that most matches agree on, starting from a subset; None with too few."""
     model = None
     for tolerance in TOLERANCES_PX:
-        if agreeing.sum() < 8:
+        if agreeing.sum() < FEWEST_FITTED:
             return None
         model = fit_rectification(points.chosen(agreeing), lens=model is not None, start=model)
-        agreeing = np.abs(model.row_errors(points)) * points.scale < tolerance
+        agreeing = model.agrees(points, tolerance)
     return model
 
 
@@ -513,16 +645,16 @@ def _followed(every: Correspondences, agreeing: Correspondences) -> Corresponden
         errors = np.abs(model.row_errors(agreeing)) * every.scale
         # Wrong matches are on the right rows only by chance, so a tight tolerance keeps fewer of them.
         tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
-        agreeing = every.chosen(np.abs(model.row_errors(every)) * every.scale < tolerance)
+        agreeing = every.chosen(model.agrees(every, tolerance))
     return agreeing
 
 
-def _none(points: Correspondences) -> Chosen:
-    return np.zeros(len(points), dtype=np.bool_)
-
-
-def _agreeing(model: UncalibratedRectification, points: Correspondences) -> Chosen:
-    return np.asarray(np.abs(model.row_errors(points)) * points.scale < TOLERANCES_PX[-1])
+def _stretched(image: Image, scale: float) -> Eight:
+    """Return the image scaled, in 8-bit grey stretched over its own range so that exposure does not affect matching."""
+    size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
+    grey = np.asarray(cv2.resize(as_grey(image), size, interpolation=cv2.INTER_AREA), np.float32)
+    low, high = np.percentile(grey[::4, ::4], (1, 99))
+    return np.asarray(np.clip((grey - low) * (255 / max(high - low, 1e-6)), 0, 255), dtype=np.uint8)
 
 
 INCONCLUSIVE_PX = 0.1
@@ -566,12 +698,6 @@ def row_evidence(given: tuple[Image, Image], rectified: tuple[Image, Image]) -> 
     given, rectified
         The left and right images: (H, W) or (H, W, 3 | 4), uint8, uint16 or float.
     """
-    (given_px, given_matches), (rectified_px, rectified_matches) = _median(*given), _median(*rectified)
-    return RowEvidence(given_px, rectified_px, given_matches, rectified_matches)
-
-
-def _median(left: Image, right: Image) -> tuple[float, int]:
-    """Return the median absolute row difference, px, and the number of matches."""
-    differences = np.abs(find_correspondences(left, right).dy)
-    count = len(differences)
-    return (float(np.median(differences)) if count >= FEWEST_MATCHES else np.nan), count
+    differences = [np.abs(find_correspondences(*pair).dy) for pair in (given, rectified)]
+    before, after = (float(np.median(one)) if len(one) >= FEWEST_MATCHES else np.nan for one in differences)
+    return RowEvidence(before, after, len(differences[0]), len(differences[1]))

@@ -11,8 +11,7 @@ import pytest
 from ailing_pairs import ILLS, REMEDIES, barrel
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.diagnosis import FindingCode
-from stereolag.assess.remedies import Remedy
+from stereolag.assess.diagnosis import FindingCode, Remedy
 from stereolag.pair import Pair, PairId, example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY

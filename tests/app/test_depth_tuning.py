@@ -13,8 +13,8 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereolag.assess.diagnosis import Remedy
 from stereolag.assess.judging import Criterion, TuningPair, parameters, sweep
-from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset

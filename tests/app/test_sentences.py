@@ -15,6 +15,7 @@ from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.assess.diagnosis import (
     Finding,
     FindingCode,
+    Remedy,
     judge_bent_rows,
     judge_exposure,
     judge_identical,
@@ -29,7 +30,6 @@ from stereolag.assess.diagnosis import (
 from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.orientation import RowEvidence
-from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.searches import TemplateQuery

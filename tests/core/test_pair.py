@@ -13,7 +13,7 @@ import pytest
 from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
 
 import stereolag as sl
-from stereolag.assess.remedies import Remedy
+from stereolag.assess.diagnosis import Remedy
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.images import StoredDisparity, image_png, pfm
 from stereolag.io.settings import settings_json

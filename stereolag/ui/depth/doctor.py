@@ -8,8 +8,15 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
-from stereolag.assess.remedies import Remedy
+from stereolag.assess.diagnosis import (
+    Diagnosis,
+    Finding,
+    FindingCode,
+    Remedy,
+    diagnose,
+    estimate_diagnosis,
+    judge_range,
+)
 from stereolag.pair import Change, Pair, Preparation
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

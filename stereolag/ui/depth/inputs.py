@@ -13,7 +13,6 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
-from stereolag.assess.disparities import DIVISORS, likely_divisor
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import scaled_settings
@@ -22,6 +21,7 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import StoredDisparity, read_image, read_stored_disparity
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
+    DIVISORS,
     SAME_PICTURE,
     SIZES,
     Bundle,
@@ -30,6 +30,7 @@ from stereolag.pair import (
     PairId,
     assemble_pair,
     example_pair,
+    likely_divisor,
     read_bundle,
 )
 from stereolag.stereo.matcher import StereoMatcher

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stereolag.assess.diagnosis import Finding, FindingCode
+from stereolag.assess.diagnosis import Finding, FindingCode, Remedy
 from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
 from stereolag.assess.judging import Criterion, Sweep, Unjudged
-from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
