@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
-from stereolag.signals.search import SHORTEST_BLOCK
+from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)

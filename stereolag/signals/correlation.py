@@ -2,25 +2,33 @@
 
 At lag ``l``, sample ``i`` of signal 1 is paired with sample ``i + l`` of signal 2; the paired samples are the overlap.
 The curves take zero-mean float64 vectors and have one value for each lag from ``first`` (≤ 0) to ``last`` (≥ 0).
+
+A recording that is too long for one transform is read part by part (:class:`ConvertedRecording`) and correlated in
+blocks (overlap-save); W. Press et al., "Numerical Recipes", 3rd ed. (2007), section 13.1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from stereolag.core.arrays import Vector
-from stereolag.core.jobs import Progress
+from stereolag.core.arrays import DoubleMap, Vector
+from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
 
 Spectrum = npt.NDArray[np.complex128]
 
 FLAT = 1e-10
 """An overlap with less than this share of a recording's energy is flat: rounding would decide its correlation."""
+
+GRAIN = 1024
+"""Samples between stored running sums."""
 
 
 def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -34,23 +42,117 @@ def overlap_slices(size_1: int, size_2: int, lag: int) -> tuple[slice, slice]:
     return slice(start, stop), slice(start + lag, stop + lag)
 
 
-def overlap_pearson(signal_1: Vector, signal_2: Vector, lag: int) -> float:
+class Recording(ABC):
+    """A recording as float64, read part by part.
+
+    Attributes
+    ----------
+    size
+        Number of samples.
+    piece
+        Number of samples read at a time.
+    """
+
+    size: int
+    piece: int
+
+    @abstractmethod
+    def part(self, start: int, stop: int) -> Vector:
+        """Return the samples from `start` to `stop`, exclusive; zeros before the first sample and after the last."""
+
+    def pieces(self, start: int, stop: int) -> Iterator[Vector]:
+        """Yield the samples from `start` to `stop`, exclusive, one piece at a time."""
+        for first in range(start, stop, self.piece):
+            yield self.part(first, min(first + self.piece, stop))
+
+    @cached_property
+    def energy(self) -> float:
+        """Return the sum of all squares."""
+        return sum(_dot(piece, piece) for piece in self.pieces(0, self.size))
+
+
+class HeldRecording(Recording):
+    """A recording in memory, as one piece."""
+
+    def __init__(self, samples: Vector) -> None:
+        self.size = self.piece = samples.size
+        self._samples = samples
+
+    def part(self, start: int, stop: int) -> Vector:
+        """Return a view of the samples, or a copy if zeros are added."""
+        inside = self._samples[max(0, start) : max(0, stop)]
+        if inside.size == stop - start:
+            return inside
+        return np.pad(inside, (max(0, -start), max(0, stop - max(start, self.size))))
+
+
+class ConvertedRecording(Recording):
+    """A recording of any number type, converted to zero mean and height 1 as it is read.
+
+    Parameters
+    ----------
+    signal
+        (N,) integers or floats, all finite and not all equal.
+    on_read
+        Called after every read.
+    """
+
+    piece = 2**18
+
+    def __init__(self, signal: npt.NDArray[Any], on_read: Callable[[], None] = lambda: None) -> None:
+        self._signal, self._on_read, self.size = signal, on_read, signal.size
+        self._mean = float(signal.mean(dtype=np.float64))
+        self._height = max(float(signal.max()) - self._mean, self._mean - float(signal.min()))
+
+    def part(self, start: int, stop: int) -> Vector:
+        """Return the samples, converted."""
+        samples = np.zeros(stop - start)
+        first, end = np.clip((start, stop), 0, self.size)
+        inside = samples[first - start : end - start]
+        np.subtract(self._signal[first:end], self._mean, out=inside, dtype=np.float64)
+        inside /= self._height
+        self._on_read()
+        return samples
+
+    @cached_property
+    def sums(self) -> DoubleMap:
+        """Return (2, N): the sum and the sum of squares of all samples before each grain, and of all samples."""
+        steps = [np.zeros((2, 1))]
+        for piece in self.pieces(0, self.size):
+            starts = np.arange(0, piece.size, GRAIN)
+            steps.append(np.stack([np.add.reduceat(piece, starts), np.add.reduceat(piece * piece, starts)]))
+        return np.cumsum(np.concatenate(steps, axis=1), axis=1)
+
+    def running_sums(self, first: int, last: int) -> DoubleMap:
+        """Return the sums and the sums of squares of the first `first`, `first` + 1, … `last` samples, (2, N)."""
+        start = first // GRAIN * GRAIN
+        return running_sums(self.part(start, last), self.sums[:, first // GRAIN])[:, first - start :]
+
+
+def overlap_pearson(signal_1: Recording, signal_2: Recording, lag: int) -> float:
     """Return Pearson's correlation of the overlap at `lag`, -1..1; NaN where either part is flat.
 
     Parameters
     ----------
     signal_1, signal_2
-        (N1,) and (N2,) float64, each with zero mean.
+        Recordings of N1 and N2 samples, each with zero mean.
     lag
         Samples, ``-N1 < lag < N2``.
     """
-    part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
-    first = signal_1[part_1] - signal_1[part_1].mean()
-    second = signal_2[part_2] - signal_2[part_2].mean()
-    energy_1, energy_2 = _dot(first, first), _dot(second, second)
-    if energy_1 <= FLAT * _dot(signal_1, signal_1) or energy_2 <= FLAT * _dot(signal_2, signal_2):
+    both = list(zip((signal_1, signal_2), overlap_slices(signal_1.size, signal_2.size, lag), strict=True))
+    means = [
+        sum(float(piece.sum()) for piece in signal.pieces(part.start, part.stop)) / (part.stop - part.start)
+        for signal, part in both
+    ]
+    square_1 = square_2 = product = 0.0
+    for pieces in zip(*(signal.pieces(part.start, part.stop) for signal, part in both), strict=True):
+        first, second = (piece - mean for piece, mean in zip(pieces, means, strict=True))
+        square_1 += _dot(first, first)
+        square_2 += _dot(second, second)
+        product += _dot(first, second)
+    if square_1 <= FLAT * signal_1.energy or square_2 <= FLAT * signal_2.energy:
         return float("nan")
-    return float(np.clip(_dot(first, second) / np.sqrt(energy_1 * energy_2), -1.0, 1.0))
+    return float(np.clip(product / np.sqrt(square_1 * square_2), -1.0, 1.0))
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -62,19 +164,12 @@ def _dot(first: Vector, second: Vector) -> float:
     return total
 
 
-@compiled
-def running_sums(signal: Vector) -> tuple[Vector, Vector]:
-    """Return the sums and the sums of squares of the first 0, 1, … N samples, each (N + 1,)."""
-    sums = np.empty(signal.size + 1)
-    squares = np.empty(signal.size + 1)
-    total, energy = 0.0, 0.0
-    sums[0] = squares[0] = 0.0
-    for i in range(signal.size):
-        total += signal[i]
-        energy += signal[i] * signal[i]
-        sums[i + 1] = total
-        squares[i + 1] = energy
-    return sums, squares
+def running_sums(samples: Vector, before: Vector | float = 0.0) -> DoubleMap:
+    """Return (2, N + 1): the sums and the sums of squares of the first 0, 1, … N samples, added to those `before`."""
+    sums = np.empty((2, samples.size + 1))
+    sums[:, 0] = before
+    sums[0, 1:], sums[1, 1:] = samples, samples * samples
+    return np.asarray(np.cumsum(sums, axis=1, out=sums))
 
 
 @compiled
@@ -117,7 +212,14 @@ def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vect
 
 @compiled
 def weighted_pearson(
-    products: Vector, first_lag: int, sums_1: Vector, squares_1: Vector, sums_2: Vector, squares_2: Vector
+    products: Vector,
+    first_lag: int,
+    sizes: tuple[int, int],
+    flat: tuple[float, float],
+    edges: tuple[int, int, int],
+    until_1: DoubleMap,
+    before_2: DoubleMap,
+    until_2: DoubleMap,
 ) -> None:
     """Turn products into Pearson's correlation times ``sqrt(overlap / longest overlap)``, in place; 0 where flat.
 
@@ -125,22 +227,26 @@ def weighted_pearson(
     ----------
     products
         (lags,) ``sum(signal_1[i] * signal_2[i + lag])`` over the overlap, for `first_lag` ≥ 0 and the lags after it.
-    sums_1, squares_1, sums_2, squares_2
-        The :func:`running_sums` of both signals.
+    sizes, flat
+        Lengths of the recordings, and the energy that their flat parts do not exceed.
+    edges
+        Number of samples summed in the first column of each of the arrays below.
+    until_1, before_2, until_2
+        Columns of the :func:`running_sums` of signal 1 up to the end of the overlap, and of signal 2 before the overlap
+        and up to its end.
     """
-    size_1, size_2 = sums_1.size - 1, sums_2.size - 1
-    longest = min(size_1, size_2)
-    flat_1, flat_2 = FLAT * squares_1[size_1], FLAT * squares_2[size_2]
+    longest = min(sizes[0], sizes[1])
     for index in range(products.size):
         lag = first_lag + index
-        stop = min(size_1, size_2 - lag)
+        stop = min(sizes[0], sizes[1] - lag)
         overlap = float(stop)
-        sum_1, sum_2 = sums_1[stop], sums_2[stop + lag] - sums_2[lag]
+        end_1, begin_2, end_2 = stop - edges[0], lag - edges[1], stop + lag - edges[2]
+        sum_1, sum_2 = until_1[0, end_1], until_2[0, end_2] - before_2[0, begin_2]
         # Everything is multiplied by the overlap to save divisions, which would dominate the loop.
-        energy_1 = overlap * squares_1[stop] - sum_1 * sum_1
-        energy_2 = overlap * (squares_2[stop + lag] - squares_2[lag]) - sum_2 * sum_2
+        energy_1 = overlap * until_1[1, end_1] - sum_1 * sum_1
+        energy_2 = overlap * (until_2[1, end_2] - before_2[1, begin_2]) - sum_2 * sum_2
         value = (overlap * products[index] - sum_1 * sum_2) * np.sqrt(overlap / (longest * energy_1 * energy_2))
-        varies = (energy_1 > overlap * flat_1) & (energy_2 > overlap * flat_2)
+        varies = (energy_1 > overlap * flat[0]) & (energy_2 > overlap * flat[1])
         products[index] = value if varies else 0.0
 
 
@@ -172,11 +278,6 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
             curve[index] = pearson * np.sqrt(first.size / longest)
 
 
-def running_sums_reference(signal: Vector) -> tuple[Vector, Vector]:
-    """Return the expected result of :func:`running_sums`, by plain NumPy."""
-    return np.append(0.0, np.cumsum(signal)), np.append(0.0, np.cumsum(signal**2))
-
-
 def turn_forth_reference(signal: Vector, turn: Spectrum) -> Spectrum:
     """Return the expected result of :func:`turn_forth`."""
     return np.asarray(np.pad(signal, (0, turn.size - signal.size)) * turn)
@@ -194,13 +295,10 @@ def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: in
 
 
 def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
-    """Return the results expected of :func:`weighted_pearson` and :func:`sliding_pearson`, by the plain formula.
-
-    The same results are expected of :func:`stereolag.signals.search.weigh_overlaps`.
-    """
-    scores = np.array([overlap_pearson(signal_1, signal_2, int(lag)) for lag in lags])
+    """Return the results expected of :func:`weighted_pearson` and :func:`sliding_pearson`, by the plain formula."""
+    scores = [overlap_pearson(HeldRecording(signal_1), HeldRecording(signal_2), int(lag)) for lag in lags]
     weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)
-    return np.asarray(np.nan_to_num(scores * np.sqrt(weight)))
+    return np.asarray(np.nan_to_num(np.array(scores) * np.sqrt(weight)))
 
 
 _FADED_SHARE = 0.03
@@ -220,9 +318,10 @@ def fft_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vect
     """Return the weighted Pearson correlation at every lag, from one FFT and running sums."""
     curve = _lag_products(signal_1, signal_2, first, last, whiten=False)
     sums_1, sums_2 = running_sums(signal_1), running_sums(signal_2)
-    weighted_pearson(curve[-first:], 0, *sums_1, *sums_2)
+    sizes, flat = (signal_1.size, signal_2.size), (FLAT * sums_1[1, -1], FLAT * sums_2[1, -1])
+    weighted_pearson(curve[-first:], 0, sizes, flat, (0, 0, 0), sums_1, sums_2, sums_2)
     # A negative lag is a positive one with the recordings swapped.
-    weighted_pearson(curve[:-first][::-1], 1, *sums_2, *sums_1)
+    weighted_pearson(curve[:-first][::-1], 1, sizes[::-1], flat[::-1], (0, 0, 0), sums_2, sums_1, sums_1)
     return curve
 
 
@@ -247,6 +346,73 @@ def direct_curve(signal_1: Vector, signal_2: Vector, first: int, last: int, prog
         sliding_pearson(signal_1, signal_2, first + start, curve[start : start + lags_per_call])
         progress(min(start + lags_per_call, curve.size) / curve.size)
     return curve
+
+
+SHORTEST_BLOCK = 2**16
+"""Points of the smallest transform: shorter ones are no faster per sample."""
+
+_BLOCKS_PER_REACH = 4
+"""Length of a transform over the number of lags: all but one of this many parts of a block are new samples."""
+
+
+def block_length(lags: int) -> int:
+    """Return the length of the transforms for this many lags."""
+    return int(fft.next_fast_len(max(SHORTEST_BLOCK, _BLOCKS_PER_REACH * lags), real=True))
+
+
+def block_curve(
+    signal_1: ConvertedRecording, signal_2: ConvertedRecording, first: int, last: int, progress: Progress = silent
+) -> Vector:
+    """Return the curve of :func:`fft_curve`, for any `first` and `last`, without converting a recording as a whole.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        Recordings of N1 and N2 samples.
+    first, last
+        ``-N1 < first <= last < N2``, samples.
+    """
+    curve = block_products(signal_1, signal_2, first, last, block_length(last - first + 1), progress)
+    earlier = min(max(0, -first), curve.size)
+    _weigh(curve[earlier:], first + earlier, signal_1, signal_2)
+    _weigh(curve[:earlier][::-1], 1 - first - earlier, signal_2, signal_1)
+    return curve
+
+
+def _weigh(products: Vector, first: int, signal_1: ConvertedRecording, signal_2: ConvertedRecording) -> None:
+    """Turn the products from the lag `first` ≥ 0 on into the weighted correlation, in place."""
+    sizes, flat = (signal_1.size, signal_2.size), (FLAT * signal_1.energy, FLAT * signal_2.energy)
+    for start in range(0, products.size, signal_2.piece):
+        piece = products[start : start + signal_2.piece]
+        low, high = first + start, first + start + piece.size - 1
+        ends_1 = min(sizes[0], sizes[1] - high), min(sizes[0], sizes[1] - low)
+        ends_2 = min(sizes[0] + low, sizes[1]), min(sizes[0] + high, sizes[1])
+        sums = signal_1.running_sums(*ends_1), signal_2.running_sums(low, high), signal_2.running_sums(*ends_2)
+        weighted_pearson(piece, low, sizes, flat, (ends_1[0], low, ends_2[0]), *sums)
+
+
+def block_products(
+    signal_1: Recording, signal_2: Recording, first: int, last: int, size: int, progress: Progress = silent
+) -> Vector:
+    """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag from `first` to `last`, without wrap-around.
+
+    Every block of signal 1 is multiplied by the part of signal 2 that the lags align with it. All blocks have the same
+    position in their transforms, so their spectra are summed, and only the sum is transformed back. `size` is the
+    length of the transforms, larger than the number of lags.
+    """
+    lags = last - first + 1
+    step = size - lags + 1
+    begin, stop = max(0, -last), min(signal_1.size, signal_2.size - first)
+    rows = np.zeros((2, size))
+    total = np.zeros(size // 2 + 1, dtype=np.complex128)
+    for start in range(begin, stop, step):
+        count = min(step, stop - start)
+        rows[0, :count] = signal_1.part(start, start + count)
+        rows[0, count:] = 0
+        rows[1] = signal_2.part(start + first, start + first + size)
+        total += cross_spectrum(*fft.rfft(rows, axis=1, workers=2))
+        progress((start + count - begin) / (stop - begin))
+    return np.asarray(fft.irfft(total, size, overwrite_x=True)[:lags])
 
 
 def _faded(signal: Vector) -> Vector:
@@ -345,7 +511,7 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
     curve
         (N,) correlation times ``sqrt(overlap / longest overlap)``; exactly 0 where there was nothing to correlate.
     lags
-        (N,) ascending.
+        (N,) ascending; there may be gaps between them.
     overlap
         Returns the overlap at given lags, samples; the same number for all if the curve has no weights.
     """
@@ -358,15 +524,15 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
     share = overlap(lags[high]) / overlap(lags[best : best + 1])
     # A shorter overlap that agrees even better does so by chance, and is not a tie either.
     tied = high[(np.abs(curve[high] / np.sqrt(share) - curve[best]) <= EQUAL) & (share >= 0.5)]
-    tops = _tops(curve, tied)
+    tops = _tops(curve, lags, tied)
     nearest = tops[np.lexsort((-lags[tops], np.abs(lags[tops])))[0]]
     return int(nearest), int(tops.size)
 
 
-def _tops(curve: Vector, indices: Lags) -> Lags:
-    """Return the highest index of every run of adjacent `indices`."""
+def _tops(curve: Vector, lags: Lags, indices: Lags) -> Lags:
+    """Return the highest of the `indices` of every run of adjacent lags."""
     values = curve[indices]
-    starts = np.flatnonzero(np.diff(indices, prepend=indices[0] - 2) > 1)
+    starts = np.flatnonzero(np.diff(lags[indices], prepend=lags[indices[0]] - 2) > 1)
     highest = np.repeat(np.maximum.reduceat(values, starts), np.diff(starts, append=indices.size))
     tops = np.flatnonzero(values == highest)
     # A run may contain its highest value more than once: take the first one from the run's start on.

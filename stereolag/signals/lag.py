@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from numbers import Real
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,22 +18,20 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
-from stereolag.signals.correlation import transform_length
-from stereolag.signals.search import (
-    AROUND,
+from stereolag.signals.correlation import (
     SHORTEST_BLOCK,
-    CentredRecording,
+    ConvertedRecording,
+    HeldRecording,
+    block_curve,
     block_length,
-    cell_size,
-    normalised,
-    search_bands,
-    search_blocks,
-    search_votes,
-    search_whole,
-    suits_blocks,
+    direct_curve,
+    fft_curve,
+    phat_curve,
+    transform_length,
 )
+from stereolag.signals.search import AROUND, cell_size, lags_within, search_bands, search_curve, search_votes
 from stereolag.signals.verdict import LagJudgement, Verdict, judge
-from stereolag.signals.whitening import LongPair, Pair, WhitePair
+from stereolag.signals.whitening import Pair
 
 AUDIO_RATE = 44_100.0
 """Samples per second if neither the caller nor a recording gives a rate."""
@@ -89,6 +87,8 @@ def _own_rate(signal: object) -> float | None:
 
 Algorithm: TypeAlias = Literal["whole", "blocks", "bands"]
 
+_TRANSFORM_PER_BLOCK = 4
+
 LONGEST_WHOLE = 2**23
 """Longest recording that is always transformed as a whole, samples: three minutes at 44.1 kHz, 1.2 GB."""
 
@@ -109,7 +109,8 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     """
     total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
     reach = longest - 1 if max_lag is None else max_lag
-    lags = _lag_count(size_1, size_2, reach)
+    first, last = lags_within((size_1, size_2), reach)
+    lags = last - first + 1
     chosen = algorithm(size_1, size_2, method, reach)
     if chosen == "blocks":
         return _estimate_blocks(size_1, size_2, lags)
@@ -144,13 +145,11 @@ def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Alg
     longest = max(size_1, size_2)
     if method != "fft":
         return "whole"
-    if suits_blocks(longest, _lag_count(size_1, size_2, reach)):
+    first, last = lags_within((size_1, size_2), reach)
+    # Blocks take less memory and time than one transform of a recording at least this many times as long.
+    if _TRANSFORM_PER_BLOCK * block_length(last - first + 1) <= longest:
         return "blocks"
     return "whole" if longest <= LONGEST_WHOLE else "bands"
-
-
-def _lag_count(size_1: int, size_2: int, reach: int) -> int:
-    return min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
 
 
 def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
@@ -359,21 +358,25 @@ def signal_lag(
     check_memory(estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag))
 
     started = time.perf_counter()
-    pair: Pair
     chosen = algorithm(given_1.size, given_2.size, method, reach)
-    if chosen != "whole":
-        pulse = Pulse(report)
-        long_1, long_2 = CentredRecording(given_1, pulse.again), CentredRecording(given_2, pulse.again)
-        search = search_blocks if chosen == "blocks" else search_bands
-        found = search(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
-        pair = LongPair(long_1, long_2)
-    else:
+    if chosen == "whole":
         first, second = normalised(given_1), normalised(given_2)
         if method == "sampled":
             found = search_votes(first, second, reach, seed, report)
         else:
-            found = search_whole(first, second, reach, method, report)
-        pair = WhitePair(first, second)
+            direct = partial(direct_curve, progress=report)
+            curves: dict[str, Callable[..., Vector]] = {"fft": fft_curve, "phat": phat_curve, "direct": direct}
+            found = search_curve(first, second, reach, curves[method])
+        pair = Pair(HeldRecording(first), HeldRecording(second))
+    else:
+        pulse = Pulse(report)
+        long_1, long_2 = ConvertedRecording(given_1, pulse.again), ConvertedRecording(given_2, pulse.again)
+        if chosen == "blocks":
+            curve = partial(block_curve, progress=lambda done: pulse(_SEARCHING * done))
+            found = search_curve(long_1, long_2, reach, curve)
+        else:
+            found = search_bands(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
+        pair = Pair(long_1, long_2)
     score = pair.pearson(found.lag)
     if np.isnan(score):
         raise ValueError(
@@ -393,21 +396,19 @@ def signal_lag(
         correlation=found.correlation,
         votes=found.votes,
         elapsed_s=elapsed_s,
-        _judge=partial(
-            judge,
-            pair,
-            found.lag,
-            reach,
-            lags=found.lags,
-            curve=found.correlation,
-            votes=found.votes,
-            opposite_lag=found.opposite_lag,
-        ),
+        _judge=partial(judge, pair, found, reach),
     )
     if chosen != "whole" or progress:
         _ = result.judgement
     report(1.0)
     return result
+
+
+def normalised(given: npt.NDArray[Any]) -> Vector:
+    """Return the signal with zero mean and height 1, so that squares neither over- nor underflow in any unit."""
+    signal = given.astype(np.float64, copy=False)
+    centred = signal - signal.mean()
+    return np.asarray(centred / max(centred.max(), -centred.min()))
 
 
 def _checked_reach(max_lag: int | None, longest: int) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import overlap_slices
+from stereolag.signals.correlation import HeldRecording, overlap_slices
 from stereolag.signals.whitening import loudest_stretch
 
 SIZE = 125
@@ -169,7 +169,8 @@ def _stretches(name: str, common_1: Vector, common_2: Vector, lag: int) -> Itera
         left = LAG * step
         if common_1.size < LENGTH * step + left:
             return
-        loudest = loudest_stretch(common_1[left:], common_2[left:], LENGTH * step)
+        held = HeldRecording(common_1[left:]), HeldRecording(common_2[left:])
+        loudest, _ = loudest_stretch(*held, 0, LENGTH * step)
         # Recording 2 starts `left` samples earlier, so that the start of recording 1 comes 4 new samples into it.
         thinned = (part[loudest].reshape(-1, step).mean(1) for part in (common_1[left:], common_2))
         stretch_1, stretch_2 = (_faded(part) for part in thinned)

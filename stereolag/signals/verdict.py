@@ -10,9 +10,18 @@ import numpy as np
 from scipy import fft
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import REACH, Lags, main_lobe, overlap_length, overlap_slices, refine_peak
+from stereolag.signals.correlation import (
+    REACH,
+    Lags,
+    Recording,
+    main_lobe,
+    overlap_length,
+    overlap_slices,
+    refine_peak,
+)
 from stereolag.signals.sampling import enough_votes
-from stereolag.signals.whitening import Agreement, Pair, local_curve
+from stereolag.signals.search import FoundLag, lags_within
+from stereolag.signals.whitening import Agreement, Pair, local_curve, loudest_stretch
 
 
 def median_line(places: Vector, values: Vector) -> tuple[float, float]:
@@ -93,58 +102,52 @@ def measure_drift(pair: Pair, lag: int) -> Drift | None:
     of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat. Assoc. 63
     (1968)) and then least squares.
     """
-    part_1, _ = overlap_slices(*pair.sizes, lag)
+    part_1, part_2 = overlap_slices(*pair.sizes, lag)
     size = part_1.stop - part_1.start
     count = min(_BLOCKS, size // _SHORTEST)
     if count < _FEWEST:
         return None
-    starts, length = _cut(size, count)
+    length = min(size // count, _LONGEST)
+    starts = np.arange(count) * (size // count) + (size // count - length) // 2
     reach = int(np.clip(_FARTHEST_PPM * 1e-6 * size, REACH, length // 4))
-    curves = _block_curves(*pair.blocks(lag, starts, length, reach), reach)
+    curves = _block_curves(pair, part_1.start + starts, part_2.start + starts, length, reach, part_2)
     tops = np.argmax(curves, axis=1)
     noise = 1.4826 * np.median(np.abs(curves - np.median(curves, axis=1, keepdims=True)), axis=1)
     clear = (curves.max(axis=1) > _CLEAR * noise) & (tops > 0) & (tops < 2 * reach)
-    if clear.sum() < max(_FEWEST, _MOST * count):
+    fewest = max(_FEWEST, _MOST * count)
+    if clear.sum() < fewest:
         return None
-    lags = np.array([_refined(curve, int(top)) for curve, top in zip(curves[clear], tops[clear], strict=True)]) - reach
-    return _line(part_1.start, starts[clear] + length / 2, lag + lags, size, count)
+    refined = []
+    for curve, top in zip(curves[clear], tops[clear].tolist(), strict=True):
+        around = min(REACH, top, curve.size - 1 - top)
+        refined.append(top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1])))
+    places, lags = starts[clear] + length / 2, lag + (np.array(refined) - reach)
+    slope, intercept = median_line(places, lags)
+    near = np.abs(lags - intercept - slope * places) <= _STRAY
+    if near.sum() < fewest:
+        return None
+    (slope, intercept), covariance = np.polyfit(places[near], lags[near], 1, cov=True)
+    return Drift(
+        start=float(intercept),
+        ppm=1e6 * float(slope),
+        error_ppm=1e6 * float(np.sqrt(covariance[0, 0])),
+        spread=float(np.std(lags[near] - intercept - slope * places[near], ddof=2)),
+        span=float(slope) * size,
+        places=tuple((part_1.start + places[near]).tolist()),
+        lags=tuple(lags[near].tolist()),
+    )
 
 
-def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
-    """Return the starts of `count` blocks, and their length."""
-    whole = size // count
-    length = min(whole, _LONGEST)
-    return np.arange(count) * whole + (whole - length) // 2, length
-
-
-def _block_curves(blocks_1: Vector, blocks_2: Vector, reach: int) -> Vector:
+def _block_curves(pair: Pair, starts_1: Lags, starts_2: Lags, length: int, reach: int, overlap_2: slice) -> Vector:
     """Return (blocks, 2 * reach + 1) product sums of each block with recording 2, up to `reach` on either side."""
+    white_1, white_2 = pair.white
+    blocks_1 = np.stack([white_1.part(start, start + length) for start in starts_1.tolist()])
+    blocks_2 = np.stack([white_2.part(start - reach, start + length + reach) for start in starts_2.tolist()])
+    places = starts_2[:, np.newaxis] + np.arange(-reach, length + reach)
+    blocks_2[(places < overlap_2.start) | (places >= overlap_2.stop)] = 0.0
     points = int(fft.next_fast_len(blocks_2.shape[1], real=True))
     spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
     return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])
-
-
-def _refined(curve: Vector, top: int) -> float:
-    around = min(REACH, top, curve.size - 1 - top)
-    return top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1]))
-
-
-def _line(start: int, places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
-    slope, intercept = median_line(places, lags)
-    near = np.abs(lags - intercept - slope * places) <= _STRAY
-    if near.sum() < max(_FEWEST, _MOST * count):
-        return None
-    (slope, intercept), covariance = np.polyfit(places[near], lags[near], 1, cov=True)
-    spread = float(np.std(lags[near] - intercept - slope * places[near], ddof=2))
-    return Drift(
-        float(intercept),
-        1e6 * float(slope),
-        1e6 * float(np.sqrt(covariance[0, 0])),
-        spread,
-        float(slope) * size,
-        tuple((start + places[near]).tolist()),
-        tuple(lags[near].tolist()),
-    )
 
 
 _RIVAL = 0.85
@@ -169,44 +172,42 @@ _REGULAR = 0.75
 _MOST_RIVALS = 16
 
 
-def rivals_of(
-    pair: Pair,
-    agreement: Agreement,
-    first: int,
-    last: int,
-    needed: float,
-    lags: Lags | None,
-    curve: Vector | None,
-) -> tuple[int, ...]:
+def rivals_of(pair: Pair, agreement: Agreement, found: FoundLag, first: int, last: int, needed: float) -> list[int]:
     """Return the lags from `first` to `last` at which the whitened recordings agree equally well, nearest first."""
     nearby = _repetitions(pair, agreement.lag, first, last, needed)
-    if agreement.height >= needed and lags is not None and curve is not None:
-        for other in _high_points(pair, agreement.lag, lags, curve):
+    if agreement.height >= needed and found.lags is not None and found.correlation is not None:
+        for other in _high_points(pair, agreement.lag, found.lags, found.correlation):
             there = pair.best_agreement(other)
             if there.score >= _RIVAL * agreement.score and there.height >= needed:
                 nearby.add(there.lag)
     rivals = _nearest(nearby, agreement.lag)
     # A horn blown twice fits itself again, but the sounds around it do not: a rival fits with and without whitening.
     least = _RIVAL * pair.pearson(agreement.lag) if rivals else 0.0
-    return tuple(other for other in rivals if pair.pearson(other) >= least)
+    return [other for other in rivals if pair.pearson(other) >= least]
 
 
-def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
-    return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
+def _nearest(found: set[int], lag: int) -> list[int]:
+    return sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS]
 
 
-def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
+def _loud_curve(recordings: tuple[Recording, Recording], lag: int) -> Vector:
+    """Return the curve of the loudest common stretch, (2 * reach + 1,) with `lag` in the middle."""
+    parts = loudest_stretch(*recordings, lag, _STRETCH)
+    one, other = (whole.part(part.start, part.stop) for whole, part in zip(recordings, parts, strict=True))
+    return local_curve(one, other, min(_REACH, one.size // 2))
+
+
+def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> list[int]:
     """Return the lags around `lag` at which tones common to both recordings line up.
 
     Whitening removes tones, and noise hides their teeth in the curve. The curve's spectrum reveals them: a few lines
     contain most of its power. The curve rebuilt from these lines alone has the teeth without the noise.
     """
-    one, other = pair.loudest(lag, _STRETCH, white=False)
-    reach = min(_REACH, one.size // 2)
+    curve = _loud_curve(pair.raw, lag)
+    reach = curve.size // 2
     count = min(_LINES, reach // 64)
     if count == 0:
-        return ()
-    curve = local_curve(one, other, reach)
+        return []
     spectrum = fft.rfft(curve * np.hanning(curve.size))
     power = spectrum.real**2 + spectrum.imag**2
     left = power.copy()
@@ -219,7 +220,7 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
         held[max(0, line - 2) : line + 3] = True
         left[max(0, line - 2) : line + 3] = 0.0
     if power[held].sum() < _LINE_SHARE * power.sum():
-        return ()
+        return []
     # Only the middle half, where the window is not small.
     middle = slice(reach // 2, curve.size - reach // 2)
     clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
@@ -227,20 +228,20 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
     tops = _tops(clean, best, _RIVAL * clean[best])
     # Two sounds that happen to share a note for a while give a few teeth; a tone gives them everywhere.
     if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
-        return ()
+        return []
     found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
     return _nearest({each for each in found if first <= each <= last}, lag)
 
 
 def _repetitions(pair: Pair, lag: int, first: int, last: int, needed: float) -> set[int]:
     """Return the lags around `lag` at which the loudest common stretch fits as well as at its best lag."""
-    one, other = pair.loudest(lag, _STRETCH)
-    reach = min(_REACH, one.size // 2)
+    curve = _loud_curve(pair.white, lag)
+    reach = curve.size // 2
     if reach < 2:
         return set()
-    curve = local_curve(one, other, reach)
-    curve = curve[max(0, first - lag + reach) : max(0, last - lag + reach) + 1]
-    start = lag - reach + max(0, first - lag + reach)
+    begin = max(0, first - lag + reach)
+    curve = curve[begin : max(0, last - lag + reach) + 1]
+    start = lag - reach + begin
     best = int(np.argmax(curve))
     if pair.agreement(start + best).height < needed:
         return set()
@@ -338,58 +339,47 @@ class LagJudgement:
     drift: Drift | None = None
 
 
-def judge(
-    pair: Pair,
-    lag: int,
-    reach: int,
-    *,
-    lags: Lags | None = None,
-    curve: Vector | None = None,
-    votes: dict[int, int] | None = None,
-    opposite_lag: int | None = None,
-) -> LagJudgement:
-    """Return whether `lag` is reliable, whatever method found it.
+def judge(pair: Pair, found: FoundLag, reach: int) -> LagJudgement:
+    """Return whether the lag found is reliable, whatever method found it.
 
     The height of a peak in its curve is not enough: the curve of two unrelated recordings with one loud event each is
     flat except where the events meet, and that peak can have any height. So the recordings are whitened
-    (:mod:`stereolag.signals.whitening`) and their agreement at `lag` is measured in standard deviations of chance.
+    (:mod:`stereolag.signals.whitening`) and their agreement at the lag is measured in standard deviations of chance.
     The highest of N lags reaches ``sqrt(2 ln N)`` by chance; ``MARGIN`` more is convincing.
 
     Parameters
     ----------
     pair
         The recordings, original and whitened.
-    lag
-        The lag found, samples.
+    found
+        The lag, with its curve or its votes if the method has them; there may be gaps between the lags of the curve.
     reach
         The largest ``|lag|`` that was searched.
-    lags, curve
-        (N,) ascending lags and the curve over them, if the method has one; there may be gaps between the lags.
-    votes
-        Votes per lag, if the method has them.
-    opposite_lag
-        The lag at which the inverted recording 2 may fit, for curves that do not show it.
     """
-    first, last = -min(reach, pair.sizes[0] - 1), min(reach, pair.sizes[1] - 1)
+    first, last = lags_within(pair.sizes, reach)
     chance = math.sqrt(2 * math.log(last - first + 2))
     needed = chance + MARGIN
-    agreement = pair.best_agreement(lag)
-    rivals = rivals_of(pair, agreement, first, last, needed, lags, curve)
+    agreement = pair.best_agreement(found.lag)
+    rivals = tuple(rivals_of(pair, agreement, found, first, last, needed))
     if agreement.height < needed and not rivals:
-        rivals = tone_rivals(pair, lag, first, last)
-    height, ribbon = (math.nan, None) if curve is None else _height(curve, chance)
-    drift = measure_drift(pair, lag)
-    if opposite_lag is None and curve is not None and lags is not None:
-        opposite_lag = _lowest_point(lags, curve)
-    opposite = None if opposite_lag is None else _opposite(pair, agreement, opposite_lag, needed)
-    verdict, reason = _decided(agreement, rivals, needed, drift, opposite, votes)
+        rivals = tuple(tone_rivals(pair, found.lag, first, last))
+    drift = measure_drift(pair, found.lag)
+    height, ribbon, opposite = math.nan, None, found.opposite_lag
+    if found.correlation is not None and found.lags is not None:
+        height, ribbon = _height(found.correlation, chance)
+        lowest = int(np.argmin(found.correlation))
+        if opposite is None and -found.correlation[lowest] > 1.1 * found.correlation.max():
+            opposite = int(found.lags[lowest])
+    if opposite is not None and -pair.agreement(opposite).height < max(needed, agreement.height):
+        opposite = None
+    verdict, reason = _decided(agreement, rivals, needed, drift, opposite, found.votes)
     if verdict != "ambiguous":
         rivals = ()
     return LagJudgement(
         verdict,
         reason,
         rivals,
-        regular_spacing(rivals, lag),
+        regular_spacing(rivals, found.lag),
         agreement.height,
         needed,
         height,
@@ -428,15 +418,3 @@ def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
     deviation = 1.4826 * float(np.median(np.abs(some - middle)))
     height = (float(curve.max()) - middle) / deviation if deviation > 0 else math.inf
     return height, (middle - chance * deviation, middle + chance * deviation)
-
-
-def _lowest_point(lags: Lags, curve: Vector) -> int | None:
-    """Return the lag of the curve's lowest point if it is clearly farther from zero than the highest, else None."""
-    lowest = int(np.argmin(curve))
-    return int(lags[lowest]) if -curve[lowest] > 1.1 * curve.max() else None
-
-
-def _opposite(pair: Pair, agreement: Agreement, lag: int, needed: float) -> int | None:
-    """Return `lag` if the inverted recording 2 agrees better there; None otherwise."""
-    disagreement = -pair.agreement(lag).height
-    return lag if disagreement >= max(needed, agreement.height) else None

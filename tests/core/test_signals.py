@@ -18,10 +18,13 @@ from scipy import signal as scipy_signal
 from benchmarks.verdict import coloured, common, drifting, noise, tones, unrelated
 from stereolag.core.inputs import as_signal
 from stereolag.io.recordings import read_signal
-from stereolag.signals import SignalLag, SignalMethod, estimate_lag, signal_lag
-from stereolag.signals import search as blocks
+from stereolag.signals import SignalLag, SignalMethod, correlation, estimate_lag, signal_lag
 from stereolag.signals.correlation import (
     REACH,
+    ConvertedRecording,
+    HeldRecording,
+    block_curve,
+    block_products,
     cross_spectrum,
     cross_spectrum_reference,
     find_peak,
@@ -30,7 +33,6 @@ from stereolag.signals.correlation import (
     peak_ratio,
     refine_peak,
     running_sums,
-    running_sums_reference,
     sliding_pearson,
     turn_back,
     turn_back_reference,
@@ -41,17 +43,7 @@ from stereolag.signals.correlation import (
 )
 from stereolag.signals.lag import algorithm
 from stereolag.signals.sampling import best_matches
-from stereolag.signals.search import (
-    CentredRecording,
-    _Bound,
-    band_energies,
-    band_products,
-    band_signals,
-    block_curve,
-    block_pearson,
-    block_products,
-    cell_size,
-)
+from stereolag.signals.search import _Bound, band_energies, band_products, band_signals, cell_size
 
 METHODS = get_args(SignalMethod)
 CURVE_METHODS = ("fft", "phat", "direct")
@@ -498,23 +490,9 @@ def test_the_best_match_is_that_of_the_plain_formula() -> None:
         assert score >= best - 1e-9
 
 
-def test_running_sums_are_cumulative_sums() -> None:
-    signal = np.random.default_rng(2).normal(size=100)
-    sums, squares = running_sums(signal)
-    np.testing.assert_allclose(sums, np.r_[0, np.cumsum(signal)])
-    np.testing.assert_allclose(squares, np.r_[0, np.cumsum(signal**2)])
-
-
 def spectra(seed: int) -> tuple[np.ndarray, np.ndarray]:
     first, second = (np.random.default_rng(seed).normal(size=(2, 2, 40)).transpose(0, 2, 1)) @ [1, 1j]
     return first, second
-
-
-@given(st.integers(0, 99), st.integers(2, 60))
-def test_running_sums_are_those_of_the_formula(seed: int, size: int) -> None:
-    signal = np.random.default_rng(seed).normal(size=size)
-    for found, plain in zip(running_sums(signal), running_sums_reference(signal), strict=True):
-        np.testing.assert_allclose(found, plain, atol=1e-12)
 
 
 @given(st.integers(0, 99), st.integers(1, 40), st.integers(-30, 0), st.integers(0, 9))
@@ -539,7 +517,9 @@ def test_both_ways_to_the_weighted_correlation_are_the_formula(sizes: tuple[int,
     plain = weighted_pearson_reference(first, second, lags)
     np.testing.assert_allclose(curve, plain, atol=1e-9)
     products = np.correlate(second, first, "full")[sizes[0] - 1 :]
-    weighted_pearson(products, 0, *running_sums(first), *running_sums(second))
+    sums = running_sums(first), running_sums(second)
+    flat = tuple(float(correlation.FLAT * one[1, -1]) for one in sums)
+    weighted_pearson(products, 0, sizes, flat, (0, 0, 0), sums[0], sums[1], sums[1])  # type: ignore[arg-type]
     np.testing.assert_allclose(products, plain[lags >= 0], atol=1e-9)
 
 
@@ -595,8 +575,9 @@ def recording(size: int, seed: int = 0) -> np.ndarray:
 
 @pytest.fixture
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "SHORTEST_BLOCK", 16)
-    monkeypatch.setattr(blocks, "_PIECE", 7)
+    monkeypatch.setattr(correlation, "SHORTEST_BLOCK", 16)
+    monkeypatch.setattr(correlation, "GRAIN", 3)
+    monkeypatch.setattr(ConvertedRecording, "piece", 9)
 
 
 @pytest.mark.usefixtures("_small_blocks")
@@ -613,12 +594,12 @@ def test_the_curve_of_blocks_is_the_plain_formula(data: st.DataObject) -> None:
         return
     centred = [as_signal(signal, "signal") - signal.mean() for signal in (one, other)]
     lags = np.arange(first, last + 1)
-    curve = block_curve(CentredRecording(one), CentredRecording(other), first, last)
+    curve = block_curve(ConvertedRecording(one), ConvertedRecording(other), first, last)
     # In overlaps of two or three samples, rounding can decide whether they count as flat.
     np.testing.assert_allclose(curve, weighted_pearson_reference(*centred, lags), atol=1e-7)
     lag = data.draw(st.sampled_from(lags.tolist()))
-    pearson = block_pearson(CentredRecording(one), CentredRecording(other), lag)
-    assert pearson == pytest.approx(overlap_pearson(*centred, lag), abs=1e-7, nan_ok=True)
+    pearson = overlap_pearson(ConvertedRecording(one), ConvertedRecording(other), lag)
+    assert pearson == pytest.approx(overlap_pearson(*map(HeldRecording, centred), lag), abs=1e-7, nan_ok=True)
 
 
 @pytest.mark.usefixtures("_small_blocks")
@@ -629,7 +610,7 @@ def test_products_are_scipys(first: int, last: int) -> None:
     other[0] -= other.sum()
     height = np.abs(one).max() * np.abs(other).max()
     every = scipy_signal.correlate(other, one, method="direct")
-    products = block_products(CentredRecording(one), CentredRecording(other), first, last, 256) * height
+    products = block_products(ConvertedRecording(one), ConvertedRecording(other), first, last, 256) * height
     np.testing.assert_allclose(products, every[399 + first : 400 + last], atol=1e-6)
 
 
@@ -790,7 +771,7 @@ def test_real_recordings(both_ways: Any, data_dir: Path) -> None:
 @pytest.mark.parametrize("step", [8, 64])
 def test_bands_hold_the_energy_and_their_products_the_correlation(step: int) -> None:
     sound = coloured(100_000, 0.5, np.random.default_rng(0))
-    one, other = (CentredRecording(part) for part in (sound[3 * step :], sound[: -3 * step]))
+    one, other = (ConvertedRecording(part) for part in (sound[3 * step :], sound[: -3 * step]))
     assert band_energies(one, step).sum() == pytest.approx(one.energy, rel=1e-4)
     bands = range(step // 2)
     signals = [band_signals(recording, bands, step) for recording in (one, other)]
@@ -804,10 +785,10 @@ def test_bands_hold_the_energy_and_their_products_the_correlation(step: int) -> 
 def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = common(3000, 200, 0)
     given = [signal - signal.mean() for signal in (one, other)]
-    bound = _Bound(*(CentredRecording(signal) for signal in given), 2999, 8)
-    parts = [band_signals(CentredRecording(signal), range(4), 8) for signal in given]
+    bound = _Bound(*(ConvertedRecording(signal) for signal in given), 2999, 8)
+    parts = [band_signals(ConvertedRecording(signal), range(4), 8) for signal in given]
     for band, first, second in zip(range(4), *parts, strict=True):
-        bound.add(band, first, second)
+        bound.total += bound.magnitudes(band, first, second)
     lags = np.arange(-1500, 1501)
     cells = lags // 8 - bound.first
     measured = weighted_pearson_reference(*given, lags)

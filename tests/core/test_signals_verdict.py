@@ -18,16 +18,13 @@ from stereolag import samples
 from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, SignalMethod, signal_lag
 from stereolag.signals import whitening as long_pairs
-from stereolag.signals.correlation import find_peak, overlap_length
-from stereolag.signals.search import CentredRecording
+from stereolag.signals.correlation import ConvertedRecording, HeldRecording, find_peak, overlap_length
+from stereolag.signals.search import FoundLag
 from stereolag.signals.verdict import LagJudgement, judge, median_line, regular_spacing
 from stereolag.signals.whitening import (
-    LongPair,
-    WhitePair,
+    Pair,
     add_agreement,
     add_agreement_reference,
-    add_energy,
-    add_energy_reference,
     local_curve,
     whiten,
     whiten_reference,
@@ -170,9 +167,9 @@ def test_a_height_does_not_depend_on_gain_and_of_noise_is_that_of_chance() -> No
     heights = []
     for seed in range(200):
         first, second = unrelated("random walks", 1000, seed)
-        pair = WhitePair(first - first.mean(), second - second.mean())
-        heights.append(pair.agreement(0).height)
-        louder = WhitePair(1e3 * (first - first.mean()), second - second.mean())
+        held = [HeldRecording(signal - signal.mean()) for signal in (first, second)]
+        heights.append(Pair(*held).agreement(0).height)
+        louder = Pair(HeldRecording(1e3 * (first - first.mean())), held[1])
         assert louder.agreement(0).height == pytest.approx(heights[-1])
     assert np.std(heights) == pytest.approx(1.0, abs=0.2)
     assert np.mean(heights) == pytest.approx(0.0, abs=0.3)
@@ -198,9 +195,9 @@ def test_a_spacing_is_regular_or_none(rivals: tuple[int, ...], lag: int, expecte
 
 
 def test_any_lag_can_be_judged_without_a_curve() -> None:
-    pair = WhitePair(*(signal - signal.mean() for signal in common(6000, 700, 1)))
-    assert judge(pair, 700, 5999).verdict == "sure"
-    wrong = judge(pair, 4000, 5999)
+    pair = Pair(*(HeldRecording(signal - signal.mean()) for signal in common(6000, 700, 1)))
+    assert judge(pair, FoundLag(700), 5999).verdict == "sure"
+    wrong = judge(pair, FoundLag(4000), 5999)
     assert (wrong.verdict, wrong.reason) == ("nothing", "chance")
     assert np.isnan(wrong.height) and wrong.ribbon is None
 
@@ -289,8 +286,8 @@ def test_the_judgement_is_that_of_the_whole(name: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(long_pairs, "_PIECE", 2**13)
     one, other = PAIRS[name]()
     found = signal_lag(one, other, max_lag=8000)
-    pair = LongPair(CentredRecording(one), CentredRecording(other))
-    judged = judge(pair, found.lag, 8000, lags=found.lags, curve=found.correlation)
+    pair = Pair(ConvertedRecording(one), ConvertedRecording(other))
+    judged = judge(pair, FoundLag(found.lag, lags=found.lags, correlation=found.correlation), 8000)
     assert found.judgement is not None
     for (field, expected), value in zip(
         flat(dataclasses.asdict(found.judgement)), [value for _, value in flat(dataclasses.asdict(judged))], strict=True
@@ -330,4 +327,3 @@ def test_sums_are_the_plain_formula_however_they_are_cut(together: int, cuts: tu
     for start, stop in zip((0, *cuts), (*cuts, 640), strict=True):
         add_agreement(one[start:stop], other[start:stop], together, sums)
     np.testing.assert_allclose(sums, add_agreement_reference(one, other, together), atol=1e-9)
-    np.testing.assert_allclose(add_energy(one, other), add_energy_reference(one, other))
