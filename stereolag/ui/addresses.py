@@ -166,17 +166,19 @@ def new_parameters(written: str) -> dict[str, str] | None:
     Parameters
     ----------
     written
-        The session-state key of the parameters last written by :func:`write_parameters`.
+        The session-state key of the parameters last written by :func:`write_parameters`. Under the same key followed by
+        ``.seen`` is the address with which the browser last requested this page, by ``.bare`` whether a bare address in
+        the history stands for another state than the initial one, by ``.settings`` what is yet to be applied.
     """
     state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
-    seen, last = state.get(_seen_key(written)), state.get(written)
-    state[_seen_key(written)] = found
+    seen, last = state.get(f"{written}.seen"), state.get(written)
+    state[f"{written}.seen"] = found
     if last and not found and not stepped and from_another_page():
-        state[_bare_key(written)] = True
+        state[f"{written}.bare"] = True
     if found == last:
         return None
     if stepped:
-        return found if found or not state.get(_bare_key(written)) else None
+        return found if found or not state.get(f"{written}.bare") else None
     return found if found and found != seen else None
 
 
@@ -199,12 +201,12 @@ def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
 
 def keep_settings(written: str, parameters: dict[str, str]) -> None:
     """Keep the parameters of settings until the page has its inputs, in this run or a later one."""
-    st.session_state[_kept_key(written)] = parameters
+    st.session_state[f"{written}.settings"] = parameters
 
 
 def kept_settings(written: str) -> dict[str, str] | None:
     """Return the kept parameters of settings and forget them; None if there are none."""
-    kept: dict[str, str] | None = st.session_state.pop(_kept_key(written), None)
+    kept: dict[str, str] | None = st.session_state.pop(f"{written}.settings", None)
     return kept
 
 
@@ -218,9 +220,9 @@ def write_parameters(written: str, parameters: dict[str, str]) -> None:
     """Write parameters into the address, replacing all others."""
     st.session_state[written] = parameters
     if not parameters:
-        st.session_state[_bare_key(written)] = False
+        st.session_state[f"{written}.bare"] = False
     if (found := st.query_params.to_dict()) != parameters:
-        st.session_state[_seen_key(written)] = found
+        st.session_state[f"{written}.seen"] = found
         st.query_params.from_dict(parameters)
 
 
@@ -276,17 +278,3 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     def write(self, settings: SettingsT, inputs: InputsT) -> None:
         """Write the choices and settings that differ from their initial values into the address."""
         write_parameters(self.written, chosen(self.choices()) | parameters_of(settings, self.first(inputs)))
-
-
-def _seen_key(written: str) -> str:
-    """Return the key of the address with which the browser last requested this page."""
-    return f"{written}.seen"
-
-
-def _bare_key(written: str) -> str:
-    """Return the key of the flag for a bare address in the history at which the page was not in its initial state."""
-    return f"{written}.bare"
-
-
-def _kept_key(written: str) -> str:
-    return f"{written}.settings"

@@ -27,7 +27,6 @@ from stereolag.geometry.boards import (
     MOST_PAIRS,
     Board,
     BoardViews,
-    Grey8,
     Markers,
     Pairs,
     find_boards,
@@ -96,16 +95,6 @@ def drawn_rig() -> StereoRig:
     )
 
 
-@st.cache_resource(show_spinner="Drawing the example …")
-def example_pairs(name: str) -> list[tuple[Grey8, Grey8]]:
-    """Return the picture pairs of an example."""
-    example = EXAMPLES[name]
-    drawn = drawn_pairs(drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly)
-    *pairs, another = drawn
-    pairs[WRONG_PAIR] = pairs[WRONG_PAIR][0], another[1]
-    return pairs
-
-
 BYTES_PER_PIXEL = 24
 """Memory for two decoded pictures, their grey versions and the corner search."""
 
@@ -155,8 +144,12 @@ def choose_board_pictures() -> BoardPictures:
     return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
 
 
+@st.cache_resource(show_spinner="Drawing the example …")
 def _example(name: str) -> BoardPictures:
-    pairs = example_pairs(name)
+    example = EXAMPLES[name]
+    drawn = drawn_pairs(drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly)
+    *pairs, another = drawn
+    pairs[WRONG_PAIR] = pairs[WRONG_PAIR][0], another[1]
     names = tuple(str(number) for number in range(1, len(pairs) + 1))
     description = (
         f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
@@ -228,6 +221,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
     if isinstance(guessed, Refusal):
         prose.warning(guessed.reason, icon=":material/grid_off:")
     at_first = guessed if isinstance(guessed, Board) else None
+    example = EXAMPLES.get(pictures.example or "")
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         columns, rows = (
             st.number_input(
@@ -244,7 +238,6 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
                 ("Inner corners down", at_first.rows if at_first else None),
             )
         )
-        example = EXAMPLES.get(pictures.example or "")
         side = st.number_input(
             "Side of a square, mm",
             *SQUARE_MM,
@@ -294,11 +287,8 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
 
 def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
     """Ask which of the pairs with a board in both pictures count; return the numbers of those to leave out."""
-    usable = [
-        number
-        for number, both in enumerate(zip(views.left, views.right, strict=True))
-        if both[0] is not None and both[1] is not None
-    ]
+    both = enumerate(zip(views.left, views.right, strict=True))
+    usable = [number for number, (left, right) in both if left is not None and right is not None]
     if not usable:
         return frozenset()
     counting = st.pills(
@@ -473,8 +463,7 @@ def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibrati
 def show_coverage(result: StereoCalibration) -> None:
     """Show where in the pictures the board has been."""
     calibration = result.calibration
-    assert calibration.width is not None
-    assert calibration.height is not None
+    assert calibration.width is not None and calibration.height is not None
     size = calibration.width, calibration.height
     used = [result.pairs[number] for number in result.used]
     sides = (
@@ -493,7 +482,12 @@ def show_downloads(result: StereoCalibration) -> None:
     calibration = result.calibration
     with st.container(horizontal=True, gap="small", vertical_alignment="center"):
         if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
-            open_depth_page(calibration)
+            # There for the visitor's own files, to which it applies.
+            digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
+            st.session_state.update({KEPT: Upload(digest, calibration), keys.PAIR: OWN, keys.FOLD: True})
+            st.session_state.pop(keys.HANDED, None)
+            no_files_yet(keys.PAIR)
+            st.switch_page(DEPTH_PAGE)
         left, right = ros_calibration(calibration)
         for name, label, content in (
             ("stereo.yml", "OpenCV YAML", opencv_calibration(calibration)),
@@ -505,42 +499,19 @@ def show_downloads(result: StereoCalibration) -> None:
     prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")
 
 
-def keep_calibration(calibration: Calibration) -> None:
-    """Keep a calibration for this session."""
-    digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
-    st.session_state[KEPT] = Upload(digest, calibration)
-
-
-def kept_calibration() -> Upload[Calibration] | None:
-    """Return the calibration kept in this session, or None."""
-    kept: Upload[Calibration] | None = st.session_state.get(KEPT)
-    return kept
-
-
-def forget_calibration() -> None:
-    """Stop using the kept calibration."""
-    st.session_state.pop(KEPT, None)
-
-
 def use_kept_calibration() -> Upload[Calibration] | None:
     """Return the kept calibration, and show that it is in use, with a button to stop using it."""
-    kept = kept_calibration()
+    kept: Upload[Calibration] | None = st.session_state.get(KEPT)
     if kept is not None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
         with st.container(horizontal=True, vertical_alignment="center"):
             prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
-            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget_calibration)
+            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=_forget_calibration)
     return kept
 
 
-def open_depth_page(calibration: Calibration) -> None:
-    """Keep a calibration, and open the depth page for the visitor's own files, to which it applies."""
-    keep_calibration(calibration)
-    st.session_state[keys.PAIR] = OWN
-    st.session_state.pop(keys.HANDED, None)
-    no_files_yet(keys.PAIR)
-    st.session_state[keys.FOLD] = True
-    st.switch_page(DEPTH_PAGE)
+def _forget_calibration() -> None:
+    st.session_state.pop(KEPT, None)
 
 
 # Sentences

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
@@ -43,18 +43,6 @@ from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import exact_key, more_key, setting_key
 from stereolag.ui.sentences import CHOICE_NAMES
 
-PERSISTENCE = "persistence"
-PAGE = f"{PERSISTENCE}.page"
-"""Session-state key of the page that ran last."""
-BEFORE = f"{PERSISTENCE}.before"
-"""Session-state key of the page that ran before this run."""
-ENDED = f"{PERSISTENCE}.ended"
-"""Session-state key of {page or fragment: number of its completed runs}."""
-WITHIN = f"{PERSISTENCE}.within"
-"""Session-state key of {fragment: the run of its container in which it was drawn}."""
-DRAWN = f"{PERSISTENCE}.drawn"
-"""Session-state key of {key of a control: the run that drew it last}."""
-
 ANY_PAGE = "page"
 
 Run = tuple[tuple[str, int], ...]
@@ -64,27 +52,70 @@ next one."""
 _current: ContextVar[Run] = ContextVar("run", default=())
 
 
+class _Box:
+    """The box beside a slider: the value drawn in it last, and the times at which earlier ones were replaced."""
+
+    def __init__(self) -> None:
+        self.value: Any = None
+        self.replaced: dict[Any, float] = {}
+
+
+class _Memory:
+    """What is known of the controls of one visitor.
+
+    Attributes
+    ----------
+    page, page_before
+        The page that ran last, and the one before this run.
+    ended
+        Number of completed runs of each fragment, and of any page.
+    within
+        The run in whose container a fragment was drawn.
+    drawn
+        The run that drew a control last, by its key.
+    boxes, adopted
+        The boxes beside sliders, and the values that controls were set to, by key.
+    matchers
+        The last valid settings of each method, by its short name.
+    """
+
+    def __init__(self) -> None:
+        self.page = self.page_before = ""
+        self.ended: Counter[str] = Counter()
+        self.within: dict[str, Run] = {}
+        self.drawn: dict[str, Run] = {}
+        self.boxes: defaultdict[str, _Box] = defaultdict(_Box)
+        self.adopted: dict[str, Any] = {}
+        self.matchers: dict[str, StereoMatcher] = {}
+
+
+def _memory() -> _Memory:
+    """Return what is known of this visitor's controls; in one entry, since Streamlit walks over all in every run."""
+    memory: _Memory = st.session_state.setdefault("controls", _Memory())
+    return memory
+
+
 @contextmanager
 def run_of_page(title: str) -> Iterator[None]:
     """Count a run of a page; the page is drawn inside the ``with`` block."""
-    state = st.session_state
-    state[BEFORE] = state.get(PAGE, title)
-    if state[BEFORE] != title:
-        _ended()[ANY_PAGE] += 1  # this run does not directly follow the last run of this page
-    state[PAGE] = title
+    memory = _memory()
+    memory.page_before = memory.page or title
+    if memory.page_before != title:
+        memory.ended[ANY_PAGE] += 1  # this run does not directly follow the last run of this page
+    memory.page = title
     with _counted(ANY_PAGE, ()):
         yield
 
 
 def from_another_page() -> bool:
     """Return whether the previous run was of another page."""
-    return bool(st.session_state.get(BEFORE) != st.session_state.get(PAGE))
+    return _memory().page_before != _memory().page
 
 
 @contextmanager
 def run_of_part(name: str) -> Iterator[None]:
     """Count a run of a fragment; the fragment is drawn inside the ``with`` block."""
-    within: dict[str, Run] = st.session_state.setdefault(WITHIN, {})
+    within = _memory().within
     within[name] = _current.get() or within.get(name, ())
     with _counted(name, within[name]):
         yield
@@ -92,18 +123,14 @@ def run_of_part(name: str) -> Iterator[None]:
 
 @contextmanager
 def _counted(name: str, outer: Run) -> Iterator[None]:
-    number = _ended()[name]
+    ended = _memory().ended
+    number = ended[name]
     token = _current.set((*outer, (name, number)))
     try:
         yield
     finally:
         _current.reset(token)
-    _ended()[name] = number + 1
-
-
-def _ended() -> Counter[str]:
-    counts: Counter[str] = st.session_state.setdefault(ENDED, Counter())
-    return counts
+    ended[name] = number + 1
 
 
 def persistent(key: str) -> dict[str, Any]:
@@ -120,8 +147,7 @@ def drawn_anew(key: str) -> bool:
     browser; but a browser that sent it before it learned that the control was gone has forgotten it since, and would
     show the initial value.
     """
-    run = _current.get()
-    drawn: dict[str, Run] = st.session_state.setdefault(DRAWN, {})
+    run, drawn = _current.get(), _memory().drawn
     before = drawn.get(key, run)
     drawn[key] = run
     return len(run) != len(before) or any(
@@ -170,8 +196,8 @@ def control(
         Whether the control is inactive, because changing it would have no effect.
     """
     field = settings.model_fields[name]
-    adopted = key in _adopted()
-    at_first = _adopted()[key] if adopted else field.default if value is None else value
+    adopted = key in _memory().adopted
+    at_first = _memory().adopted[key] if adopted else field.default if value is None else value
     title = field.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
@@ -208,7 +234,7 @@ def kept_value(
     settings: type[Settings], name: str, key: str, value: Any, low: Number | None = None, high: Number | None = None
 ) -> Any:
     """Return the value that :func:`control` would return with the same arguments, without drawing it."""
-    adopted = _adopted()
+    adopted = _memory().adopted
     if key in adopted:
         return st.session_state.get(key, adopted[key])
     field = settings.model_fields[name]
@@ -229,7 +255,7 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
         value = st.slider(**widget)
         if drawn_anew(exact) or st.session_state.get(exact) != value:  # assigning it makes the browser redraw it
             st.session_state[exact] = value
-        box = _boxes().setdefault(key, _Box())
+        box = _memory().boxes[key]
         if box.value != value:
             box.replaced[box.value] = time.monotonic()
             box.value = value
@@ -253,26 +279,12 @@ LATE_S = 2.0
 """How long after a box was set to a new value the browser may still send the previous one, s."""
 
 
-class _Box:
-    """The box beside a slider: the value drawn in it last, and the times at which earlier ones were replaced."""
-
-    def __init__(self) -> None:
-        self.value: Any = None
-        self.replaced: dict[Any, float] = {}
-
-
-def _boxes() -> dict[str, _Box]:
-    """Return the boxes by the keys of their sliders; in one entry, since Streamlit walks over all in every run."""
-    boxes: dict[str, _Box] = st.session_state.setdefault("controls.boxes", {})
-    return boxes
-
-
 def _take_exact(key: str) -> None:
     """Set a slider to the value typed beside it, which may be outside its range or between its steps.
 
     If the slider has just moved, the box value was not typed: the browser has not drawn the new value yet.
     """
-    typed, box = st.session_state[exact_key(key)], _boxes()[key]
+    typed, box = st.session_state[exact_key(key)], _memory().boxes[key]
     moved = st.session_state[key] != box.value
     late = time.monotonic() - box.replaced.get(typed, -math.inf) < LATE_S
     if not moved and not late:
@@ -281,7 +293,7 @@ def _take_exact(key: str) -> None:
 
 def adopt_value(key: str, value: Any) -> None:
     """Set a control not yet drawn in this run; its bounds widen if needed to include the value."""
-    st.session_state[key] = _adopted()[key] = value
+    st.session_state[key] = _memory().adopted[key] = value
 
 
 def last_valid(make: Callable[[], T], key: str) -> T | None:
@@ -293,12 +305,6 @@ def last_valid(make: Callable[[], T], key: str) -> T | None:
         return st.session_state.get(key)
     st.session_state[key] = settings
     return settings
-
-
-def _adopted() -> dict[str, Any]:
-    """Return the values that controls were set to, by key; in one entry, as the boxes are."""
-    adopted: dict[str, Any] = st.session_state.setdefault("controls.adopted", {})
-    return adopted
 
 
 DISPARITIES_AT_FIRST = 64
@@ -331,8 +337,6 @@ LARGEST_WINDOW = 101
 KIND = "kind"
 """The discriminator field of settings that come in several kinds."""
 
-Values = dict[str, Any]
-
 
 class AsSet(NamedTuple):
     """The settings of a method as its controls are set.
@@ -349,34 +353,19 @@ class AsSet(NamedTuple):
 
     matcher: StereoMatcher | None
     refusal: SettingsError | None
-    values: Values
+    values: dict[str, Any]
 
 
-class _Field(NamedTuple):
-    """A field of a settings class, with everything its control needs; looked up once."""
-
-    info: FieldInfo
-    kinds: tuple[type[Settings], ...]
-    conditional: bool
-    of_the_pair: bool
-    fits_image: bool
-    usual: Usual
+def _fields(kind: type[Settings]) -> dict[str, FieldInfo]:
+    """Return the fields that have controls, by name: all but the kind."""
+    return {name: field for name, field in kind.model_fields.items() if name != KIND}
 
 
 @functools.cache
-def _fields(kind: type[Settings]) -> Mapping[str, _Field]:
-    return {
-        name: _Field(
-            info,
-            cast(tuple[type[Settings], ...], nested(info)),
-            marker(info, Applies) is not None,
-            marker(info, OfThePair) is not None,
-            marker(info, FitsImage) is not None,
-            marker(info, Usual) or Usual(),
-        )
-        for name, info in kind.model_fields.items()
-        if name != KIND
-    }
+def _kinds(kind: type[Settings], name: str) -> dict[str, type[Settings]]:
+    """Return the kinds of settings that a field may hold, by the names of the kinds; empty for other fields."""
+    allowed = cast(tuple[type[Settings], ...], nested(kind.model_fields[name]))
+    return {str(one.model_fields[KIND].default) if KIND in one.model_fields else "": one for one in allowed}
 
 
 def _first_shown(kind: type[Settings]) -> Iterable[str]:
@@ -409,26 +398,26 @@ class _Place:
     refused: Callable[[SettingsError], None]
 
     def key(self, name: str) -> str:
-        of_the_pair = _fields(self.kind)[name].of_the_pair
+        of_the_pair = marker(self.kind.model_fields[name], OfThePair)
         return setting_key(self.method.short_name, self.path + name, self.pair.id.searched if of_the_pair else None)
 
     def within(self, name: str) -> _Place | None:
         """Return the place of nested settings, of the kind chosen; None for an optional stage that is off."""
-        field, first = _fields(self.kind)[name], getattr(self.first, name)
-        if len(field.kinds) > 1:
-            by_name = {str(kind.model_fields[KIND].default): kind for kind in field.kinds}
+        kinds, first = _kinds(self.kind, name), getattr(self.first, name)
+        if len(kinds) > 1:
             chosen: str = st.session_state.get(f"{self.key(name)}.{KIND}", getattr(first, KIND))
-            kind = by_name[chosen]
+            kind = kinds[chosen]
             first = first if isinstance(first, kind) else _alternative(kind, self.pair)
             return replace(self, kind=kind, first=first, path=f"{self.path}{name}.{chosen}.")
-        if field.info.default is None and not st.session_state.get(self.key(name), first is not None):
+        optional = self.kind.model_fields[name].default is None
+        if optional and not st.session_state.get(self.key(name), first is not None):
             return None
-        kind = field.kinds[0]
+        (kind,) = kinds.values()
         return replace(self, kind=kind, first=first or kind(), path=f"{self.path}{name}.")
 
     def applies(self, name: str, values: Any) -> bool:
         """Return whether a setting has an effect with these values of the others."""
-        if not _fields(self.kind)[name].conditional:
+        if marker(self.kind.model_fields[name], Applies) is None:
             return True
         try:
             return self.kind.obstacle(name, values) is None
@@ -437,21 +426,22 @@ class _Place:
 
     def ends(self, name: str) -> tuple[Number | None, Number | None]:
         """Return the bounds of a slider where the field allows more than the inputs can use."""
-        field = _fields(self.kind)[name]
-        if field.fits_image:
-            return field.usual.low, min(LARGEST_WINDOW, *(int(side) - 1 for side in self.pair.left.shape[:2]))
-        return field.usual.low, field.usual.high
+        field = self.kind.model_fields[name]
+        usual = marker(field, Usual) or Usual()
+        if marker(field, FitsImage):
+            return usual.low, min(LARGEST_WINDOW, *(int(side) - 1 for side in self.pair.left.shape[:2]))
+        return usual.low, usual.high
 
-    def values(self) -> Values:
+    def values(self) -> dict[str, Any]:
         """Return the values of all controls, drawn or not; a setting that does not apply has its default."""
         values = SimpleNamespace(**dict(self.first))
         for name, field in _fields(self.kind).items():
-            if field.kinds:
+            if _kinds(self.kind, name):
                 place = self.within(name)
                 found = place and place.settings()
             else:
                 found = kept_value(self.kind, name, self.key(name), getattr(self.first, name), *self.ends(name))
-            setattr(values, name, found if self.applies(name, values) else field.info.default)
+            setattr(values, name, found if self.applies(name, values) else field.default)
         return {name: getattr(values, name) for name in _fields(self.kind)}
 
     def settings(self) -> Settings:
@@ -469,11 +459,11 @@ def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
     values = _place(kind, pair, refusals.append).values()
     if not refusals:
         try:
-            matcher = _in_use()[kind.short_name] = kind(**values)
+            matcher = _memory().matchers[kind.short_name] = kind(**values)
             return AsSet(matcher, None, values)
         except SettingsError as error:
             refusals.append(error)
-    return AsSet(_in_use().get(kind.short_name), refusals[0], values)
+    return AsSet(_memory().matchers.get(kind.short_name), refusals[0], values)
 
 
 def ask_matcher(kind: type[StereoMatcher], pair: Pair, as_set: AsSet | None = None) -> StereoMatcher | None:
@@ -520,18 +510,12 @@ def _more_settings(key: str) -> Expander:
 def set_controls(matcher: StereoMatcher, pair: Pair) -> None:
     """Set the controls of a method to these settings; they must not have been drawn yet in this run."""
     _set(_place(type(matcher), pair), matcher)
-    _in_use()[matcher.short_name] = matcher
+    _memory().matchers[matcher.short_name] = matcher
 
 
 def matchers_in_use() -> list[StereoMatcher]:
     """Return the settings of all methods whose controls were drawn or set before."""
-    return [_in_use()[kind.short_name] for kind in METHODS if kind.short_name in _in_use()]
-
-
-def _in_use() -> dict[str, StereoMatcher]:
-    """Return the last valid settings of the methods."""
-    matchers: dict[str, StereoMatcher] = st.session_state.setdefault("depth.matchers", {})
-    return matchers
+    return [_memory().matchers[kind.short_name] for kind in METHODS if kind.short_name in _memory().matchers]
 
 
 def _draw(place: _Place, values: Any, more: Expander | None, *, disabled: bool = False) -> None:
@@ -552,29 +536,29 @@ def _draw_setting(place: _Place, name: str, values: Any, more: Expander | None, 
     An optional stage is a switch with the controls of the stage below it; a choice of kinds is a row of buttons with
     the controls of the chosen kind. A setting that does not apply is disabled.
     """
-    field, key, first = _fields(place.kind)[name], place.key(name), getattr(place.first, name)
-    title, meaning = field.info.title or name, field.info.description
+    field, kinds = place.kind.model_fields[name], _kinds(place.kind, name)
+    key, first = place.key(name), getattr(place.first, name)
+    title, meaning = field.title or name, field.description
     disabled = disabled or not place.applies(name, values)
-    if not field.kinds:
+    if not kinds:
         low, high = place.ends(name)
         beside = place.method.other_name(name) if place.kind is place.method else ""
-        named = CHOICE_NAMES if choices(field.info) else None
+        named = CHOICE_NAMES if choices(field) else None
         control(
             place.kind, name, key=key, value=first, low=low, high=high, names=named, beside=beside, disabled=disabled
         )
         return
-    if len(field.kinds) > 1:
-        by_name = {str(kind.model_fields[KIND].default): kind for kind in field.kinds}
+    if len(kinds) > 1:
         st.segmented_control(
             title,
-            [*by_name],
+            [*kinds],
             default=str(getattr(first, KIND)),
-            format_func=lambda one: str(getattr(by_name[one], "title", one)),
+            format_func=lambda one: str(getattr(kinds[one], "title", one)),
             required=True,
             **persistent(f"{key}.{KIND}"),
             help=meaning,
         )
-    elif field.info.default is None:
+    elif field.default is None:
         st.toggle(title, first is not None, help=meaning, **persistent(key), disabled=disabled)
     within = place.within(name)
     if within is not None:
@@ -591,13 +575,13 @@ def _alternative(kind: type[Settings], pair: Pair) -> Settings:
 def _set(place: _Place, settings: Settings) -> None:
     """Set the controls of a place."""
     for name, field in _fields(place.kind).items():
-        key, value = place.key(name), getattr(settings, name)
-        if not field.kinds:
+        key, value, kinds = place.key(name), getattr(settings, name), _kinds(place.kind, name)
+        if not kinds:
             adopt_value(key, value)
             continue
-        if len(field.kinds) > 1:
+        if len(kinds) > 1:
             st.session_state[f"{key}.{KIND}"] = getattr(value, KIND)
-        elif field.info.default is None:
+        elif field.default is None:
             st.session_state[key] = value is not None
         within = place.within(name)
         if within is not None:

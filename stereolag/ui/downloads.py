@@ -8,11 +8,10 @@ type passed here therefore includes a secret, so that no other file can lead to 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import secrets
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ from stereolag.core.jobs import format_bytes, limits
 from stereolag.io.recordings import wav
 from stereolag.io.sources import bundle
 from stereolag.ui import prose
-from stereolag.ui.results import HEAVY_MEMORY, Turn, limiter
+from stereolag.ui.results import HEAVY_MEMORY, limiter
 
 SECRET_KEY = "private_files.secret"
 
@@ -57,7 +56,7 @@ def download_button(
     private_type = _private_type(media_type, content)
     st.download_button(
         label,
-        _kept_meanwhile(content, file_name, private_type) if callable(content) else content,
+        partial(_made, content, file_name, private_type) if callable(content) else content,
         file_name,
         private_type,
         key=key,
@@ -69,63 +68,52 @@ def download_button(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _KeptFile:
-    coordinates: str
-    size: int
-    timer: threading.Timer
-
-
 class _RecentFiles:
     """Files made on demand, each at its own coordinates in Streamlit's store, which keeps files with coordinates."""
 
     def __init__(self) -> None:
-        self._kept: deque[_KeptFile] = deque()
-        self._free: list[str] = []
+        self._kept: dict[str, tuple[int, threading.Timer]] = {}
+        """Size and timer of each file by its coordinates, the oldest first."""
         self._lock = threading.Lock()
 
     def keep(self, content: bytes, file_name: str, media_type: str) -> None:
         """Keep a file for `KEPT_S` seconds; drop older ones sooner if all together exceed `MOST_BYTES`."""
         with self._lock:
-            while self._kept and sum(one.size for one in self._kept) + len(content) > MOST_BYTES:
-                self._forget(self._kept[0])
-            coordinates = self._free.pop() if self._free else f"private_files.{len(self._kept)}"
+            while self._kept and sum(size for size, _ in self._kept.values()) + len(content) > MOST_BYTES:
+                self._forget(next(iter(self._kept)))
+            names = (f"private_files.{number}" for number in itertools.count())
+            coordinates = next(name for name in names if name not in self._kept)
             inside.keep_file(content, file_name, media_type, coordinates)
-            timer = threading.Timer(KEPT_S, lambda: self._expire(kept))
+            timer = threading.Timer(KEPT_S, lambda: self._expire(coordinates, timer))
             timer.daemon = True
-            kept = _KeptFile(coordinates, len(content), timer)
-            self._kept.append(kept)
+            self._kept[coordinates] = len(content), timer
             timer.start()
 
-    def _expire(self, kept: _KeptFile) -> None:
+    def _expire(self, coordinates: str, timer: threading.Timer) -> None:
         with self._lock:
-            if kept in self._kept:
-                self._forget(kept)
+            _, current = self._kept.get(coordinates, (0, None))
+            if current is timer:
+                self._forget(coordinates)
 
-    def _forget(self, kept: _KeptFile) -> None:
-        kept.timer.cancel()
-        self._kept.remove(kept)
-        self._free.append(kept.coordinates)
-        inside.forget_file(kept.coordinates)
+    def _forget(self, coordinates: str) -> None:
+        _, timer = self._kept.pop(coordinates)
+        timer.cancel()
+        inside.forget_file(coordinates)
 
 
 _recent_files = _RecentFiles()
 
 
-def _kept_meanwhile(content: Callable[[], bytes | str], file_name: str, media_type: str) -> Callable[[], bytes]:
-    """Return a function that makes the same file and keeps it for `KEPT_S` seconds.
+def _made(make: Callable[[], bytes | str], file_name: str, media_type: str) -> bytes:
+    """Return a file made on demand, and keep it for `KEPT_S` seconds.
 
-    Streamlit treats a file made on demand as orphaned, and deletes it at the end of the second script run after that,
-    of any visitor: if others are computing, before the browser has fetched it.
+    Streamlit treats such a file as orphaned, and deletes it at the end of the second script run after that, of any
+    visitor: if others are computing, before the browser has fetched it.
     """
-
-    def made() -> bytes:
-        told = content()
-        data = told.encode() if isinstance(told, str) else told
-        _recent_files.keep(data, file_name, media_type)
-        return data
-
-    return made
+    made = make()
+    content = made.encode() if isinstance(made, str) else made
+    _recent_files.keep(content, file_name, media_type)
+    return content
 
 
 def _private_type(media_type: str, content: bytes | str | Callable[[], bytes | str]) -> str:
@@ -263,14 +251,14 @@ def too_large(memory: int) -> str:
 
 def archive(files: Sequence[File], about: str) -> bytes:
     """Return a ZIP of the available files and a README: `about`, then a description of each file."""
-    had = [file for file in files if not file.refusal]
-    meanings = "".join(f"{file.name}: {file.meaning}\n" for file in had)
-    return bundle({README: f"{about}\n\n{meanings}"} | {file.name: file.make() for file in had})
+    available = [file for file in files if not file.refusal]
+    meanings = "".join(f"{file.name}: {file.meaning}\n" for file in available)
+    return bundle({README: f"{about}\n\n{meanings}"} | {file.name: file.make() for file in available})
 
 
 def run_queued(make: Callable[[], bytes | str], memory: int) -> bytes | str:
     """Return a requested file; one that needs much memory waits for its turn."""
     if memory < HEAVY_MEMORY:
         return make()
-    with limiter().admitted(Turn(memory), lambda: False):
+    with limiter().admitted(object(), memory):
         return make()

@@ -90,24 +90,6 @@ def show_refused(reason: object) -> None:
     prose.error(str(reason), icon=":material/block:")
 
 
-def show_failed(number: str) -> None:
-    """Show that something failed unexpectedly; the log has the details under the same number."""
-    prose.error(
-        "Something failed unexpectedly; your files and settings are kept. If it happens again, give the number "
-        f"**{number}** to whoever runs this app: it marks the details in their log.",
-        icon=":material/bug_report:",
-    )
-
-
-def show_out_of_memory(number: str) -> None:
-    """Show that memory ran out; the log has the details under the same number."""
-    prose.error(
-        f"There is not enough memory left for this now (number **{number}** in the log). Your files and settings are "
-        "kept: try again later, or with smaller files.",
-        icon=":material/memory:",
-    )
-
-
 ANNOUNCED = "announced"
 
 _region = component("announcement")

@@ -17,7 +17,7 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.recordings import Recording, at_one_rate, read_signal
 from stereolag.ui import prose
-from stereolag.ui.addresses import Choice, SettingsAddress, example_choice
+from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import show_player
 from stereolag.ui.lag.sentences import own_facts, upload_limits
@@ -97,7 +97,8 @@ def _own_recordings() -> RecordingPair | None:
     if first is None or holder is None:
         forget_together(f"{RECORDINGS}.own")
         return None
-    return put_together(lambda: _pair(first, channel_1, holder, channel_2), f"{RECORDINGS}.own")
+    digest = f"{first.digest} {channel_1} {holder.digest} {channel_2}"
+    return put_together(lambda: _pair(first, channel_1, holder, channel_2, digest), f"{RECORDINGS}.own", digest)
 
 
 def _signals(recording: Recording) -> list[int]:
@@ -124,10 +125,11 @@ def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
     )
 
 
-def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int) -> RecordingPair:
+def _pair(
+    first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int, digest: str
+) -> RecordingPair:
     """Return the two channels as a pair; ValueError if they cannot be compared."""
-    digest = f"{first.digest} {channel_1} {second.digest} {channel_2}"
-    one, other = _at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2), digest)
+    one, other = at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2))
     facts = own_facts((one, other), (channel_1, channel_2), (len(first.content.channels), len(second.content.channels)))
     return RecordingPair(
         as_signal(one.channels[0], "The recording of sensor 1"),
@@ -138,15 +140,6 @@ def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], c
         digest,
         False,
     )
-
-
-def _at_one_rate(one: Recording, other: Recording, digest: str) -> tuple[Recording, Recording]:
-    """Return both at one sampling rate; the result is kept until other recordings are chosen."""
-    kept: tuple[str, tuple[Recording, Recording]] | None = st.session_state.get(f"{RECORDINGS}.resampled")
-    if kept is None or kept[0] != digest:
-        kept = digest, at_one_rate(one, other)
-        st.session_state[f"{RECORDINGS}.resampled"] = kept
-    return kept[1]
 
 
 AUDIBLE_RATES = (3_000, 384_000)
@@ -294,11 +287,9 @@ def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Imag
             f"The template is {small.shape[1]} × {small.shape[0]} pixels and the image {image.shape[1]} × "
             f"{image.shape[0]}; the template must fit into the image."
         )
-    digest = f"{picture.digest} {template.digest}"
-    if mask is None:
-        return PictureAndTemplate(image, small, "Your own images.", digest, False)
-    marked = _fitting_mask(mask.content, small)
-    return PictureAndTemplate(image, small, "Your own images.", f"{digest} {mask.digest}", False, marked)
+    digest = " ".join(one.digest for one in (picture, template, mask) if one)
+    marked = None if mask is None else _fitting_mask(mask.content, small)
+    return PictureAndTemplate(image, small, "Your own images.", digest, False, marked)
 
 
 def _fitting_mask(mask: Image, template: Image) -> Image:
@@ -319,10 +310,6 @@ LARGEST = 10**12
 """Largest sampling rate, samples per second, and largest speed, metres per second."""
 
 _LAG_KEYS = {"method": "lag.method", "sampling_rate": "lag.rate", "speed": "lag.speed", "max_lag": "lag.max"}
-
-
-def _lag_choices() -> dict[str, Choice]:
-    return {"recordings": example_choice(RECORDINGS, samples.recordings())}
 
 
 def _first_search(pair: RecordingPair) -> LagSearch:
@@ -349,17 +336,17 @@ def _check_search(search: LagSearch, pair: RecordingPair) -> None:
 
 
 LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
-    "lag.address", _lag_choices, _first_search, _lag_key, _check_search
+    "lag.address",
+    lambda: {"recordings": example_choice(RECORDINGS, samples.recordings())},
+    _first_search,
+    _lag_key,
+    _check_search,
 )
-
-
-def _template_choices() -> dict[str, Choice]:
-    return {"picture": example_choice(PICTURES, samples.mazes())}
 
 
 TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate, TemplateQuery] = SettingsAddress(
     "template.address",
-    _template_choices,
+    lambda: {"picture": example_choice(PICTURES, samples.mazes())},
     lambda inputs: TemplateQuery(),
     lambda name, inputs: f"template.{name}",
 )

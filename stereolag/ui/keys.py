@@ -16,11 +16,6 @@ PART: Final = "depth.part"
 COLOURS: Final = "depth.colours"
 
 
-def method_key(method: str) -> str:
-    """Return the key prefix of all settings of a method, given its short name."""
-    return f"depth.{method}"
-
-
 def setting_key(method: str, name: str, source: str | None = None) -> str:
     """Return the key of the control of one setting.
 
@@ -33,13 +28,13 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
     source
         :attr:`stereolag.pair.PairId.searched`, for a setting that belongs to the pair.
     """
-    key = f"{method_key(method)}.{name}"
+    key = f"depth.{method}.{name}"
     return key if source is None else f"{key}.{source}"
 
 
 def more_key(method: str) -> str:
     """Return the key of the expander with a method's initially hidden settings."""
-    return f"{method_key(method)}.more"
+    return f"depth.{method}.more"
 
 
 def preset_key(name: str) -> str:

@@ -9,8 +9,7 @@ import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from stereolag.core.typography import typeset
 from stereolag.figures.legends import Colours, Legend, hexadecimal
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 from stereolag.ui.components import component, deliver, packed_item
+from stereolag.ui.elements import Number
 
 WIDEST = 1600
 """Px; of wider pictures only every second, third … pixel is sent: no screen shows more side by side."""
@@ -72,14 +72,6 @@ class Reading:
     depth: Callable[[], DepthScale | None] = no_depth
 
 
-class Figure(NamedTuple):
-    """A number for a whole picture: its label, its value with unit, and its meaning."""
-
-    label: str
-    value: str
-    meaning: str
-
-
 @dataclass(frozen=True, eq=False)
 class Picture:
     """One of several pictures of the same size.
@@ -108,7 +100,7 @@ class Picture:
     title: str
     pixels: Rgb | None
     readings: tuple[Reading, ...] = ()
-    figures: Callable[[], tuple[Figure, ...]] = tuple
+    figures: Callable[[], tuple[Number, ...]] = tuple
     photograph: bool = False
     pickable: bool = True
     thumbnail: bool = False
@@ -291,9 +283,6 @@ class Mark:
     pictures: tuple[int, ...] = ()
 
 
-NOTHING_SENT: Mapping[str, PackedPicture] = MappingProxyType({})
-
-
 def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
     """Send the pixels and readings of one picture of :func:`linked_pictures`, ahead of everything else about it.
 
@@ -313,7 +302,7 @@ def linked_pictures(
     marks: Sequence[Mark] = (),
     on_pick: Callable[[int, int], None] | None = None,
     pack: Callable[[Picture], PackedPicture] = packed,
-    sent: Mapping[str, PackedPicture] = NOTHING_SENT,
+    sent: Mapping[str, PackedPicture] | None = None,
 ) -> None:
     """Show pictures of one size.
 
@@ -349,8 +338,9 @@ def linked_pictures(
     packs = []
     with st.container(gap=None):
         for picture in pictures:
-            packs.append(sent.get(picture.title) or pack(picture))
-            if picture.title not in sent:
+            sent_before = (sent or {}).get(picture.title)
+            packs.append(sent_before or pack(picture))
+            if not sent_before:
                 send_picture(packs[-1], picture.title, key=key)
         header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
         _viewer(key=key, data=header, on_picked_change=picked)

@@ -18,7 +18,6 @@ from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui.controls import run_of_page, run_of_part
-from stereolag.ui.elements import show_failed, show_out_of_memory
 from stereolag.ui.results import this_visit
 from stereolag.warming import warm
 
@@ -35,13 +34,6 @@ PAGES = {
     "pages/4_Calibrate.py": ("Calibrate", ":material/grid_on:"),
     "pages/5_Driving.py": ("Driving", ":material/directions_car:"),
 }
-
-
-JOB_MEMORY_MB = 2048
-MAX_MEGASAMPLES = 30
-MAX_FRAMES = 6000
-MAX_VIDEO_S = 600
-"""Default limits of one job on a shared server; whoever runs the server can override them."""
 
 
 @contextmanager
@@ -79,12 +71,8 @@ def show_try_first(sentence: str) -> None:
 @functools.cache
 def _prepare_process() -> None:
     """Prepare the process to serve pages; runs once per process."""
-    set_defaults(
-        job_memory_mb=JOB_MEMORY_MB,
-        max_megasamples=MAX_MEGASAMPLES,
-        max_frames=MAX_FRAMES,
-        max_video_s=MAX_VIDEO_S,
-    )
+    # For one job on a shared server; whoever runs the server can override them.
+    set_defaults(job_memory_mb=2048, max_megasamples=30, max_frames=6000, max_video_s=600)
     start_guard()
     warm()
     inside.keep_uploads_in_memory()
@@ -103,12 +91,23 @@ _log = logging.getLogger("stereolag")
 @contextmanager
 def failures_answered() -> Iterator[None]:
     """Answer an unexpected error with a sentence and a number; the log has the traceback under the same number."""
+    number = secrets.token_hex(4)
     try:
         yield
     except MemoryError:
-        show_out_of_memory(_logged("The server ran out of memory"))
+        _log.exception("The server ran out of memory (number %s).", number)
+        prose.error(
+            f"There is not enough memory left for this now (number **{number}** in the log). Your files and settings "
+            "are kept: try again later, or with smaller files.",
+            icon=":material/memory:",
+        )
     except Exception:  # any error: never show server internals to a visitor
-        show_failed(_logged("A page failed"))
+        _log.exception("A page failed (number %s).", number)
+        prose.error(
+            "Something failed unexpectedly; your files and settings are kept. If it happens again, give the number "
+            f"**{number}** to whoever runs this app: it marks the details in their log.",
+            icon=":material/bug_report:",
+        )
 
 
 def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
@@ -121,9 +120,3 @@ def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
         return None
 
     return st.fragment(answered)
-
-
-def _logged(what: str) -> str:
-    number = secrets.token_hex(4)
-    _log.exception("%s (number %s).", what, number)
-    return number

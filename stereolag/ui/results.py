@@ -52,39 +52,36 @@ class Job(Generic[T]):
         Fraction done, 0..1.
     so_far
         Best result so far; None until there is one.
+    cancelled
+        Whether the job has been asked to stop.
     """
 
     def __init__(self, work: Callable[[Job[T]], T], estimate: Estimate) -> None:
         self.progress = 0.0
         self.so_far: T | None = None
-        self._cancel = threading.Event()
-        self._turn = Turn(estimate.memory)
-        executor = ThreadPoolExecutor(max_workers=1)
-        self._future = executor.submit(self._work_in_turn, work)
-        executor.shutdown(wait=False)
+        self.cancelled = False
 
-    def _work_in_turn(self, work: Callable[[Job[T]], T]) -> T:
-        with limiter().admitted(self._turn, self._cancel.is_set):
-            return work(self)
+        def work_in_turn() -> T:
+            with limiter().admitted(self, estimate.memory, lambda: self.cancelled):
+                return work(self)
+
+        executor = ThreadPoolExecutor(max_workers=1)
+        self._future = executor.submit(work_in_turn)
+        executor.shutdown(wait=False)
 
     @property
     def ahead(self) -> int:
         """Return the number of jobs ahead of this one; 0 once it is running."""
-        return self._turn.ahead
+        return limiter().ahead(self)
 
     @property
     def running(self) -> bool:
         """Return whether the job is waiting or being computed."""
         return not self._future.done()
 
-    @property
-    def cancelled(self) -> bool:
-        """Return whether the job has been asked to stop."""
-        return self._cancel.is_set()
-
     def cancel(self) -> None:
         """Ask the job to stop soon."""
-        self._cancel.set()
+        self.cancelled = True
 
     def result(self) -> T:
         """Wait for the result and return it; raise the error of the work, or CancelledError if it was cancelled."""
@@ -98,16 +95,11 @@ class Job(Generic[T]):
         """Record the progress; raise CancelledError to end the work if the job was cancelled."""
         if self.cancelled:
             raise CancelledError
-        self.progress = fraction
+        self.report(fraction)
 
     def found(self, so_far: T) -> None:
         """Record the best result so far."""
         self.so_far = so_far
-
-
-def waiting_in_words(job: Job[Any]) -> str:
-    """Return a sentence with the queue position of a waiting job."""
-    return f"You are number {job.ahead + 1}: large computations take turns here. Yours begins by itself."
 
 
 HEAVY_MEMORY = 256 * 10**6
@@ -121,14 +113,6 @@ LOOKS_S = 0.2
 def is_heavy(estimate: Estimate) -> bool:
     """Return whether a job has to wait for its turn."""
     return estimate.memory >= HEAVY_MEMORY or estimate.seconds >= HEAVY_S
-
-
-class Turn:
-    """The place of one job among those waiting or running."""
-
-    def __init__(self, memory: int) -> None:
-        self.memory = memory
-        self.ahead = 0
 
 
 class Limiter:
@@ -145,58 +129,45 @@ class Limiter:
     def __init__(self, memory: int, at_once: int) -> None:
         self._memory = memory
         self._at_once = at_once
-        self._admitted: list[Turn] = []
-        self._waiting: list[Turn] = []
+        self._admitted: dict[object, int] = {}
+        self._waiting: dict[object, int] = {}
         self._changed = threading.Condition()
 
-    @contextmanager
-    def admitted(self, turn: Turn, cancelled: Callable[[], bool]) -> Iterator[None]:
-        """Wait for a turn, and release it at the end.
+    def ahead(self, job: object) -> int:
+        """Return the number of jobs ahead of one that is waiting; 0 if it is not."""
+        with self._changed:
+            return len(self._admitted) + [*self._waiting].index(job) if job in self._waiting else 0
 
-        Parameters
-        ----------
-        turn
-            Turn of this job; its ``ahead`` is kept up to date while waiting.
-        cancelled
-            Polled while waiting.
+    @contextmanager
+    def admitted(self, job: object, memory: int, cancelled: Callable[[], bool] = lambda: False) -> Iterator[None]:
+        """Wait for the turn of a job that needs `memory` bytes, and release it at the end.
 
         Raises
         ------
         CancelledError
-            `cancelled` returned True before it was this job's turn.
+            `cancelled`, polled while waiting, returned True before it was this job's turn.
         """
-        with self._changed:
-            self._waiting.append(turn)
-            self._count()
         try:
             with self._changed:
-                while not self._fits(turn):
+                self._waiting[job] = memory
+                while not self._fits(job, memory):
                     if cancelled():
                         raise CancelledError
                     self._changed.wait(LOOKS_S)
-                self._waiting.remove(turn)
-                self._admitted.append(turn)
-                self._count()
+                self._admitted[job] = self._waiting.pop(job)
+                self._changed.notify_all()
             yield
         finally:
             with self._changed:
-                (self._admitted if turn in self._admitted else self._waiting).remove(turn)
-                self._count()
+                self._waiting.pop(job, None)
+                self._admitted.pop(job, None)
+                self._changed.notify_all()
 
-    def _fits(self, turn: Turn) -> bool:
-        if turn is not self._waiting[0]:
-            return False
-        if not self._admitted:
-            return True
-        taken = sum(one.memory for one in self._admitted)
-        return len(self._admitted) < self._at_once and taken + turn.memory <= self._memory
-
-    def _count(self) -> None:
-        for place, turn in enumerate(self._waiting):
-            turn.ahead = len(self._admitted) + place
-        for turn in self._admitted:
-            turn.ahead = 0
-        self._changed.notify_all()
+    def _fits(self, job: object, memory: int) -> bool:
+        is_next = next(iter(self._waiting)) is job
+        cores_suffice = len(self._admitted) < self._at_once
+        memory_suffices = sum(self._admitted.values()) + memory <= self._memory
+        return is_next and (not self._admitted or (cores_suffice and memory_suffices))
 
 
 @functools.cache
@@ -219,7 +190,7 @@ class Visit:
         """Cancel all jobs, and give the memory back later."""
         for _, job in self.jobs.values():
             job.cancel()
-        _give_memory_back_later()
+        _departures().note()
 
 
 @st.cache_resource(scope="session", show_spinner=False, on_release=Visit.end)
@@ -228,44 +199,34 @@ def this_visit() -> Visit:
     return Visit()
 
 
-class _Timer:
+class _Departures:
     """Gives memory back once no ended session can be resumed any more, and not too often."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._running = False
-        self._last_end = 0.0
+        self._last = 0.0
+        self._noted = threading.Event()
+        threading.Thread(target=self._give_memory_back, daemon=True).start()
 
-    def start(self, wait_s: float) -> None:
-        """Give memory back in `wait_s` seconds; if that is already scheduled, keep its time and do it once more."""
-        with self._lock:
-            self._last_end = time.monotonic()
-            if not self._running:
-                self._running = True
-                self._call_in(wait_s, wait_s)
+    def note(self) -> None:
+        """Give memory back later; if that is already scheduled, keep its time and do it once more."""
+        self._last = time.monotonic()
+        self._noted.set()
 
-    def _call_in(self, seconds: float, wait_s: float) -> None:
-        timer = threading.Timer(seconds, self._ring, (wait_s,))
-        timer.daemon = True
-        timer.start()
-
-    def _ring(self, wait_s: float) -> None:
-        _give_memory_back()
-        with self._lock:
-            left_s = self._last_end + wait_s - time.monotonic()
-            self._running = left_s > 0
-            if self._running:  # others have left meanwhile
-                self._call_in(left_s, wait_s)
+    def _give_memory_back(self) -> None:
+        while self._noted.wait():
+            self._noted.clear()
+            wait_s = st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S
+            time.sleep(max(0.0, self._last + wait_s - time.monotonic()))
+            give_memory_back()
 
 
-_timer = _Timer()
+@functools.cache
+def _departures() -> _Departures:
+    return _Departures()
 
 
-def _give_memory_back_later() -> None:
-    _timer.start(st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S)
-
-
-def _give_memory_back() -> None:
+def give_memory_back() -> None:
+    """Drop what ended sessions left, and return freed memory to the system."""
     inside.forget_ended_sessions()
     inside.freeze_imports()
     if sys.platform == "linux":
@@ -277,17 +238,19 @@ SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
 ALL_OWN_BYTES = 1024 * 2**20
 
-NUMBER_BYTES = 8
-
 BETWEEN_LOOKS_S = 0.4
 """Interval at which the page refreshes the progress of a job, s."""
 
 
 class RecentResults:
-    """The most recently used results, as many as fit into `max_bytes`; the newest stays whatever its size."""
+    """The most recently used results, as many as fit into `max_bytes`; the newest stays whatever its size.
 
-    def __init__(self, max_bytes: int) -> None:
+    `on_put` is called after each new one.
+    """
+
+    def __init__(self, max_bytes: int, on_put: Callable[[], None] = lambda: None) -> None:
         self._max_bytes = max_bytes
+        self._on_put = on_put
         self._results: LRUCache[str, Any] = LRUCache(math.inf, getsizeof=_bytes_of)
         self._lock = threading.Lock()
 
@@ -306,6 +269,7 @@ class RecentResults:
         with self._lock:
             self._results[key] = result
         self.shrink(self._max_bytes)
+        self._on_put()
 
     def shrink(self, max_bytes: int) -> None:
         """Drop the least recently used results until the rest fit or only the newest is left."""
@@ -332,11 +296,11 @@ class SharedRoom:
 
     def results(self) -> RecentResults:
         """Return the store of one more visitor."""
-        results = RecentResults(self._most_each)
+        results = RecentResults(self._most_each, self._tidy)
         self._all.add(results)
         return results
 
-    def tidy(self) -> None:
+    def _tidy(self) -> None:
         """Shrink everybody to an equal share if all together exceed the limit."""
         everybody = list(self._all)
         if sum(one.size for one in everybody) > self._max_bytes:
@@ -344,19 +308,21 @@ class SharedRoom:
                 one.shrink(self._max_bytes // len(everybody))
 
 
+_room = SharedRoom(ALL_OWN_BYTES, OWN_BYTES)
+
+
 @st.cache_resource(show_spinner=False)
 def _shared_results() -> RecentResults:
     return RecentResults(SHARED_BYTES)
 
 
-@st.cache_resource(show_spinner=False)
-def _room() -> SharedRoom:
-    return SharedRoom(ALL_OWN_BYTES, OWN_BYTES)
-
-
 @st.cache_resource(scope="session", show_spinner=False)
 def _own_results() -> RecentResults:
-    return _room().results()
+    return _room.results()
+
+
+def _results(shared: bool) -> RecentResults:
+    return _shared_results() if shared else _own_results()
 
 
 def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settings: str, shared: bool, label: str) -> T:
@@ -402,7 +368,7 @@ def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, 
     result: T | None = results.get(key)
     if result is None:
         result = make()
-        _keep(results, key, result)
+        results.put(key, result)
     return result
 
 
@@ -474,17 +440,19 @@ def computed_in_turn(
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
         jobs[task] = key, job
-    if job.running and not job.cancelled:
+    if job.cancelled:
+        with place.container(horizontal=True, vertical_alignment="center"):
+            prose.caption("Cancelled.", width="content")
+            key = f"results.again.{task}"
+            st.button("Compute", key=key, on_click=_forget_job, args=(task,), icon=":material/replay:")
+        return None
+    if job.running:
         with place.container():
             st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, task, label)
         return None
-    if job.cancelled:
-        with place.container():
-            show_cancelled("Cancelled.", "Compute", _forget_job, task, key=f"results.again.{task}")
-        return None
     del jobs[task]
     result = job.result()
-    _keep(results, key, result)
+    results.put(key, result)
     return result
 
 
@@ -557,23 +525,12 @@ def _key(task: str, inputs: str, settings: str) -> str:
     return hashlib.sha256("\0".join((task, inputs, settings)).encode()).hexdigest()
 
 
-def _keep(results: RecentResults, key: str, result: object) -> None:
-    results.put(key, result)
-    _room().tidy()
-
-
-def _results(shared: bool) -> RecentResults:
-    return _shared_results() if shared else _own_results()
-
-
 def _bytes_of(result: Any) -> int:
     """Return the memory of a file, a text, an array, a number, or the files and arrays in a result's attributes."""
     if isinstance(result, bytes | str):
         return len(result)
-    if isinstance(result, np.ndarray):
-        return result.nbytes
-    if isinstance(result, float):
-        return NUMBER_BYTES
+    if isinstance(result, np.ndarray | float):
+        return np.asarray(result).nbytes
     return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))
 
 
@@ -597,7 +554,8 @@ def show_busy(
     """
     with st.container(horizontal=True, vertical_alignment="center"):
         if job.ahead:
-            prose.info(waiting_in_words(job), icon=":material/groups:")
+            turn = f"You are number {job.ahead + 1}"
+            prose.info(f"{turn}: large computations take turns here. Yours begins by itself.", icon=":material/groups:")
         else:
             st.progress(min(max(job.progress if done is None else done, 0.0), 1.0), typeset(label))
         st.button(
@@ -608,10 +566,3 @@ def show_busy(
             icon=":material/stop_circle:",
             help=ending,
         )
-
-
-def show_cancelled(said: str, again: str, begin: Callable[..., None], *args: Any, key: str) -> None:
-    """Show that a job was ended, with a button that restarts or resumes it."""
-    with st.container(horizontal=True, vertical_alignment="center"):
-        prose.caption(said, width="content")
-        st.button(again, key=key, on_click=begin, args=args, icon=":material/replay:")

@@ -166,12 +166,17 @@ def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> li
     )
 
 
-def put_together(make: Callable[[], T], key: str) -> T | None:
-    """Return the combination of several uploads; if they do not fit together, show why and return the last one."""
+def put_together(make: Callable[[], T], key: str, digest: str | None = None) -> T | None:
+    """Return the combination of several uploads; if they do not fit together, show why and return the last one.
+
+    With the `digest` that the combination will have, it is not made again while that stays the same.
+    """
+    kept: T | None = st.session_state.get(key)
+    if digest is not None and getattr(kept, "digest", None) == digest:
+        return kept
     try:
         made = make()
     except ValueError as error:
-        kept: T | None = st.session_state.get(key)
         show_refused(error if kept is None else f"{error} The previous files stay in use.")
         st.session_state[REFUSED_KEY] = kept is None
         return kept
@@ -224,7 +229,9 @@ def _read_once(
         if state.kept is None or not lasting:
             state.forget()
             return None
-        _say_still_in_use(key)
+        with st.container(horizontal=True, vertical_alignment="center"):
+            prose.caption("The file you uploaded here before is still in use.", width="content")
+            st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=state.forget)
         source, contents = (state.kept.source[0], variant), state.kept.contents
     else:
         state.emptied = False
@@ -266,12 +273,6 @@ def _wait_for_another() -> None:
         while time.monotonic() < end:
             time.sleep(0.05)
             pulse.empty()
-
-
-def _say_still_in_use(key: str) -> None:
-    with st.container(horizontal=True, vertical_alignment="center"):
-        prose.caption("The file you uploaded here before is still in use.", width="content")
-        st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_state(key).forget)
 
 
 def _note_emptied(key: str) -> None:

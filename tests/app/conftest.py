@@ -39,42 +39,25 @@ SESSION = "test session id"
 
 
 @pytest.fixture(scope="session", autouse=True)
-def once_as_by_a_server() -> Iterator[None]:
-    """Scan installed packages for components and compile the pages only once: AppTest does both in every run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
-        patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def nothing_sent_again() -> Iterator[None]:
-    """Skip the hashes of messages: a server uses them to avoid resending to a browser, and there is no browser here."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def woken_at_the_end() -> Iterator[None]:
-    """Sleep until a run has ended: AppTest polls every millisecond, and takes the lock from the page each time."""
+def without_a_browser() -> Iterator[None]:
+    """Leave out what AppTest does too often, and what is done or waited for on account of a browser."""
     ask = local_script_runner.require_widgets_deltas
 
     def wait(runner: local_script_runner.LocalScriptRunner, timeout: float = 3) -> None:
+        """Sleep until a run has ended: AppTest polls every millisecond, and takes the lock from the page each time."""
         thread = runner._script_thread
         assert thread is not None
         thread.join(timeout)
         ask(runner, 0 if thread.is_alive() else 1)
 
     with pytest.MonkeyPatch.context() as patch:
+        # A server scans installed packages for components and compiles the pages only once.
+        patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
+        patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
+        # Hashes of messages save sending them again.
+        patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
         patch.setattr(local_script_runner, "require_widgets_deltas", wait)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def nobody_on_the_way() -> Iterator[None]:
-    """Remove the waits for a browser to draw and for a second file to arrive: neither exists here."""
-    with pytest.MonkeyPatch.context() as patch:
+        # Nobody has to draw a map first, and no second file is on its way.
         patch.setattr(streamlit_inside, "HEAD_START_S", 0)
         patch.setattr(uploads, "ARRIVAL_S", 0.1)
         yield

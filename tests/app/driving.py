@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import time
 import zipfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,19 @@ from tests.packed import told
 PATH = "pages/5_Driving.py"
 
 
-def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
-    """Return a ZIP of identical frames."""
+def zipped(frames: Mapping[str, Iterable[bytes]]) -> bytes:
+    """Return a ZIP of the frames of each side."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as file:
-        for side, picture in zip(("left", "right"), pair, strict=True):
-            for number in range(count):
-                file.writestr(f"{side}/{number:03d}.png", uploads.png(picture))
+        for side, pictures in frames.items():
+            for number, picture in enumerate(pictures):
+                file.writestr(f"{side}/{number:03d}.png", picture)
     return stream.getvalue()
+
+
+def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
+    """Return a ZIP of identical frames."""
+    return zipped({side: [uploads.png(one)] * count for side, one in zip(("left", "right"), pair, strict=True)})
 
 
 def page(origin: str) -> AppTest:

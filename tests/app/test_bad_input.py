@@ -18,6 +18,9 @@ pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
 OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 
+LAG, FIND, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
+PAGES = {"recordings": LAG, "pictures": FIND, "pairs": DEPTH}
+
 SCENE = uploads.texture(60, 90)
 SOUND = uploads.noise(2_000)
 
@@ -45,9 +48,9 @@ def put(app: AppTest, key: str, name: str, data: bytes) -> AppTest:
     return app.run()
 
 
-def own(open_page: OpenPage, inputs: str, page: str, **files: Any) -> AppTest:
+def own(open_page: OpenPage, inputs: str, **files: Any) -> AppTest:
     """Return the page with good files uploaded."""
-    app = open_page(page, {inputs: "own"})
+    app = open_page(PAGES[inputs], {inputs: "own"})
     for name, (file_name, data) in files.items():
         app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
     app.run()
@@ -67,17 +70,17 @@ def assert_one_sentence(app: AppTest, fragment: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inputs", "page", "files"),
+    ("inputs", "files"),
     [
-        ("pictures", "pages/2_Rocketman_search.py", {"template": SCENE[20:40, 30:60], "picture": SCENE}),
-        ("pairs", "pages/3_Depth_maps.py", {"right": SCENE[:, 5:], "left": SCENE[:, :-5]}),
+        ("pictures", {"template": SCENE[20:40, 30:60], "picture": SCENE}),
+        ("pairs", {"right": SCENE[:, 5:], "left": SCENE[:, :-5]}),
     ],
 )
 def test_a_bad_picture_leaves_the_page_as_it_was(
-    open_page: OpenPage, shown: Shown, inputs: str, page: str, files: dict[str, Any]
+    open_page: OpenPage, shown: Shown, inputs: str, files: dict[str, Any]
 ) -> None:
     good = {name: (f"{name}.png", uploads.png(picture)) for name, picture in files.items()}
-    app = own(open_page, inputs, page, **good)
+    app = own(open_page, inputs, **good)
     before = shown(app)
     for name in files:
         for bad, fragment in BAD_PICTURES.values():
@@ -91,7 +94,7 @@ def test_a_bad_picture_leaves_the_page_as_it_was(
 
 def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown) -> None:
     good = ("good.csv", uploads.csv(SOUND))
-    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
+    app = own(open_page, "recordings", file_1=good, file_2=good)
     rate = next(box for box in app.number_input if box.label.startswith("Sampling rate"))
     rate.set_value(12_345.0).run()
     before = shown(app)
@@ -107,7 +110,7 @@ def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: S
 
 
 def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPage) -> None:
-    app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
+    app = open_page(LAG, {"recordings": "own"})
     put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
     for name, bad, fragment in BAD_RECORDINGS.values():
         put(app, "recordings.file_1", name, bad)
@@ -120,7 +123,7 @@ def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPa
 
 
 def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
+    app = open_page(DEPTH, {"pairs": "own"})
     assert viewers(app)
     put(app, "pairs.left", "left.png", b"no picture")
     assert_one_sentence(app, "accepted are")
@@ -131,45 +134,50 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: Ope
     assert not viewers(app)
 
 
-def test_recordings_of_rates_too_unlike_are_refused(open_page: OpenPage, shown: Shown) -> None:
-    good = ("a.wav", uploads.wav(SOUND))
-    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
+@pytest.mark.parametrize(
+    ("inputs", "good", "bad", "fragment"),
+    [
+        (
+            "recordings",
+            {"file_1": uploads.wav(SOUND), "file_2": uploads.wav(SOUND)},
+            {"file_2": uploads.wav(SOUND, 16_001)},
+            "their ratio is",
+        ),
+        (
+            "pairs",
+            {"right": uploads.png(SCENE), "left": uploads.png(SCENE)},
+            {"left": uploads.png(SCENE[:-10])},
+            "both images must have the same size",
+        ),
+        (
+            "pairs",
+            {"right": uploads.png(SCENE), "left": uploads.png(SCENE)},
+            {"truth": uploads.png(np.full((10, 10), 256, dtype=np.uint16))},
+            "must have the same size",
+        ),
+        (
+            "pictures",
+            {"template": uploads.png(SCENE[:20, :20]), "picture": uploads.png(SCENE)},
+            {"template": uploads.png(uploads.texture(70, 20))},
+            "must fit into the image. The previous files stay in use.",
+        ),
+    ],
+    ids=["rates too unlike", "images of other sizes", "a truth of another size", "a template too large"],
+)
+def test_good_files_that_do_not_fit_the_others_leave_the_page_as_it_was(
+    open_page: OpenPage, shown: Shown, inputs: str, good: dict[str, bytes], bad: dict[str, bytes], fragment: str
+) -> None:
+    kind = ".wav" if inputs == "recordings" else ".png"
+    app = own(open_page, inputs, **{name: (f"{name}{kind}", data) for name, data in good.items()})
     before = shown(app)
-    put(app, "recordings.file_2", "b.wav", uploads.wav(SOUND, 16_001))
-    assert_one_sentence(app, "their ratio is")
-    assert shown(app) == before
-
-
-def test_images_of_different_size_are_refused(open_page: OpenPage, shown: Shown) -> None:
-    good = {"right": ("r.png", uploads.png(SCENE)), "left": ("l.png", uploads.png(SCENE))}
-    app = own(open_page, "pairs", "pages/3_Depth_maps.py", **good)
-    before = shown(app)
-    put(app, "pairs.left", "smaller.png", uploads.png(SCENE[:-10]))
-    assert_one_sentence(app, "both images must have the same size")
-    assert shown(app) == before
-
-
-def test_a_truth_of_another_size_is_refused(open_page: OpenPage, shown: Shown) -> None:
-    good = {"right": ("r.png", uploads.png(SCENE)), "left": ("l.png", uploads.png(SCENE))}
-    app = own(open_page, "pairs", "pages/3_Depth_maps.py", **good)
-    before = shown(app)
-    put(app, "pairs.truth", "t.png", uploads.png(np.full((10, 10), 256, dtype=np.uint16)))
-    assert_one_sentence(app, "must have the same size")
-    assert shown(app) == before
-
-
-def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, shown: Shown) -> None:
-    good = {"template": ("t.png", uploads.png(SCENE[:20, :20])), "picture": ("p.png", uploads.png(SCENE))}
-    app = own(open_page, "pictures", "pages/2_Rocketman_search.py", **good)
-    before = shown(app)
-    put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
-    assert_one_sentence(app, "must fit into the image")
-    assert app.error[0].value.endswith(" must fit into the image. The previous files stay in use.")
+    ((name, data),) = bad.items()
+    put(app, f"{inputs}.{name}", f"other{kind}", data)
+    assert_one_sentence(app, fragment)
     assert shown(app) == before
 
 
 def test_files_that_never_fitted_leave_none_before_them_in_use(open_page: OpenPage) -> None:
-    app = open_page("pages/2_Rocketman_search.py", {"pictures": "own"})
+    app = open_page(FIND, {"pictures": "own"})
     app.file_uploader(key="pictures.picture").upload("p.png", uploads.png(SCENE), "image/png")
     put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
     assert_one_sentence(app, "must fit into the image")
@@ -180,7 +188,7 @@ def test_files_that_never_fitted_leave_none_before_them_in_use(open_page: OpenPa
 def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
     open_page: OpenPage, size: tuple[int, int]
 ) -> None:
-    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
+    app = open_page(DEPTH, {"pairs": "own"})
     for seed, side in enumerate(("left", "right")):
         data = uploads.png(uploads.texture(*size, seed))
         app.file_uploader(key=f"pairs.{side}").upload(f"{side}.png", data, "image/png")
@@ -200,7 +208,7 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
 
 
 def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
+    app = open_page(DEPTH, {"pairs": "own"})
     app.button_group(key="pairs.arrangement").set_value("beside").run()
     put(app, "pairs.beside", "both.png", uploads.png(SCENE[:, :1]))
     assert_one_sentence(app, "at least 2 are needed")

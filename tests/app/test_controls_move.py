@@ -16,7 +16,6 @@ from stereolag.samples import mazes
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import controls as controls_module
 from tests.app import keys, uploads
-from tests.app.conftest import figures
 
 OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
@@ -241,14 +240,6 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
     assert not app.exception
     assert not app.error
     assert shown(app) != before
-
-
-def test_going_back_to_a_setting_shows_the_same_again(open_unfolded: OpenPage, shown: Shown) -> None:
-    app = open_unfolded(DEPTH)
-    before = shown(app), figures(app)
-    app.slider(key=keys.WINDOW).set_value(31).run()
-    app.slider(key=keys.WINDOW).set_value(20).run()
-    assert (shown(app), figures(app)) == before
 
 
 def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(

@@ -3,7 +3,7 @@ from __future__ import annotations
 import csv
 import io
 import time
-import zipfile
+from functools import cache
 from typing import Any
 
 import av
@@ -20,7 +20,7 @@ from stereolag.ui.driving.inputs import EXAMPLE
 from stereolag.ui.driving.work import LINES, OPENED, _table
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
-from tests.app.driving import finished, opened, page, player, work_of
+from tests.app.driving import finished, opened, page, player, work_of, zipped
 
 COUNT = 8
 ROWS, COLS = 120, 200
@@ -28,33 +28,34 @@ ROWS, COLS = 120, 200
 pytestmark = pytest.mark.usefixtures("short_drive")
 
 
+@cache
+def road() -> dict[str, np.ndarray]:
+    example = stereo_pairs()["road"]
+    return {side: read_image(getattr(example, side))[200 : 200 + ROWS] for side in ("left", "right")}
+
+
 def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
     """Return a ZIP of frames cut from the road, each a little farther to the right."""
-    example = stereo_pairs()["road"]
-    sides = {"left": read_image(example.left), "right": read_image(example.right)}
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for number in range(count):
-            start = 4 * number % (sides["left"].shape[1] - COLS)
-            for side, picture in sides.items():
-                data = uploads.png(picture[200 : 200 + ROWS, start : start + COLS])
-                if number == damaged and side == "right":
-                    data = data[: len(data) // 2]
-                archive.writestr(f"{side}/{number:03d}.png", data)
-    return stream.getvalue()
+    starts = range(0, 4 * count, 4)
+    frames = {side: [uploads.png(whole[:, one : one + COLS]) for one in starts] for side, whole in road().items()}
+    if damaged is not None:
+        frames["right"][damaged] = frames["right"][damaged][: len(frames["right"][damaged]) // 2]
+    return zipped(frames)
 
 
 def still_drive(count: int) -> bytes:
     """Return a ZIP of one repeated frame, each time with different camera noise."""
-    example, random = stereo_pairs()["road"], np.random.default_rng(0)
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for side in ("left", "right"):
-            picture = read_image(getattr(example, side))[200 : 200 + ROWS, :COLS].astype(float)
-            for number in range(count):
-                noisy = np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
-                archive.writestr(f"{side}/{number:03d}.png", uploads.png(noisy))
-    return stream.getvalue()
+    random = np.random.default_rng(0)
+    frames: dict[str, list[bytes]] = {}
+    for side, whole in road().items():
+        noisy = (whole[:, :COLS] + random.normal(0, 2, whole[:, :COLS].shape) for _ in range(count))
+        frames[side] = [uploads.png(np.clip(one, 0, 255).astype(np.uint8)) for one in noisy]
+    return zipped(frames)
+
+
+def methods(app: AppTest, chosen: list[str]) -> AppTest:
+    """Choose the methods whose maps are computed."""
+    return next(one for one in app.get("button_group") if one.key == "driving.methods").set_value(chosen).run()
 
 
 def test_a_drive_is_computed_played_and_told_of() -> None:
@@ -93,8 +94,7 @@ def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
 
 def test_the_truth_is_shown_beside_the_maps() -> None:
     app = page(EXAMPLE)
-    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
-    pills.set_value(["bm"]).run()
+    methods(app, ["bm"])
     next(one for one in app.toggle if one.label == "True disparity").set_value(True).run()
     app = finished(app)
     assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
@@ -112,9 +112,7 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
 def test_other_methods_and_ranges_are_computed_anew() -> None:
     app = finished(opened(drive(count=4)))
     before = player(app)["name"]
-    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
-    pills.set_value(["bm"]).run()
-    app = finished(app)
+    app = finished(methods(app, ["bm"]))
     shown = player(app)
     assert shown["titles"] == ["Left image", "StereoBM"]
     assert shown["name"] != before
@@ -122,8 +120,7 @@ def test_other_methods_and_ranges_are_computed_anew() -> None:
     count.set_value(32).run()
     app = finished(app)
     assert player(app)["name"] not in (before, shown["name"])
-    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
-    pills.set_value([]).run()
+    app = methods(app, [])
     assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
 
 

@@ -76,24 +76,16 @@ def texts(app: AppTest) -> Iterator[str]:
         yield from _of_figure(json.loads(element.proto.spec))
 
 
-def _of_figure(part: Any) -> Iterator[str]:
+def _of_figure(part: Any, name: str = "") -> Iterator[str]:
     """Yield the texts of a figure: names, titles, labels and hover texts."""
-    if isinstance(part, dict):
-        for name, value in part.items():
-            if name in ("text", "name", "ticktext", "hovertemplate", "title"):
-                yield from _strings(value)
-            yield from _of_figure(value)
+    if isinstance(part, str) and name in ("text", "name", "ticktext", "hovertemplate", "title"):
+        yield part
+    elif isinstance(part, dict):
+        for key, value in part.items():
+            yield from _of_figure(value, key)
     elif isinstance(part, list):
         for one in part:
-            yield from _of_figure(one)
-
-
-def _strings(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, list):
-        for one in value:
-            yield from _strings(one)
+            yield from _of_figure(one, name)
 
 
 def finished(app: AppTest) -> AppTest:

@@ -7,8 +7,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
-from stereolag.ui.navigation import PAGES
-from tests.app import keys
+from stereolag.ui.navigation import ICONS, PAGES
+from tests.app import uploads
 from tests.app.conftest import PROJECT, figures, viewers
 
 OpenPage = Callable[..., AppTest]
@@ -75,13 +75,6 @@ def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: O
     assert len(app.get("audio")) == 2
 
 
-def test_lag_page_turns_the_sentence_round_for_a_negative_lag(open_page: OpenPage) -> None:
-    app = open_page("pages/1_Sensor_lag.py")
-    app.button_group(key="recordings").set_value("harbour").run()
-    assert app.header[0].value.startswith(typeset("Sensor 1 hears it **0.7083 s** after sensor 2"))
-    assert numbers(app)["Lag, samples"] == typeset("-31,234")
-
-
 def test_search_page_finds_him_and_says_how_many_places_it_scored(open_page: OpenPage) -> None:
     app = open_page("pages/2_Rocketman_search.py")
     assert app.header[0].value == "Found at row 528, column 982"
@@ -117,9 +110,41 @@ def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -
     assert bench["legends"][0]["words"] == ["FAR", "NEAR"]
 
 
-def test_settings_stay_when_another_page_is_visited(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.slider(key=keys.WINDOW).set_value(31).run()
-    app.switch_page("app.py").run()
-    app.switch_page("pages/3_Depth_maps.py").run()
-    assert app.slider(key=keys.WINDOW).value == 31
+SCENE = uploads.png(uploads.texture(60, 90))
+
+
+def test_every_page_but_the_home_page_has_an_icon_of_its_own() -> None:
+    drawn = {icon.stem for icon in ICONS.glob("*.svg")}
+    assert drawn == {label.lower().replace(" ", "_") for label, _ in PAGES.values()} - {"home"}
+
+
+@pytest.mark.parametrize(
+    ("path", "inputs", "given", "missing"),
+    [
+        ("pages/1_Sensor_lag.py", "recordings", ("file_1", "a.wav", uploads.wav(uploads.noise(500))), "Sensor 2"),
+        ("pages/2_Rocketman_search.py", "pictures", ("template", "a.png", SCENE), "Image"),
+        ("pages/3_Depth_maps.py", "pairs", ("left", "a.png", SCENE), "Right image"),
+    ],
+)
+def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
+    open_page: OpenPage, path: str, inputs: str, given: tuple[str, str, bytes], missing: str
+) -> None:
+    app = open_page(path)
+    assert len([one for one in app.markdown if "Try first" in one.value]) == 1
+    assert not (app.info or app.warning or app.error)
+    app.button_group(key=inputs).set_value("own").run()
+    assert "the page shows the example" in app.info[0].value
+    assert any("stay in this session" in one.value for one in app.caption)
+    name, file, data = given
+    app.file_uploader(key=f"{inputs}.{name}").upload(file, data, "application/octet-stream")
+    app.run()
+    assert app.info[0].value.startswith(f"Still missing: {missing}. Until then the page shows the example")
+
+
+def test_a_refused_file_is_named(open_page: OpenPage) -> None:
+    app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
+    app.file_uploader(key="recordings.file_1").upload("bro*ken*.wav", b"nothing", "application/octet-stream")
+    app.run()
+    (refused,) = app.error
+    assert refused.value.startswith("“bro?ken?.wav”: ")
+    assert refused.icon == ":material/block:"

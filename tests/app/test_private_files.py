@@ -107,5 +107,5 @@ def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileMa
     clock.pass_by()
     files.remove_orphaned_files()  # as happens when their session ends
     assert fetched(files, name)
-    results._give_memory_back()
+    results.give_memory_back()
     assert fetched(files, name) is None

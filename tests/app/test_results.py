@@ -1,15 +1,33 @@
+"""Results in bounded memory, and the heavy jobs that compute them: in turn, with progress, until cancelled."""
+
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.signals import SignalLag
+from stereolag.ui import results
 from stereolag.ui.lag.sentences import lag_in_words
-from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
+from stereolag.ui.results import (
+    HEAVY_MEMORY,
+    HEAVY_S,
+    Job,
+    Limiter,
+    RecentResults,
+    SharedRoom,
+    computed,
+    computed_at_once,
+    is_heavy,
+)
 from stereolag.ui.sentences import duration
 
 
@@ -18,30 +36,30 @@ def of_bytes(count: int) -> SimpleNamespace:
 
 
 def test_results_used_longest_ago_are_forgotten_first() -> None:
-    results = RecentResults(max_bytes=300)
+    store = RecentResults(max_bytes=300)
     for name in "abc":
-        results.put(name, of_bytes(100))
-    assert results.get("a") is not None
-    results.put("d", of_bytes(100))
-    assert [results.get(name) is not None for name in "abcd"] == [True, False, True, True]
+        store.put(name, of_bytes(100))
+    assert store.get("a") is not None
+    store.put("d", of_bytes(100))
+    assert [store.get(name) is not None for name in "abcd"] == [True, False, True, True]
 
 
 def test_the_newest_result_is_kept_whatever_its_size() -> None:
-    results = RecentResults(max_bytes=10)
-    results.put("small", of_bytes(5))
-    results.put("large", of_bytes(500))
-    assert results.get("small") is None
-    assert results.get("large") is not None
+    store = RecentResults(max_bytes=10)
+    store.put("small", of_bytes(5))
+    store.put("large", of_bytes(500))
+    assert store.get("small") is None
+    assert store.get("large") is not None
 
 
 def test_the_size_is_that_of_what_is_kept() -> None:
-    results = RecentResults(max_bytes=300)
+    store = RecentResults(max_bytes=300)
     for name, count in {"a": 100, "b": 150, "c": 20}.items():
-        results.put(name, of_bytes(count))
-    results.put("b", of_bytes(50))
-    assert results.size == 170
-    results.put("d", of_bytes(200))
-    assert results.size == 270  # without "a"
+        store.put(name, of_bytes(count))
+    store.put("b", of_bytes(50))
+    assert store.size == 170
+    store.put("d", of_bytes(200))
+    assert store.size == 270  # without "a"
 
 
 def test_more_visitors_have_less_room_each() -> None:
@@ -50,7 +68,6 @@ def test_more_visitors_have_less_room_each() -> None:
     for visitor in visitors:
         for name in "abc":
             visitor.put(name, of_bytes(100))
-            room.tidy()
     assert sum(visitor.size for visitor in visitors) <= 400
     assert all(visitor.get("c") is not None for visitor in visitors)
 
@@ -60,11 +77,10 @@ def test_who_has_left_takes_no_room() -> None:
     gone = room.results()
     gone.put("a", of_bytes(300))
     del gone
-    results = room.results()
+    store = room.results()
     for name in "abc":
-        results.put(name, of_bytes(100))
-        room.tidy()
-    assert results.size == 300
+        store.put(name, of_bytes(100))
+    assert store.size == 300
 
 
 def test_what_was_computed_is_not_computed_again() -> None:
@@ -123,3 +139,241 @@ def test_durations_have_the_unit_that_suits_them() -> None:
     assert [duration(seconds) for seconds in (0.0171, 0.9, 1.28, 111)] == [
         *map(typeset, ("17 ms", "900 ms", "1.28 s", "111.00 s"))
     ]
+
+
+# Jobs
+
+PATIENCE_S = 20.0
+MEMORY = 100
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+class Work:
+    """A job that runs until its `end` event is set; `begun` records the order in which jobs start."""
+
+    def __init__(self, name: str, memory: int, begun: list[str]) -> None:
+        self.end = threading.Event()
+        self._name = name
+        self._begun = begun
+        self.job: Job[str] = Job(self._work, Estimate(memory, 10.0))
+        # Wait until it has started or is queued, so that the next job comes after it.
+        until(lambda: name in begun or self.job.ahead > 0)
+
+    def _work(self, job: Job[str]) -> str:
+        self._begun.append(self._name)
+        while not self.end.wait(0.002):
+            job.report_or_end(0.5)
+        return self._name
+
+
+@pytest.fixture
+def limit(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return a function that sets the number of jobs computed at once, and the memory of all."""
+
+    def set_to(at_once: int, memory: int = MEMORY) -> None:
+        limiter = Limiter(memory, at_once)
+        monkeypatch.setattr(results, "limiter", lambda: limiter)
+
+    return set_to
+
+
+def test_jobs_are_computed_in_the_order_in_which_they_came(limit: Callable[..., None]) -> None:
+    limit(1)
+    begun: list[str] = []
+    works = {name: Work(name, 60, begun) for name in "abc"}
+    assert [work.job.ahead for work in works.values()] == [0, 1, 2]
+    for name, work in works.items():
+        until(lambda name=name: name in begun)
+        work.end.set()
+        assert work.job.result() == name
+    assert begun == ["a", "b", "c"]
+
+
+def test_one_that_waits_can_be_called_off(limit: Callable[..., None]) -> None:
+    limit(1)
+    begun: list[str] = []
+    first, second, third = (Work(name, 60, begun) for name in "abc")
+    second.job.cancel()
+    with pytest.raises(CancelledError):
+        second.job.result()
+    until(lambda: third.job.ahead == 1)
+    first.end.set()
+    third.end.set()
+    assert third.job.result() == "c"
+    assert begun == ["a", "c"]
+
+
+def test_one_that_is_computed_can_be_called_off(limit: Callable[..., None]) -> None:
+    limit(1)
+    begun: list[str] = []
+    first, second = (Work(name, 60, begun) for name in "ab")
+    first.job.cancel()
+    with pytest.raises(CancelledError):
+        first.job.result()
+    second.end.set()
+    assert second.job.result() == "b"
+
+
+@pytest.mark.parametrize(("memory", "together"), [((60, 60), 1), ((60, 40), 2), ((20, 20), 2), ((300, 20), 1)])
+def test_memory_bounds_what_is_computed_at_once(
+    limit: Callable[..., None], memory: tuple[int, int], together: int
+) -> None:
+    limit(2)
+    begun: list[str] = []
+    works = [Work(name, size, begun) for name, size in zip("ab", memory, strict=True)]
+    assert sum(work.job.ahead == 0 for work in works) == together
+    for work in works:
+        work.end.set()
+    assert {work.job.result() for work in works} == {"a", "b"}
+
+
+def test_cores_bound_what_is_computed_at_once(limit: Callable[..., None]) -> None:
+    limit(2)
+    begun: list[str] = []
+    works = [Work(name, 1, begun) for name in "abc"]
+    assert [work.job.ahead for work in works] == [0, 0, 2]
+    for work in works:
+        work.end.set()
+        work.job.result()
+
+
+def test_a_job_that_fails_gives_its_turn_back(limit: Callable[..., None]) -> None:
+    limit(1)
+
+    def fail(_: Job[None]) -> None:
+        raise ValueError("no such window")
+
+    job: Job[None] = Job(fail, Estimate(60, 10.0))
+    with pytest.raises(ValueError, match="no such window"):
+        job.result()
+    work = Work("next", 60, [])
+    work.end.set()
+    assert work.job.result() == "next"
+
+
+def test_what_is_light() -> None:
+    assert not is_heavy(Estimate(HEAVY_MEMORY - 1, HEAVY_S / 2))
+    assert is_heavy(Estimate(HEAVY_MEMORY, 0.0))
+    assert is_heavy(Estimate(0, HEAVY_S))
+
+
+# A job on a page
+
+
+def page() -> None:
+    import streamlit as st
+
+    from stereolag.core.jobs import Estimate
+    from stereolag.ui.results import computed_in_turn
+
+    gate, number = st.session_state["gate"], st.session_state["number"]
+
+    def compute(progress):
+        progress(0.25)
+        while not gate.wait(0.005):
+            progress(0.25)
+        return f"result {number}".encode()
+
+    result = computed_in_turn(
+        "counting",
+        compute,
+        Estimate(st.session_state["memory"], 0.0),
+        inputs=st.session_state["inputs"],
+        settings=str(number),
+        shared=True,
+        label="Counting …",
+    )
+    st.markdown("nothing yet" if result is None else result.decode())
+
+
+@pytest.fixture
+def gate(limit: Callable[..., None], empty_caches: None) -> Iterator[threading.Event]:
+    """Return an event that lets all computations end."""
+    limit(1, 2 * HEAVY_MEMORY)
+    gate = threading.Event()
+    yield gate
+    gate.set()
+
+
+def opened(gate: threading.Event, inputs: str, memory: int = HEAVY_MEMORY, number: int = 1) -> AppTest:
+    app = AppTest.from_function(page, default_timeout=60)
+    for name, value in {"gate": gate, "inputs": inputs, "memory": memory, "number": number}.items():
+        app.session_state[name] = value
+    return app.run()
+
+
+def finished(app: AppTest) -> AppTest:
+    until(lambda: app.run().markdown[0].value != "nothing yet")
+    return app
+
+
+def test_a_heavy_job_does_not_hold_the_page(gate: threading.Event) -> None:
+    app = opened(gate, "first")
+    assert app.markdown[0].value == "nothing yet"
+    assert app.button(key="results.cancel.counting")
+    gate.set()
+    assert finished(app).markdown[0].value == "result 1"
+    assert not app.button
+
+
+@pytest.fixture
+def somebody_else(gate: threading.Event) -> Job[bool]:
+    """Return a running heavy job of another visitor."""
+    begun = threading.Event()
+
+    def work(_: Job[bool]) -> bool:
+        begun.set()
+        return gate.wait()
+
+    job = Job(work, Estimate(HEAVY_MEMORY, 10.0))
+    assert begun.wait(20)
+    return job
+
+
+def test_who_comes_second_is_told_the_place_in_the_queue(gate: threading.Event, somebody_else: Job[bool]) -> None:
+    app = opened(gate, "mine").run()
+    assert "number 2" in app.info[0].value
+    gate.set()
+    assert somebody_else.result()
+    assert finished(app).markdown[0].value == "result 1"
+
+
+def test_a_light_job_does_not_wait(gate: threading.Event, somebody_else: Job[bool]) -> None:
+    free = threading.Event()
+    free.set()
+    assert opened(free, "mine", memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
+    assert somebody_else.running
+
+
+def test_a_job_is_cancelled_and_computed_again(gate: threading.Event) -> None:
+    app = opened(gate, "first")
+    app.button(key="results.cancel.counting").click().run()
+    assert app.caption[0].value == "Cancelled."
+    gate.set()
+    app.run()
+    assert app.caption[0].value == "Cancelled."
+    app.button(key="results.again.counting").click().run()
+    assert finished(app).markdown[0].value == "result 1"
+
+
+def test_other_settings_call_the_job_before_off(gate: threading.Event) -> None:
+    app = opened(gate, "first")
+    free = threading.Event()
+    free.set()
+    app.session_state["number"] = 2
+    app.session_state["gate"] = free
+    app.run()
+    # The previous job would run for as long as its gate is closed, and the new one would wait for it.
+    assert finished(app).markdown[0].value == "result 2"
+
+
+def test_what_is_too_much_does_not_wait_to_be_refused(gate: threading.Event) -> None:
+    gate.set()
+    app = opened(gate, "first", memory=2**60)
+    assert app.markdown[0].value == "result 1"  # called directly: the job itself reports that it is too much

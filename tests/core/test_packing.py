@@ -15,7 +15,8 @@ from PIL import Image
 from stereolag.core.inputs import as_grey
 from stereolag.figures.legends import Colours, strip_legend, word_legend
 from stereolag.ui.components import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
-from stereolag.ui.linked_pictures import DepthScale, Figure, Picture, Reading, described, packed
+from stereolag.ui.elements import Number
+from stereolag.ui.linked_pictures import DepthScale, Picture, Reading, described, packed
 from tests.packed import unpacked
 
 GREY = np.full((6, 9, 3), 120, np.uint8)
@@ -55,7 +56,7 @@ def test_words_and_pictures_arrive_whole() -> None:
 
 def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> None:
     palette = np.stack([np.arange(256, dtype=np.uint8)] * 3, axis=1)
-    figure = Figure("EPE", "0.5 px", "Mean error.")
+    figure = Number("EPE", "0.5 px", "Mean error.")
     values = Reading(np.zeros((6, 9)), depth=lambda: DepthScale(10, 0, 0.1))
     pictures = [
         Picture("map", None, (values,), lambda: (figure,)),

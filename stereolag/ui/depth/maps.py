@@ -34,10 +34,10 @@ from stereolag.ui.controls import (
 )
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
+from stereolag.ui.elements import Number as Figure
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
-    Figure,
     PackedPicture,
     Picture,
     Reading,

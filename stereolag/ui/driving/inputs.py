@@ -59,6 +59,10 @@ LOOKED_AT = 10
 """Number of frames at the beginning, one of which must be readable."""
 
 
+_Frames = tuple[StereoSequence, StereoFrame | None]
+"""A sequence, and its first readable frame, None if there is none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Drive:
     """A sequence, and the pair of its first readable frame: what is known of that holds for all frames."""
@@ -67,25 +71,10 @@ class Drive:
     first: Pair
 
     @property
-    def digest(self) -> str:
-        """Return the key that identifies the sequence."""
-        return self.first.digest
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """Return the calibration of the rectified frames."""
-        return self.first.calibration
-
-    @property
     def range(self) -> tuple[int, int] | None:
         """Return the first disparity and the number of disparities that the frames need, px; None if unknown."""
         pair = self.first
         return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
-
-    @property
-    def example(self) -> bool:
-        """Return whether it is the bundled example, whose maps all visitors may share."""
-        return self.first.shared
 
 
 def ask_drive() -> Drive | None:
@@ -105,7 +94,11 @@ def ask_drive() -> Drive | None:
         return _example(example.name)
     expect_uploads()
     found = _ask_one() if origin == ONE else _ask_two()
-    show_limits(_limits())
+    most = limits()
+    show_limits(
+        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
+        f"{most.max_video_s // 60} minutes per video."
+    )
     calibration = ask_calibration(KEY)
     if found is None and refused():
         # Do not show results of the example below a refused file.
@@ -113,28 +106,17 @@ def ask_drive() -> Drive | None:
     if found is None:
         show_awaited("your frames are" if origin == ONE else "both videos are", example.title)
         return _example(example.name)
-    sequence, digest = found
-    first = _first_readable(sequence, digest)
-    return None if first is None else _with_calibration(sequence, first, digest, calibration)
+    return _with_calibration(found, calibration)
 
 
-def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None:
-    """Return the first readable frame; if there is none, show an error and return None."""
-    kept: tuple[str, StereoFrame | None] | None = st.session_state.get(f"{KEY}.first")
-    if kept is None or kept[0] != digest:
-        kept = digest, sequence.first_readable(LOOKED_AT)
-        st.session_state[f"{KEY}.first"] = kept
-    if kept[1] is None:
+def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] | None) -> Drive | None:
+    """Return a drive with its calibration, rectified if its first frame is raw, and the range that frame needs."""
+    sequence, frame = given.content
+    if frame is None:
         show_refused(
             f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together."
         )
-    return kept[1]
-
-
-def _with_calibration(
-    sequence: StereoSequence, frame: StereoFrame, digest: str, calibration: Upload[Calibration] | None
-) -> Drive | None:
-    """Return a drive with its calibration, rectified if its first frame is raw, and the range that frame needs."""
+        return None
     rows, cols = frame.left.shape[:2]
     fitted = None
     if calibration is not None:
@@ -148,7 +130,9 @@ def _with_calibration(
         show_refused(error)
         return None
     ask_rectification(fitted, KEY)
-    pair = prepared(Pair(left, right, PairId(digest), truth=frame.truth, calibration=fitted), chosen_preparation(KEY))
+    pair = prepared(
+        Pair(left, right, PairId(given.digest), truth=frame.truth, calibration=fitted), chosen_preparation(KEY)
+    )
     show_decision(pair, KEY, "Each frame")
     decision = pair.rectification
     if decision is not None and decision.done and fitted is not None:
@@ -192,41 +176,33 @@ def _example(name: str) -> Drive:
     return Drive(sequence, first)
 
 
-def _limits() -> str:
-    most = limits()
-    return (
-        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
-        f"{most.max_video_s // 60} minutes per video."
-    )
+def _opened(*files: bytes) -> _Frames:
+    sequence = open_uploads(*files)
+    return sequence, sequence.first_readable(LOOKED_AT)
 
 
-def _ask_one() -> tuple[StereoSequence, str] | None:
-    given = upload(
+def _ask_one() -> Upload[_Frames] | None:
+    return upload(
         "ZIP of left/ and right/, or a side-by-side video",
-        open_uploads,
+        _opened,
         key=f"{KEY}.one",
         types=("zip", *sorted(VIDEO_ENDINGS)),
         note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, the left image "
         "is in the left half.",
     )
-    return None if given is None else (given.content, given.digest)
 
 
-def _ask_two() -> tuple[StereoSequence, str] | None:
+def _ask_two() -> Upload[_Frames] | None:
     columns = st.columns(2, gap="medium")
     with columns[0]:
         left = upload("Left video", bytes, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
     with columns[1]:
         right = upload("Right video", bytes, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
-    key = f"{KEY}.two"
     if left is None or right is None:
-        forget_together(key)
+        forget_together(f"{KEY}.two")
         return None
     digest = f"{left.digest} {right.digest}"
-    kept: tuple[StereoSequence, str] | None = st.session_state.get(key)
-    if kept is not None and kept[1] == digest:
-        return kept
-    return put_together(lambda: (open_uploads(left.content, right.content), digest), key)
+    return put_together(lambda: Upload(digest, _opened(left.content, right.content)), f"{KEY}.two", digest)
 
 
 # The settings
@@ -268,6 +244,7 @@ class DriveSettings(NamedTuple):
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
+    lowest, needed = drive.range or (0, USUAL_DISPARITIES)
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         chosen = st.pills(
@@ -279,7 +256,7 @@ def ask_methods(drive: Drive) -> DriveSettings:
             **persistent(f"{KEY}.methods"),
             wrap=True,
         )
-        first, count = _ask_range(drive)
+        first, count = _ask_range(drive.first.digest, lowest, needed)
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -287,7 +264,17 @@ def ask_methods(drive: Drive) -> DriveSettings:
         "sgbm": StereoSGBM(),
         **own,
     }
-    _warn_of_range(drive)
+    if lowest < 0:
+        prose.warning(
+            f"In these frames disparities reach down to about {lowest} px; the maps of a drive begin at 0 px. "
+            "Rectify the frames so that infinity has disparity 0, or take single frames to the depth page."
+        )
+    end = lowest + needed
+    if end > MOST:
+        prose.warning(
+            f"In these frames disparities reach up to about {end} px; the maps of a drive end at {MOST} px. Give "
+            "frames of half the size, or take single frames to the depth page."
+        )
     found = {}
     for name in chosen:
         try:
@@ -297,23 +284,24 @@ def ask_methods(drive: Drive) -> DriveSettings:
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         motion = _ask_motion(drive)
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
-        return DriveSettings(found, truth, motion, _ask_steadiness())
+        field = SequenceSettings.model_fields["steadiness"]
+        steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
+        return DriveSettings(found, truth, motion, Steadiness() if steady else None)
 
 
-def _ask_range(drive: Drive) -> tuple[int, int]:
+def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
     """Ask for the first disparity and the number of disparities, within the limits of the map files."""
-    lowest, needed = drive.range or (0, USUAL_DISPARITIES)
     first = st.number_input(
         "Smallest disparity, px",
         0,
         MOST - FEWEST,
         min(max(0, lowest), MOST - FEWEST),
-        **persistent(f"{KEY}.first.{drive.digest}"),
+        **persistent(f"{KEY}.first.{digest}"),
         width=170,
     )
     # OpenCV's methods search whole blocks of 16, which must fit too.
     most = (MOST - first) // FEWEST * FEWEST
-    key = f"{KEY}.count.{drive.digest}"
+    key = f"{KEY}.count.{digest}"
     if st.session_state.get(key, most) > most:
         st.session_state[key] = most
     count = st.number_input(
@@ -327,23 +315,6 @@ def _ask_range(drive: Drive) -> tuple[int, int]:
         width=170,
     )
     return first, count
-
-
-def _warn_of_range(drive: Drive) -> None:
-    """Warn if the frames need disparities that the map files cannot store."""
-    if drive.range is None:
-        return
-    lowest, end = drive.range[0], sum(drive.range)
-    if lowest < 0:
-        prose.warning(
-            f"In these frames disparities reach down to about {lowest} px; the maps of a drive begin at 0 px. "
-            "Rectify the frames so that infinity has disparity 0, or take single frames to the depth page."
-        )
-    if end > MOST:
-        prose.warning(
-            f"In these frames disparities reach up to about {end} px; the maps of a drive end at {MOST} px. Give "
-            "frames of half the size, or take single frames to the depth page."
-        )
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
@@ -361,7 +332,7 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
     if shown == NO_MOTION:
         return None
     rate = drive.sequence.frame_rate
-    if drive.calibration is None:
+    if drive.first.calibration is None:
         prose.caption("Speeds and moving objects need metres: give a calibration above.", width="content")
     else:
         rate = st.number_input(
@@ -369,18 +340,11 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
             0.1,
             10_000.0,
             float(rate),
-            **persistent(f"{KEY}.rate.{drive.digest}"),
+            **persistent(f"{KEY}.rate.{drive.first.digest}"),
             width=170,
             help="Of the camera. Speeds are only as accurate as this number; image files lack it, and 10 is assumed.",
         )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
-
-
-def _ask_steadiness() -> Steadiness | None:
-    """Ask whether the previous frame takes part in each map."""
-    field = SequenceSettings.model_fields["steadiness"]
-    wanted = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
-    return Steadiness() if wanted else None
 
 
 def title_of(name: str) -> str:

@@ -7,7 +7,6 @@ import io
 import math
 import threading
 import zipfile
-from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -21,7 +20,7 @@ from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
-from stereolag.sequences.frames import MOTION, FrameRecord, table_lines
+from stereolag.sequences.frames import MOTION, table_lines
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
@@ -75,17 +74,12 @@ class DriveWork:
         """Return the name that identifies the video, 32 characters."""
         return hashlib.sha256(f"{self.name} {self.begun}".encode()).hexdigest()[:32]
 
-    @property
-    def computed(self) -> int:
-        """Return the number of frames in the pieces of the video."""
-        return self.video.collected
-
 
 def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    job = map(repr, (drive.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
-    name = hashlib.sha256("\0".join([drive.digest, *job, *settings]).encode()).hexdigest()
+    job = map(repr, (drive.first.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
+    name = hashlib.sha256("\0".join([drive.first.digest, *job, *settings]).encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
         return kept
@@ -93,22 +87,20 @@ def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
         kept.job.cancel()
     with _examples_lock:
         work = _examples.get(name)
-    if work is None:
-        work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
-        _begin(work, drive, asked)
+    work = work or _begun(DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate)), drive, asked)
     st.session_state[WORK] = work
     return work
 
 
 def go_on(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Resume cancelled work: finished frames are drawn again, not computed again."""
-    video = VideoPieces(drive.sequence.frame_rate)
-    again = DriveWork(work.name, work.kept, video, begun=work.begun + 1)
-    _begin(again, drive, asked)
-    st.session_state[WORK] = again
+    again = DriveWork(work.name, work.kept, VideoPieces(drive.sequence.frame_rate), begun=work.begun + 1)
+    st.session_state[WORK] = _begun(again, drive, asked)
 
 
-def _begin(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
+    """Start a job that does the work."""
+
     def told(state: SequenceState) -> None:
         work.state = state
 
@@ -118,7 +110,7 @@ def _begin(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
                 drive.sequence,
                 asked.matchers,
                 work.kept,
-                calibration=drive.calibration,
+                calibration=drive.first.calibration,
                 settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
                 video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
                 progress=told,
@@ -126,13 +118,14 @@ def _begin(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
             )
         finally:
             work.video.close()
-        if drive.example and not result.cancelled:
+        if drive.first.shared and not result.cancelled:
             with _examples_lock:
                 _examples[work.name] = work
         return result
 
     work.job = Job(compute, estimate(drive, asked))
     this_visit().jobs[WORK] = work.name, work.job
+    return work
 
 
 def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
@@ -182,125 +175,62 @@ class Line(NamedTuple):
 LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
 
 
-class VideoInfo(NamedTuple):
-    """The video to play.
-
-    Attributes
-    ----------
-    name
-        Identifies the video.
-    titles
-        Titles of its pictures, which are side by side.
-    methods
-        {name in the records: title}, in order.
-    size
-        Rows and columns of one picture.
-    frame_rate
-        Frame rate, Hz.
-    names
-        Names of all frames.
-    """
-
-    name: str
-    titles: Sequence[str]
-    methods: dict[str, str]
-    size: tuple[int, int]
-    frame_rate: float
-    names: Sequence[str]
-
-
-def show_player(
-    video: VideoInfo,
-    pieces: Sequence[bytes],
-    records: Sequence[FrameRecord],
-    *,
-    computed: int,
-    done: bool,
-    legends: Sequence[Legend],
-    key: str,
-    on_open: Callable[[int], None],
-) -> None:
-    """Show the player.
-
-    Parameters
-    ----------
-    video
-        The video to play.
-    pieces
-        Pieces of the video so far.
-    records
-        Figures of the frames so far.
-    computed
-        Number of frames in the pieces.
-    done
-        Whether no more pieces will come.
-    legends
-        Legends of the map colours.
-    key
-        Key of the component.
-    on_open
-        Called with the number of the frame that the visitor wants to see on the depth page.
-    """
+def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+    """Show the player; `OPENED` is set to the number of the frame that the visitor wants to see on the depth page."""
+    key = f"{KEY}.player"
 
     def opened() -> None:
         frame = st.session_state[key].opened
         if frame is not None:
-            on_open(int(frame))
+            st.session_state[OPENED] = int(frame)
 
-    data = described(video, records) | {"pieces": len(pieces), "computed": computed, "done": done}
-    data["legends"] = [asdict(legend) for legend in legends]
+    done = not work.job.running  # before the pieces are counted, of which no more come then
+    pieces, computed = [*work.video.pieces], work.video.collected
+    data = _figures(work, drive, asked) | {
+        "name": work.video_name,
+        "titles": asked.titles,
+        "height": drive.first.left.shape[0],
+        "width": drive.first.left.shape[1],
+        "rate": drive.sequence.frame_rate,
+        "frames": len(drive.sequence),
+        "names": [*drive.sequence.names],
+        "pieces": len(pieces),
+        "computed": computed,
+        "done": done,
+        "legends": [asdict(legend) for legend in _legends(work, drive, asked)],
+    }
     with st.container(gap=None):
         for number, piece in enumerate(pieces):
-            name = f"{video.name} {number}"
+            name = f"{work.video_name} {number}"
             item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
             deliver(item.data, key=f"{key}.piece.{number}")
         _player(key=key, data=data, on_opened_change=opened)
 
 
-def described(video: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, Any]:
-    """Return the data the browser needs besides the video: the figures of every frame, None if unknown."""
-    count = len(video.names)
-    problems: list[str] = [""] * count
+def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, Any]:
+    """Return the problems and the charts of all frames so far, None where a figure is unknown."""
+    count, records = len(drive.sequence), [*work.kept.records.values()]
+    titles = {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {})
+    problems = [""] * count
     for record in records:
         problems[record.number] = record.problem or problems[record.number]
-    charts = []
+    charts: dict[str, dict[str, Any]] = {}
     for chart in CHARTS:
-        values: dict[str, list[float | None]] = {method: [None] * count for method in video.methods}
+        values: dict[str, list[float | None]] = {method: [None] * count for method in titles}
         for record in records:
             value = getattr(record, chart.field) * chart.scale
             if math.isfinite(value):
                 values[record.method][record.number] = round(value, 3)
-        if any(one is not None for column in values.values() for one in column):
-            # Each method keeps its place, and so its colour, even if others have no values.
-            series = [
-                {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
-                for place, (method, title) in enumerate(video.methods.items())
-                if any(one is not None for one in values[method])
-            ]
-            charts.append(
-                {
-                    "name": chart.name,
-                    "unit": chart.unit,
-                    "digits": chart.digits,
-                    "from_zero": chart.from_zero,
-                    "series": series,
-                }
-            )
-    named = [chart["name"] for chart in charts]
-    # In metres if known, otherwise in pixels.
-    if named.count("Nearest obstacle") > 1:
-        charts = [chart for chart in charts if (chart["name"], chart["unit"]) != ("Nearest obstacle", "px")]
-    return {
-        "name": video.name,
-        "titles": [*video.titles],
-        "height": video.size[0],
-        "width": video.size[1],
-        "rate": video.frame_rate,
-        "frames": count,
-        "names": [*video.names],
-        "problems": problems,
-        "charts": charts,
-    }
+        # Each method keeps its place, and so its colour, even if others have no values.
+        series = [
+            {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
+            for place, (method, title) in enumerate(titles.items())
+            if any(one is not None for one in values[method])
+        ]
+        if series and chart.name not in charts:  # in metres if known, otherwise in pixels
+            described = {"name": chart.name, "unit": chart.unit, "digits": chart.digits, "from_zero": chart.from_zero}
+            charts[chart.name] = described | {"series": series}
+    return {"problems": problems, "charts": [*charts.values()]}
 
 
 # The result so far
@@ -323,25 +253,7 @@ def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     if running:
         st.session_state[f"{KEY}.watched"] = work.name
     _show_progress(work, drive, asked)
-    video = VideoInfo(
-        work.video_name,
-        asked.titles,
-        {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {}),
-        (drive.first.left.shape[0], drive.first.left.shape[1]),
-        drive.sequence.frame_rate,
-        drive.sequence.names,
-    )
-    pieces, computed = [*work.video.pieces], work.computed
-    show_player(
-        video,
-        pieces,
-        [*work.kept.records.values()],
-        computed=computed,
-        done=not running,
-        legends=_legends(work, drive, asked),
-        key=f"{KEY}.player",
-        on_open=lambda number: st.session_state.update({OPENED: number}),
-    )
+    show_player(work, drive, asked)
     if OPENED in st.session_state:
         _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
 
@@ -349,7 +261,7 @@ def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
 def _legends(work: DriveWork, drive: Drive, asked: DriveSettings) -> tuple[Legend, ...]:
     if work.kept.colours is None:
         return ()
-    legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
+    legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.first.calibration)
     if work.kept.largest_motion is None or asked.motion is None or asked.motion.arrows:
         return legends
     return *legends, wheel_legend("motion since the previous frame", work.kept.largest_motion)
@@ -388,7 +300,13 @@ def _open_on_depth_page(drive: Drive, number: int) -> None:
     except (ValueError, OSError) as error:
         show_refused(f"Frame {number + 1} cannot be opened: {error}")
         return
-    transfer(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
+    transfer(
+        frame,
+        f"{drive.first.digest} {number}",
+        f"Frame {number + 1} of the drive.",
+        drive.first.calibration,
+        drive.range,
+    )
     st.switch_page(DEPTH_PAGE)
 
 
