@@ -166,19 +166,11 @@ def described(
     columns: int = 3,
     hint: str = "",
 ) -> dict[str, Any]:
-    """Return the data for the browser besides the packed pictures, ready for JSON; `name` identifies the set.
+    """Return the data for the browser besides the packed pictures of one size, ready for JSON.
 
-    Raises
-    ------
-    ValueError
-        If pictures differ in size, or one has no pixels and there are no colours.
+    `name` identifies the set; `colours` are needed if a picture has no pixels of its own.
     """
-    if colours is None and any(picture.pixels is None for picture in pictures):
-        raise ValueError("a picture has no pixels; give the colours that maps share.")
-    sizes = {pack.shape for pack in packs}
-    if len(sizes) != 1:
-        raise ValueError(f"pictures have the sizes {sorted(sizes)}; they must all have one.")
-    rows, cols = sizes.pop()
+    rows, cols = packs[0].shape
     return {
         "name": name,
         "rows": rows,

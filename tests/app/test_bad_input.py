@@ -24,6 +24,11 @@ PAGES = {"recordings": LAG, "pictures": FIND, "pairs": DEPTH}
 SCENE = uploads.texture(60, 90)
 SOUND = uploads.noise(2_000)
 
+GOOD = {
+    "recordings": {name: ("a.wav", uploads.wav(SOUND)) for name in ("file_1", "file_2")},
+    "pairs": {name: ("a.png", uploads.png(SCENE)) for name in ("right", "left")},
+    "pictures": {"template": ("t.png", uploads.png(SCENE[:20, :20])), "picture": ("p.png", uploads.png(SCENE))},
+}
 BAD_PICTURES = {
     "an empty file": (b"", "empty file"),
     "a text named .png": (b"not a picture at all\n" * 20, "accepted are"),
@@ -135,43 +140,22 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: Ope
 
 
 @pytest.mark.parametrize(
-    ("inputs", "good", "bad", "fragment"),
+    ("inputs", "name", "bad", "fragment"),
     [
-        (
-            "recordings",
-            {"file_1": uploads.wav(SOUND), "file_2": uploads.wav(SOUND)},
-            {"file_2": uploads.wav(SOUND, 16_001)},
-            "their ratio is",
-        ),
-        (
-            "pairs",
-            {"right": uploads.png(SCENE), "left": uploads.png(SCENE)},
-            {"left": uploads.png(SCENE[:-10])},
-            "both images must have the same size",
-        ),
-        (
-            "pairs",
-            {"right": uploads.png(SCENE), "left": uploads.png(SCENE)},
-            {"truth": uploads.png(np.full((10, 10), 256, dtype=np.uint16))},
-            "must have the same size",
-        ),
-        (
-            "pictures",
-            {"template": uploads.png(SCENE[:20, :20]), "picture": uploads.png(SCENE)},
-            {"template": uploads.png(uploads.texture(70, 20))},
-            "must fit into the image. The previous files stay in use.",
-        ),
+        ("recordings", "file_2", uploads.wav(SOUND, 16_001), "their ratio is"),
+        ("pairs", "left", uploads.png(SCENE[:-10]), "both images must have the same size"),
+        ("pairs", "truth", uploads.png(np.full((10, 10), 256, dtype=np.uint16)), "must have the same size"),
+        ("pictures", "template", uploads.png(uploads.texture(70, 20)), "must fit into the image. The previous files"),
+        ("pictures", "mask", uploads.png(np.full((9, 20), 255, np.uint8)), "must have the same size"),
+        ("pictures", "mask", uploads.png(np.zeros((20, 20), np.uint8)), "black all over"),
     ],
-    ids=["rates too unlike", "images of other sizes", "a truth of another size", "a template too large"],
 )
-def test_good_files_that_do_not_fit_the_others_leave_the_page_as_it_was(
-    open_page: OpenPage, shown: Shown, inputs: str, good: dict[str, bytes], bad: dict[str, bytes], fragment: str
+def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
+    open_page: OpenPage, shown: Shown, inputs: str, name: str, bad: bytes, fragment: str
 ) -> None:
-    kind = ".wav" if inputs == "recordings" else ".png"
-    app = own(open_page, inputs, **{name: (f"{name}{kind}", data) for name, data in good.items()})
+    app = own(open_page, inputs, **GOOD[inputs])
     before = shown(app)
-    ((name, data),) = bad.items()
-    put(app, f"{inputs}.{name}", f"other{kind}", data)
+    put(app, f"{inputs}.{name}", "other.wav" if inputs == "recordings" else "other.png", bad)
     assert_one_sentence(app, fragment)
     assert shown(app) == before
 

@@ -259,26 +259,6 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
     assert app.slider(key=keys.WINDOW).value == 91
 
 
-def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: Shown) -> None:
-    app = open_unfolded(DEPTH)
-    for key, value in {keys.LEFT_RIGHT: True, keys.SMALLEST: 20}.items():
-        controls(app)[key].set_value(value).run()
-    before = shown(app)
-    app.session_state[keys.MORE] = False
-    app.run()
-    assert shown(app) == before
-    assert keys.LEFT_RIGHT not in controls(app)
-    app.button_group(key=keys.TAB).set_value("bm").run()
-    assert shown(app) == before
-    assert keys.SMALLEST not in controls(app)
-    app.button_group(key=keys.TAB).set_value("correlation").run()
-    app.session_state[keys.MORE] = True
-    app.run()
-    assert controls(app)[keys.SMALLEST].value == 20
-    assert controls(app)[keys.LEFT_RIGHT].value
-    assert shown(app) == before
-
-
 def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
     app = open_page(DEPTH)
     app.number_input(key=keys.exact_key(keys.SMALLEST)).set_value(-100).run()

@@ -116,22 +116,6 @@ def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTes
     assert app.header[0].value == "Found at row 20, column 30"
 
 
-@pytest.mark.parametrize(
-    ("mask", "fragment"),
-    [(np.full((9, 30), 255, np.uint8), "must have the same size"), (np.zeros((20, 30), np.uint8), "black all over")],
-)
-def test_a_mask_that_does_not_fit_leaves_the_page_as_it_was(
-    with_uploads: Callable[..., AppTest], shown: Shown, mask: Any, fragment: str
-) -> None:
-    files = {"picture": ("p.png", uploads.png(SCENE)), "template": ("t.png", uploads.png(SCENE[20:40, 30:60]))}
-    app = with_uploads("pictures", **files)
-    before = shown(app)
-    upload(app, "pictures", mask=("mask.png", uploads.png(mask)))
-    assert len(app.error) == 1
-    assert fragment in app.error[0].value
-    assert shown(app) == before
-
-
 def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:
     left, right = SCENE[:, :-5], SCENE[:, 5:]
     truth = np.full(left.shape[:2], 5 * 256, dtype=np.uint16)

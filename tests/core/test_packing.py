@@ -99,12 +99,6 @@ def test_of_a_wide_picture_every_other_pixel_is_sent_and_rows_and_columns_stay_t
 def test_pictures_of_different_size_are_refused() -> None:
     with pytest.raises(ValueError, match="must all have one"):
         packed(Picture("map", GREY, (Reading(np.zeros((6, 8))),)))
-    pictures = [Picture("map", GREY), Picture("other", GREY[1:])]
-    with pytest.raises(ValueError, match="must all have one"):
-        described(pictures, [packed(picture) for picture in pictures], name="x")
-    maps = [Picture("map", None, (Reading(np.zeros((6, 9))),))]
-    with pytest.raises(ValueError, match="give the colours"):
-        described(maps, [packed(maps[0])], name="x")
 
 
 def images_of(item: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:

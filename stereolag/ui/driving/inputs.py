@@ -234,12 +234,6 @@ class DriveSettings(NamedTuple):
     motion: SequenceMotion | None = None
     steadiness: Steadiness | None = None
 
-    @property
-    def titles(self) -> list[str]:
-        """Return the titles of the pictures in the video, in order."""
-        more = [*([TRUTH_TITLE] if self.truth_in_video else []), *([MOTION_TITLE] if self.motion else [])]
-        return ["Left image", *map(title_of, self.matchers), *more]
-
 
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""

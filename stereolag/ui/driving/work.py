@@ -27,7 +27,7 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.depth.restoring import transfer
 from stereolag.ui.downloads import download_button
-from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, Drive, DriveSettings, title_of
+from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import failures_answered
 from stereolag.ui.results import Job, show_busy, this_visit
@@ -186,9 +186,10 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
 
     done = not work.job.running  # before the pieces are counted, of which no more come then
     pieces, computed = [*work.video.pieces], work.video.collected
+    more = [*([TRUTH_TITLE] if asked.truth_in_video else []), *([MOTION_TITLE] if asked.motion else [])]
     data = _figures(work, drive, asked) | {
         "name": work.video_name,
-        "titles": asked.titles,
+        "titles": ["Left image", *map(title_of, asked.matchers), *more],
         "height": drive.first.left.shape[0],
         "width": drive.first.left.shape[1],
         "rate": drive.sequence.frame_rate,
