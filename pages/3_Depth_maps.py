@@ -9,8 +9,8 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.controls import matcher_as_set, persistent
-from stereolag.ui.depth.address import write_address
-from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
+from stereolag.ui.depth.comparing import show_all_pairs, show_comparison, show_scoreboard
+from stereolag.ui.depth.distances import show_readout, show_space
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
@@ -27,9 +27,7 @@ from stereolag.ui.depth.maps import (
     show_presets,
     shown_methods,
 )
-from stereolag.ui.depth.pair_sets import show_all_pairs
-from stereolag.ui.depth.readout import show_readout
-from stereolag.ui.depth.space import show_space
+from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
 from stereolag.ui.navigation import fragment, page, show_try_first

@@ -25,12 +25,15 @@ def panel() -> None:
     import streamlit as st
 
     from stereolag.figures.legends import Colours
+    from stereolag.pair import Preparation
     from stereolag.stereo.opencv import StereoBM
     from stereolag.ui.controls import ask_matcher
-    from stereolag.ui.depth.doctor import show_doctor, with_chosen_remedies
+    from stereolag.ui.depth.doctor import chosen_remedies, show_doctor
+    from stereolag.ui.depth.inputs import prepared
     from stereolag.ui.depth.maps import DepthView
 
-    pair = with_chosen_remedies(st.session_state["pair"])
+    pair = st.session_state["pair"]
+    pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))
     matcher = ask_matcher(StereoBM, pair)
     if matcher is not None:
         show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64)))

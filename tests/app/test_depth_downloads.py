@@ -48,12 +48,12 @@ def section() -> None:
     from stereolag import StereoBM
     from stereolag.figures.legends import Colours
     from stereolag.ui.controls import ask_matcher
-    from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.depth.state import recall_settings
 
     pair = st.session_state["pair"]
-    take_over(pair)
+    recall_settings(pair)
     matcher = ask_matcher(StereoBM, pair) or StereoBM()
     show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
     st.session_state["matcher"] = matcher
@@ -72,7 +72,7 @@ def opened(pair: Pair) -> AppTest:
 def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
-    with zipfile.ZipFile(io.BytesIO(archive(Download.of(view, type(matcher).__name__)))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(Download(view, type(matcher).__name__)))) as whole:
         whole.extractall(tmp_path)
     for name in ("disparity.pfm", "disparity.npy"):
         np.testing.assert_array_equal(read_disparity(tmp_path / name), result.disparity)
@@ -85,7 +85,7 @@ def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_
 
 def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     pair = replace(small_pair(), visible=np.ones((60, 100), dtype=np.bool_))
-    download = Download.of(view_of(pair, CORRELATION, BLOCK), "StereoBM")
+    download = Download(view_of(pair, CORRELATION, BLOCK), "StereoBM")
     metrics = next(file for file in files(download) if file.name == "metrics.csv")
     lines = str(metrics.make()).splitlines()
     assert [line.split(",")[0].strip('"') for line in lines] == [
@@ -100,7 +100,7 @@ def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
 def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
     pair = replace(small_pair(), truth=None, shared=True)
     backwards = StereoBM(num_disparities=16, block_size=9, min_disparity=-16)
-    download = Download.of(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
+    download = Download(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
     refusals = {file.name: file.refusal for file in files(download) if file.refusal}
     assert refusals.keys() == {"disparity_kitti.png", "cloud.ply"}
     with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
@@ -123,7 +123,7 @@ def estimating() -> None:
     view = st.session_state["view"]
 
     def table() -> str:
-        return next(str(file.make()) for file in files(Download.of(view, "StereoBM")) if file.name == "metrics.csv")
+        return next(str(file.make()) for file in files(Download(view, "StereoBM")) if file.name == "metrics.csv")
 
     before = table()
     show_scoreboard(view)
@@ -160,7 +160,7 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
 ) -> None:
     monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: heavy)
     block = StereoBM(num_disparities=32, block_size=11)
-    download = Download.of(large_view(block, CORRELATION), "StereoBM")
+    download = Download(large_view(block, CORRELATION), "StereoBM")
     full = download.pair
     assert full.left.shape == (480, 800)
     with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
@@ -195,7 +195,7 @@ def test_settings_that_the_own_size_does_not_allow_are_refused_and_the_map_is_en
     view = large_view(CORRELATION)
     wide = StereoBM(num_disparities=128, block_size=9)
     shown = replace(view.results["CorrelationMatcher"], settings=wide.model_copy(update={"num_disparities": 1024}))
-    download = Download.of(replace(view, results={"StereoBM": shown}), "StereoBM")
+    download = Download(replace(view, results={"StereoBM": shown}), "StereoBM")
     refusals = {file.name: file.refusal for file in files(download) if file.refusal}
     assert refusals.keys() >= {"settings.json", "opencv.yml", "reproduce.py", "reproduce_opencv.py"}
     assert "num_disparities is 2048" in refusals["settings.json"]

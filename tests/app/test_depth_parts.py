@@ -24,10 +24,9 @@ from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.methods import preset
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
+from stereolag.ui.depth.distances import VIEWS, show_readout, show_space
 from stereolag.ui.depth.explaining import show_blanks, show_inspection, show_overlap
 from stereolag.ui.depth.maps import DepthView
-from stereolag.ui.depth.readout import show_readout
-from stereolag.ui.depth.space import VIEWS, show_space
 from tests.app.conftest import viewers
 from tests.app.depth_view import part_of_page, small_view
 from tests.packed import delivered, told

@@ -18,7 +18,7 @@ from stereolag.io.images import image_png, pfm
 from stereolag.io.settings import settings_json
 from stereolag.pair import Pair, PairSet, Preparation, read_bundle
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.pair_sets import table_of
+from stereolag.ui.depth.comparing import table_of
 from tests.app import keys, uploads
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -43,7 +43,7 @@ def page() -> None:
         results |= measured(pair, matchers[method])
     view = coloured_alike(pair, results)
     st.session_state["shown"] = pair, [*matchers.values()], view
-    st.session_state["taken"] = archive(Download.of(view, next(iter(results))), PAIR_EXPORTS)
+    st.session_state["taken"] = archive(Download(view, next(iter(results))), PAIR_EXPORTS)
 
 
 def opened(script: Callable[[], None] = page, arrangement: str = "files") -> AppTest:
@@ -215,16 +215,15 @@ def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
     table = table_of(pairs, matchers, Preparation(), told.append)
-    assert [row.name for row in table.rows] == ["1: 1", "2: 2", "3: 3"]
-    for row, judged, not_judged in zip(
-        table.rows, ("bad_2", "estimated_bad_2"), ("estimated_bad_2", "bad_2"), strict=False
-    ):
-        assert row.figures.keys() == {"StereoBM", "StereoSGBM"}
-        assert getattr(row.figures["StereoBM"], judged) < 45
-        assert np.isnan(getattr(row.figures["StereoBM"], not_judged))
-        assert 0.5 < row.figures["StereoBM"].coverage <= 1
-        assert row.figures["StereoBM"].elapsed_s > 0
-    assert "This is not an image" in table.rows[2].problem
+    assert [*table.figures] == ["1: 1", "2: 2"]
+    for row, known in zip(table.figures.values(), (True, False), strict=True):
+        for name in ("StereoBM", "StereoSGBM"):
+            bad, estimated = row[f"{name}: bad-2, %"], row[f"{name}: estimated bad-2, %"]
+            assert (bad if known else estimated) < 45
+            assert np.isnan(estimated if known else bad)
+            assert 50 < row[f"{name}: coverage, %"] <= 100
+            assert row[f"{name}: took"] > 0
+    assert "This is not an image" in table.problems[0]
     assert np.diff(told).min() > -1e-9
     assert told[-1] == 1
 
@@ -233,7 +232,7 @@ def judging_page() -> None:
     import streamlit as st
 
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.pair_sets import JudgedPairs
+    from stereolag.ui.depth.tuning import JudgedPairs
 
     judged = JudgedPairs.of(choose_pair())
     st.session_state["judged"] = [float(pair.truth.max()) for pair in judged], judged.sentence
@@ -254,9 +253,9 @@ def table_page() -> None:
 
     from stereolag import StereoBM
     from stereolag.figures.legends import Colours
+    from stereolag.ui.depth.comparing import show_all_pairs
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import DepthView
-    from stereolag.ui.depth.pair_sets import show_all_pairs
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))

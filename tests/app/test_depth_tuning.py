@@ -19,18 +19,16 @@ from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.figures.maps import sweep_bad, sweep_maps
-from stereolag.io.settings import read_matcher
 from stereolag.pair import PairId, Rows
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.ui.depth.address import ADOPTED
-from stereolag.ui.depth.calibrating import alpha_key, rows_key
+from stereolag.ui.depth.inputs import alpha_key, rows_key
 from stereolag.ui.depth.maps import DepthView
-from stereolag.ui.depth.pair_sets import PairJob, begin_job, job_on
-from stereolag.ui.depth.tuning import Axis, settings_of_cell, show_suggest, show_sweep
+from stereolag.ui.depth.state import ADOPTED
+from stereolag.ui.depth.tuning import Axis, PairJob, begin_job, job_on, settings_of_cell, show_suggest, show_sweep
 from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.results import Job
 from tests.app.depth_view import part_of_page, small_view
@@ -49,6 +47,10 @@ def with_result(view: DepthView, matcher: StereoMatcher) -> DepthView:
 def judged_blind() -> DepthView:
     """Return a view without truth, with a map of the method that judges the others."""
     return with_result(small_view(truth=False), preset("accurate"))
+
+
+def job_of(view: DepthView, asked: StereoMatcher, job: Job[Suggestion]) -> PairJob:
+    return PairJob(view.pair.id.judged, asked, job, view.pair.id)
 
 
 def ended(app: AppTest, key: str) -> AppTest:
@@ -103,7 +105,7 @@ def test_a_cell_is_taken_over_from_the_list_too_the_best_first() -> None:
     assert shares == sorted(shares)
     row, col = map(int, re.findall(r" (\d+)[,:]", cells.options[0]))
     cells.set_value(cells.options[0]).run()
-    taken = read_matcher(app.session_state[ADOPTED].encode())
+    taken = app.session_state[ADOPTED]
     assert isinstance(taken, CorrelationMatcher)
     assert (taken.search.num_disparities, taken.window_size) == (row, col)
 
@@ -188,7 +190,7 @@ def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
     assert list(app.dataframe[0].value.columns) == ["Setting", "Before", "Suggested"]
     assert len(app.dataframe[0].value) == len(found.changes)
     app.button[1].click().run()
-    assert read_matcher(app.session_state[ADOPTED].encode()) == found.matcher
+    assert app.session_state[ADOPTED] == found.matcher
 
 
 def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
@@ -196,7 +198,7 @@ def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
     found = Suggestion(BLOCKS, matcher, outcome, Criterion.TRUE_BAD_2, 26.8, 30.0)
     job: Job[Suggestion] = Job(lambda job: found, LIGHT)
     job.result()
-    app = part_of_page(show_suggest, state={SUGGEST: PairJob(small_view().pair.id.judged, BLOCKS, job)})
+    app = part_of_page(show_suggest, state={SUGGEST: job_of(small_view(), BLOCKS, job)})
     app.segmented_control[0].set_value("StereoBM").run()
     assert "StereoBM" in app.success[0].value
     return app
@@ -238,7 +240,7 @@ def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
 
     job, view = Job(work, LIGHT), judged_blind()
     try:
-        app = part_of_page(show_suggest, view, {SUGGEST: PairJob(view.pair.id.judged, StereoBM(), job)})
+        app = part_of_page(show_suggest, view, {SUGGEST: job_of(view, StereoBM(), job)})
         for name in ("Convolution", "Semi-global"):
             app.segmented_control[0].set_value(name).run()
             assert "StereoBM" in app.get("progress")[0].proto.text
@@ -368,8 +370,8 @@ def test_a_remedy_for_the_pair_looked_at_makes_it_void_and_a_step_does_not() -> 
     def look(view: DepthView) -> None:
         if "begun" not in st.session_state:
             st.session_state["begun"] = True
-            begin_job(view.pair, "job", None, lambda job: None, LIGHT)
-        st.session_state["there"] = job_on(view.pair, "job") is not None
+            begin_job(view.pair.id, "job", None, lambda job: None, LIGHT)
+        st.session_state["there"] = job_on(view.pair.id, "job") is not None
 
     def of_set(number: int, *remedies: Remedy) -> DepthView:
         view = small_view()

@@ -17,9 +17,9 @@ from stereolag.pair import example_pair
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison
+from stereolag.ui.depth.distances import show_readout
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.maps import DepthView
-from stereolag.ui.depth.readout import show_readout
 from tests.app.depth_view import small_view
 from tests.browser.parts import Parts, ShowParts, box_of, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark

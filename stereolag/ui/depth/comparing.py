@@ -1,8 +1,9 @@
-"""Every method compared: side by side, with the ground truth, or with an estimate where there is none."""
+"""Every method compared: side by side, with the ground truth or an estimate, and on every pair of a set."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,7 +14,9 @@ import streamlit as st
 
 from stereolag.assess.judging import (
     LEAST_MEASURED,
+    Criterion,
     Judgement,
+    TuningPair,
     Unjudged,
     estimate_reference,
     judges_itself,
@@ -21,6 +24,7 @@ from stereolag.assess.judging import (
     widest_range,
 )
 from stereolag.core.arrays import FloatMap
+from stereolag.core.jobs import Estimate, Progress, part
 from stereolag.figures.legends import hexadecimal, strip_legend, word_legend
 from stereolag.figures.maps import (
     ALL_AGREE,
@@ -35,14 +39,14 @@ from stereolag.figures.maps import (
     error_png,
 )
 from stereolag.io.results import metrics_csv
-from stereolag.pair import Pair
+from stereolag.pair import Pair, PairSet, Preparation, prepare
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, error_against_coverage, evaluate
-from stereolag.stereo.matcher import DisparityMap
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui import prose
+from stereolag.ui.depth.inputs import preparation_of_sets, set_of
 from stereolag.ui.depth.maps import (
     LEFT,
     DepthView,
-    all_maps,
     kept_for,
     known_truth,
     map_legends,
@@ -61,12 +65,18 @@ from stereolag.ui.depth.sentences import (
     estimates_in_words,
 )
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import PERCENT, PIXELS, show_chart, show_png, show_refused
+from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, show_chart, show_png, show_refused
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn
+from stereolag.ui.sentences import duration
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
+ALL_PAIRS = "depth.all_pairs"
+WANTED = f"{ALL_PAIRS}.wanted"
+"""Session-state key of the set and settings that the table of all pairs was last requested for."""
+BYTES_OF_A_PAIR = 40
+"""Memory per pixel while a pair is decoded, rectified and scaled down."""
 REFERENCE = "reference"
 """The task of measuring the reference of estimates."""
 
@@ -95,7 +105,7 @@ class Accuracy:
 @fragment
 def show_comparison(view: DepthView) -> None:
     """Show all maps in one colour range, the difference of two of them, and where the methods agree."""
-    maps = all_maps(view)
+    maps = view.maps
     pictures = [photograph(LEFT, view.pair.left), *(map_picture(view, name) for name in view.results)]
     pictures += truth_picture(view)
     legends = list(map_legends(view))
@@ -330,3 +340,113 @@ def _reference(view: DepthView) -> FloatMap | None:
 
 def _searched(view: DepthView) -> tuple[int, int] | None:
     return widest_range(result.settings for result in view.results.values())
+
+
+# All pairs of a set
+
+
+@dataclass(frozen=True)
+class Table:
+    """{pair of a set: {column: figure}}, and one sentence about each pair that has no figures."""
+
+    figures: dict[str, dict[str, float]]
+    problems: Sequence[str]
+
+
+@fragment
+def show_all_pairs(view: DepthView) -> None:
+    """Offer to compute every pair of the set with the settings in use, and show the table."""
+    pairs, preparation = set_of(view.pair.id), preparation_of_sets()
+    if pairs is None:
+        prose.info(
+            "This is for several pairs at once: choose “ZIP or several pairs” under your own files, and upload a ZIP, "
+            "or many files whose names tell left from right.",
+            icon=":material/stacks:",
+        )
+        return
+    shape, dtype, count = view.pair.left.shape, view.pair.left.dtype, len(pairs)
+    matchers = [result.settings for result in view.results.values()]
+    settings = " ".join([str(preparation), *(f"{type(one).__name__} {one.model_dump_json()}" for one in matchers)])
+    once = [matcher.estimate(shape, dtype) for matcher in matchers]
+    once.append(estimate_reference(widest_range(matchers), shape, dtype))
+    seconds, wanted = count * sum(estimate.seconds for estimate in once), f"{pairs.digest} {settings}"
+    st.button(
+        f"Compute all {count} pairs",
+        key=f"{ALL_PAIRS}.start",
+        type="primary",
+        icon=":material/stacks:",
+        help=f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}.",
+        on_click=partial(st.session_state.update, {WANTED: wanted}),
+    )
+    if st.session_state.get(WANTED) != wanted:
+        return
+    table = computed_in_turn(
+        "all pairs",
+        lambda progress: table_of(pairs, matchers, preparation, progress),
+        Estimate(max(estimate.memory for estimate in once) + BYTES_OF_A_PAIR * shape[0] * shape[1], seconds),
+        inputs=pairs.digest,
+        settings=settings,
+        shared=False,
+        label=f"{count} pairs …",
+    )
+    if table is not None:
+        _show_table(table)
+
+
+def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Preparation, progress: Progress) -> Table:
+    """Compute every pair of a set with all matchers, one pair in memory at a time; a pair that fails says why."""
+    figures: dict[str, dict[str, float]] = {}
+    problems = []
+    for number in range(len(pairs)):
+        try:
+            pair, progressing = prepare(pairs.pair(number), preparation), part(progress, number, len(pairs))
+            figures[f"{number + 1}: {pairs.name(number)}"] = _figures(pair, matchers, progressing)
+        except ValueError as error:
+            problems.append(str(error))
+        progress((number + 1) / len(pairs))
+    return Table(figures, problems)
+
+
+def _figures(pair: Pair, matchers: Sequence[StereoMatcher], progress: Progress) -> dict[str, float]:
+    """Return the cells of a row: bad-2 of every method first, then coverage, then time; NaN if nothing can judge it.
+
+    Bad-2 is relative to the ground truth, or estimated without one.
+    """
+    count, searched = len(matchers) + 1, widest_range(matchers)
+    judge = TuningPair.of(
+        pair.left, pair.right, known_truth(pair), search_range=searched, progress=part(progress, 0, count)
+    )
+    known = judge.criterion is Criterion.TRUE_BAD_2
+    true, estimated, coverage, took = {}, {}, {}, {}
+    for number, matcher in enumerate(matchers, 1):
+        result = matcher.compute(pair.left, pair.right, progress=part(progress, number, count))
+        bad = math.nan if judge.unjudged(matcher) else Judgement.of(result.disparity, judge.reference).bad
+        true[f"{matcher.title}: bad-2, %"] = bad if known else math.nan
+        estimated[f"{matcher.title}: estimated bad-2, %"] = math.nan if known else bad
+        coverage[f"{matcher.title}: coverage, %"] = 100 * result.coverage
+        took[f"{matcher.title}: took"] = result.elapsed_s
+    return true | estimated | coverage | took
+
+
+def _show_table(table: Table) -> None:
+    """Show the table, with the mean of every column below."""
+    if table.figures:
+        frame = pd.DataFrame.from_dict(table.figures, orient="index")
+        if len(table.figures) > 1:
+            frame.loc["Mean"] = frame.mean()
+        frame = frame.dropna(axis="columns", how="all")
+        columns = {
+            name: st.column_config.NumberColumn(
+                name.removesuffix(", %"), format=PERCENT if name.endswith("%") else SECONDS
+            )
+            for name in frame.columns
+        }
+        alt = f"Figures of every method on {len(table.figures)} pairs."
+        st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{ALL_PAIRS}.table", alt=alt)
+        prose.caption(
+            "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated "
+            "bad-2: against the accurate preset, for pairs without ground truth. Every pair is computed with the "
+            "settings in use, without the input doctor’s remedies."
+        )
+    for problem in table.problems:
+        prose.warning(problem)

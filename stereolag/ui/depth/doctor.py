@@ -1,10 +1,12 @@
-"""The input doctor: its findings on the pair, and a button for each remedy."""
+"""The input doctor: its findings on the pair, a button for each remedy, and the range at which a new pair starts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import streamlit as st
 
@@ -17,20 +19,17 @@ from stereolag.assess.diagnosis import (
     estimate_diagnosis,
     judge_range,
 )
-from stereolag.pair import Change, Pair, Preparation
+from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
-from stereolag.ui.controls import set_controls
-from stereolag.ui.depth.calibrating import prepared
+from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import DepthView, kept_for
-from stereolag.ui.depth.sentences import (
-    DOCTOR_HEALTHY,
-    finding_in_words,
-    problems_in_words,
-    remedy_in_words,
-)
+from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, finding_in_words, problems_in_words, remedy_in_words
+from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
+from stereolag.ui.sentences import started_in_words
 
 CALIBRATE = "pages/4_Calibrate.py"
 """The page that calibrates the lenses and the relative pose of the cameras."""
@@ -40,38 +39,39 @@ REMEDIES_KEY = "depth.remedies"
 HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
 
-def with_chosen_remedies(pair: Pair) -> Pair:
-    """Return the pair with the remedies that the visitor chose for it."""
-    return prepared(pair, Preparation(remedies=st.session_state.get(REMEDIES_KEY, {}).get(pair.id.untreated, ())))
+def chosen_remedies(untreated: str) -> tuple[Remedy, ...]:
+    """Return the remedies that the visitor chose for a pair, given its :attr:`stereolag.pair.PairId.untreated`."""
+    return tuple(st.session_state.get(REMEDIES_KEY, {}).get(untreated, ()))
 
 
 def show_doctor(view: DepthView) -> None:
     """Show the doctor's findings on the pair and on the ranges searched, and a button for each remedy."""
-    pair = view.pair
-    diagnosis = _diagnosis(pair)
+    pair, diagnosis = view.pair, _diagnosis(view.pair)
     if diagnosis is None:
         return
-    advice = _advice(diagnosis, view)
-    ill = [one for one in advice if not one.finding.healthy]
-    if not ill and not pair.remedies:
-        _show_all(advice, HEALTHY)
-        return
-    with st.container(border=True):
+    searched = {result.settings: reach for result in view.results.values() if (reach := result.settings.reach())}
+    ranges = [finding for reach in searched.values() if (finding := judge_range(diagnosis, *reach)) is not None]
+    findings = [finding for finding in diagnosis.findings if finding.code != FindingCode.RANGE]
+    findings += sorted(ranges, key=lambda finding: finding.healthy)[:1]
+    ill, done = [finding for finding in findings if not finding.healthy], pair.id.remedies
+    with st.container(border=True) if ill or pair.remedies else nullcontext():
         if ill:
             prose.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
-        for one in ill:
-            _show(*one)
+        for finding in ill:
+            act = partial(_prescribe, pair.id, finding.remedy)
+            if diagnosis.suggested_range is not None and finding.code == FindingCode.RANGE:
+                act = partial(_set_all, [one.with_search_range(*diagnosis.suggested_range) for one in searched], pair)
+            _show_line(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
+            if finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
+                label, icon = PAGES[CALIBRATE]
+                st.page_link(CALIBRATE, label=label, icon=icon)
         for number, change in enumerate(pair.remedies):
-            _show_remedy(pair, number, change)
-        _show_all(advice, "All checks" if ill else HEALTHY)
-
-
-def diagnosis_at_once(pair: Pair) -> Diagnosis | None:
-    """Return the diagnosis, or None if it takes long and is not known yet; `show_doctor` then computes it."""
-    if is_heavy(estimate_diagnosis(pair.left.shape, pair.left.dtype)):
-        found: Diagnosis | None = computed_before(TASK, **kept_for(pair))
-        return found
-    return _diagnosis(pair)
+            earlier = pair.remedies[:number].count(change)
+            key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
+            undo = partial(_choose, pair.id.untreated, (*done[:number], *done[number + 1 :]))
+            _show_line(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
+        with st.expander("All checks" if ill else HEALTHY):
+            prose.markdown("\n\n".join(map(_told, findings)))
 
 
 def _diagnosis(pair: Pair) -> Diagnosis | None:
@@ -85,72 +85,18 @@ def _diagnosis(pair: Pair) -> Diagnosis | None:
     )
 
 
-class Advice(NamedTuple):
-    """A finding, and the effect of a click on its remedy."""
-
-    finding: Finding
-    apply: Callable[[], None]
-
-
-def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
-    """Return the findings on the pair, and one on the range: the first that is not healthy, else the first."""
-    pair = view.pair
-    advice = [
-        Advice(finding, partial(_prescribe, pair, finding.remedy))
-        for finding in diagnosis.findings
-        if finding.code != FindingCode.RANGE
-    ]
-    searched = {result.settings: reach for result in view.results.values() if (reach := result.settings.reach())}
-    ranges = [finding for reach in searched.values() if (finding := judge_range(diagnosis, *reach)) is not None]
-    if ranges:
-        chosen = next((finding for finding in ranges if not finding.healthy), ranges[0])
-        advice.append(Advice(chosen, partial(_set_ranges, diagnosis, [*searched], pair)))
-    return advice
-
-
-def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: Pair) -> None:
-    if diagnosis.suggested_range is not None:
-        for matcher in matchers:
-            set_controls(matcher.with_search_range(*diagnosis.suggested_range), pair)
-
-
-def _prescribe(pair: Pair, remedy: Remedy | None) -> None:
+def _prescribe(pair_id: PairId, remedy: Remedy | None) -> None:
     """Record that the visitor wants this remedy; swapping swapped sides undoes the first swap instead."""
-    if remedy is None:
-        return
-    applied = pair.id.remedies
-    if remedy is Remedy.SWAP_SIDES and remedy in applied:
-        _undo(pair, applied.index(remedy))
-    else:
-        _choose(pair, (*applied, remedy))
+    remedies = [*pair_id.remedies]
+    if remedy is Remedy.SWAP_SIDES and remedy in remedies:
+        remedies.remove(remedy)
+    elif remedy is not None:
+        remedies.append(remedy)
+    _choose(pair_id.untreated, remedies)
 
 
-def _undo(pair: Pair, number: int) -> None:
-    applied = pair.id.remedies
-    _choose(pair, (*applied[:number], *applied[number + 1 :]))
-
-
-def _choose(pair: Pair, remedies: tuple[Remedy, ...]) -> None:
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = remedies
-
-
-def _show_all(advice: list[Advice], heading: str) -> None:
-    """Show every finding in a collapsed expander."""
-    with st.expander(heading):
-        prose.markdown("\n\n".join(_told(one.finding) for one in advice))
-
-
-def _show(finding: Finding, apply: Callable[[], None]) -> None:
-    _show_line(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", apply)
-    if finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
-        label, icon = PAGES[CALIBRATE]
-        st.page_link(CALIBRATE, label=label, icon=icon)
-
-
-def _show_remedy(pair: Pair, number: int, change: Change) -> None:
-    earlier = pair.remedies[:number].count(change)
-    key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
-    _show_line(f":blue[:material/healing:] {change.sentence}", "Undo", key, partial(_undo, pair, number))
+def _choose(untreated: str, remedies: Iterable[Remedy]) -> None:
+    st.session_state.setdefault(REMEDIES_KEY, {})[untreated] = tuple(remedies)
 
 
 def _show_line(said: str, label: str, key: str, act: Callable[[], None]) -> None:
@@ -164,3 +110,74 @@ def _show_line(said: str, label: str, key: str, act: Callable[[], None]) -> None
 def _told(finding: Finding) -> str:
     mark = ":green[:material/check_circle:]" if finding.healthy else ":orange[:material/warning:]"
     return f"{mark} {finding_in_words(finding)}"
+
+
+# The initial settings
+
+
+@dataclass(frozen=True)
+class Start:
+    """The initial range of a pair, px, and the initial settings of all methods, for images of this width, px.
+
+    Attributes
+    ----------
+    found
+        Whether the range was determined, not assumed.
+    """
+
+    min_disparity: int
+    num_disparities: int
+    found: bool
+    settings: tuple[StereoMatcher, ...]
+    width: int
+
+
+def with_initial_range(pair: Pair) -> Pair:
+    """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
+
+    The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
+    it. The controls must not have been drawn yet.
+    """
+    if pair.shared:
+        return pair
+    start: Start | None = st.session_state.get(_start_key(pair))
+    width = int(pair.left.shape[1])
+    if start is None:
+        found = None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+        if found is None:
+            heavy = is_heavy(estimate_diagnosis(pair.left.shape, pair.left.dtype))
+            diagnosis: Diagnosis | None = computed_before(TASK, **kept_for(pair)) if heavy else _diagnosis(pair)
+            if diagnosis is None:
+                return pair  # still being examined, by `show_doctor`
+            found = diagnosis.suggested_range
+        first, count = found or (0, DISPARITIES_AT_FIRST)
+        begun = replace(pair, min_disparity=first, num_disparities=count)
+        start = Start(first, count, found is not None, tuple(default_settings(one, begun) for one in METHODS), width)
+        _set_all(start.settings, begun)
+        st.session_state[_start_key(pair)] = start
+        st.session_state[FOLD_NEXT] = True
+    share = width / start.width
+    first, count = math.floor(start.min_disparity * share), math.ceil(start.num_disparities * share)
+    return replace(pair, min_disparity=first, num_disparities=count)
+
+
+def show_start(pair: Pair) -> None:
+    """Show the initial settings of the pair while they are in use, and offer to undo them."""
+    start: Start | None = st.session_state.get(_start_key(pair))
+    if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
+        return
+    # As for a pair about which nothing is known.
+    undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        said = started_in_words(start.min_disparity, start.num_disparities)
+        prose.caption(f":material/auto_fix_high: {said}", width="content")
+        st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=undo)
+
+
+def _set_all(settings: Iterable[StereoMatcher], pair: Pair) -> None:
+    for matcher in settings:
+        set_controls(matcher, pair)
+
+
+def _start_key(pair: Pair) -> str:
+    return f"{PAIR}.start.{pair.id.chosen}"

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import streamlit as st
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.core.jobs import Estimate, format_bytes, limits
-from stereolag.core.settings import scaled_settings
+from stereolag.core.jobs import format_bytes, limits
 from stereolag.figures.legends import cloud_ply, coloured_png
-from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.images import (
     check_kitti,
@@ -31,17 +28,14 @@ from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json
 from stereolag.io.sources import npy
-from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import prose
-from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.calibrating import known_distance
 from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
-from stereolag.ui.depth.maps import DepthView, settings_key
-from stereolag.ui.depth.restoring import page_state
+from stereolag.ui.depth.maps import DepthView, kept_for, settings_key
+from stereolag.ui.depth.state import adopt, for_size, saved_state
 from stereolag.ui.downloads import File, download_button, run_queued, show_file_buttons, show_zip_button
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import show_refused
@@ -67,7 +61,7 @@ def show_downloads(view: DepthView) -> None:
     with opened:
         names = [*view.results]
         chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
-        download = Download.of(view, chosen if chosen in view.results else names[0])
+        download = Download(view, chosen if chosen in view.results else names[0])
         if download.reduced:
             _compute_in_own_size(download)
         rows, cols = download.pair.left.shape[:2]
@@ -90,7 +84,7 @@ def show_downloads(view: DepthView) -> None:
             )
             show_file_buttons(files(download), memory, key=KEY)
         prose.caption(" ".join([size_in_words(download), *(change.sentence for change in download.pair.changes)]))
-        _load_settings(download)
+        _load_settings(1 / download.factor)
 
 
 def _compute_in_own_size(download: Download) -> None:
@@ -101,43 +95,35 @@ def _compute_in_own_size(download: Download) -> None:
         return
     if download.light:
         return
-    wanted = f"{pair.digest} {settings_key(download.shown)}"
+    wanted, before = f"{pair.digest} {settings_key(download.shown)}", st.session_state.get(WANTED, ())
+    estimate = matcher.estimate(pair.left.shape, pair.left.dtype)
     size = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
-    if download.estimate.memory > limits().job_memory:
+    if estimate.memory > limits().job_memory:
         prose.caption(
-            f"Computed at {size}, this map would need about {format_bytes(download.estimate.memory)} of memory, and "
+            f"Computed at {size}, this map would need about {format_bytes(estimate.memory)} of memory, and "
             f"one job may take {format_bytes(limits().job_memory)}: the map in the files is the one shown, enlarged."
         )
         return
-    if wanted not in st.session_state.get(WANTED, ()):
+    if wanted not in before:
         st.button(
             f"Compute the map at {size}",
             key=f"{KEY}.compute",
             icon=":material/open_in_full:",
-            help=f"About {duration(download.estimate.seconds)}. Until then, the map in the files is the one shown, "
-            "enlarged.",
-            on_click=_want,
-            args=(wanted,),
+            help=f"About {duration(estimate.seconds)}. Until then, the map in the files is the one shown, enlarged.",
+            on_click=partial(st.session_state.update, {WANTED: {*before, wanted}}),
         )
         return
-    found: DisparityMap | None = computed_in_turn(
+    download.computed = computed_in_turn(
         f"original map {matcher.short_name}",
         lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
-        download.estimate,
-        inputs=pair.digest,
-        settings=matcher.model_dump_json(),
-        shared=pair.shared,
+        estimate,
+        **kept_for(pair, matcher.model_dump_json()),
         label=f"{matcher.title} at {size} …",
     )
-    download.computed = found
 
 
-def _want(wanted: str) -> None:
-    st.session_state[WANTED] = {*st.session_state.get(WANTED, ()), wanted}
-
-
-def _load_settings(download: Download) -> None:
-    """Ask for a settings file, and set the controls to it once per file, scaled to the size shown."""
+def _load_settings(factor: float) -> None:
+    """Ask for a settings file, and set the controls to it once per file, scaled by `factor` to the size shown."""
     loaded = upload(
         "Load settings",
         read_matcher,
@@ -146,20 +132,19 @@ def _load_settings(download: Download) -> None:
         note="A settings JSON saved here, for the pair at its full size.",
         lasting=False,
     )
-    digest = loaded.digest if loaded else None
-    if loaded is not None and st.session_state.get(f"{KEY}.loaded") != digest:
-        st.session_state[f"{KEY}.loaded"] = digest
-        try:
-            adopt(scaled_settings(loaded.content, 1 / download.factor) if download.reduced else loaded.content)
-        except ValueError as error:
-            show_refused(f"The settings could not be scaled with the images. {error}")
+    digest, before = loaded.digest if loaded else None, st.session_state.get(f"{KEY}.loaded")
     st.session_state[f"{KEY}.loaded"] = digest
+    if loaded is not None and digest != before:
+        settings, refusal = for_size(loaded.content, factor)
+        if settings is None:
+            show_refused(f"The settings could not be scaled with the images. {refusal}")
+        else:
+            adopt(settings)
 
 
 # The data
 
 
-@dataclass(eq=False)
 class Download:
     """One map of a view and the data for its files, at the pair's own size.
 
@@ -167,76 +152,47 @@ class Download:
     ----------
     view, method
         The view on the page, and the name of the map in it.
+    shown
+        The map as the page shows it.
     pair
         The pair at its own size, with all changes made to it.
-    calibration
-        Calibration of that pair, derived from a known distance if one was entered.
     factor
         Px of the pair per px shown.
+    calibration
+        Calibration of that pair, derived from a known distance if one was entered.
     settings
         Settings of the map for that size; None if they are not allowed.
     settings_refusal
         Why the settings are not allowed; "" if they are.
     computed
         The map computed at that size; None if not computed yet.
+    light
+        Whether it is cheap enough to be computed along with its file.
     session
-        State of the page, as arguments of :func:`stereolag.io.session_json`.
+        State of the page, as arguments of :func:`stereolag.io.settings.session_json`.
     estimated_bad
         Estimated bad-2 of the maps shown, %, by method name; empty unless it was estimated.
     """
 
-    view: DepthView
-    method: str
-    pair: Pair
-    calibration: Calibration | None
-    factor: float
-    settings: StereoMatcher | None
-    settings_refusal: str
-    computed: DisparityMap | None = None
-    session: Mapping[str, Any] = field(default_factory=dict)
-    estimated_bad: Mapping[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, view: DepthView, method: str) -> Download:
-        """Return one map of a view at its own size."""
-        pair = original(view.pair)
-        factor = pair.left.shape[1] / view.pair.left.shape[1]
-        known = known_distance(view.pair)
-        shown = view.results[method]
-        settings, refusal = _for_size(shown.settings, factor)
-        return cls(
-            view,
-            method,
-            pair,
-            pair.calibration if known is None else known.calibration.scaled(factor),
-            factor,
-            settings,
-            refusal,
-            shown if pair is view.pair else None,
-            _session(view, pair, factor),
-            estimates_so_far(view) if view.pair.truth is None else {},
-        )
-
-    @property
-    def shown(self) -> DisparityMap:
-        """Return the map as the page shows it."""
-        return self.view.results[self.method]
+    def __init__(self, view: DepthView, method: str) -> None:
+        self.view, self.method, self.shown = view, method, view.results[method]
+        self.pair = pair = original(view.pair)
+        self.factor = pair.left.shape[1] / view.pair.left.shape[1]
+        known = view.known_distance
+        self.calibration = pair.calibration if known is None else known.calibration.scaled(self.factor)
+        self.settings, refusal = for_size(self.shown.settings, self.factor)
+        self.settings_refusal = refusal and f"At the size of the original, {refusal}"
+        self.computed = None if self.reduced else self.shown
+        estimate = self.settings and self.settings.estimate(pair.left.shape, pair.left.dtype)
+        self.light = bool(estimate and not is_heavy(estimate) and estimate.memory <= limits().job_memory)
+        said = {"description": pair.description, "history": [change.sentence for change in pair.changes]}
+        self.session = saved_state(view, self.factor) | said
+        self.estimated_bad = estimates_so_far(view) if view.pair.truth is None else {}
 
     @property
     def reduced(self) -> bool:
         """Return whether the page shows the pair smaller than it is."""
         return self.pair is not self.view.pair
-
-    @cached_property
-    def estimate(self) -> Estimate:
-        """Return the memory and time needed to compute the map at the pair's own size."""
-        assert self.settings is not None
-        return self.settings.estimate(self.pair.left.shape, self.pair.left.dtype)
-
-    @property
-    def light(self) -> bool:
-        """Return whether the map at the pair's own size is cheap enough to be computed along with its file."""
-        return self.settings is not None and not is_heavy(self.estimate) and self.estimate.memory <= limits().job_memory
 
     @property
     def enlarged(self) -> bool:
@@ -248,8 +204,7 @@ class Download:
         """Return the map at the pair's own size; made on first use."""
         if self.computed is not None:
             return self.computed
-        if self.light:
-            assert self.settings is not None
+        if self.light and self.settings is not None:
             return self.settings.compute(self.pair.left, self.pair.right)
         return self._enlarged(self.method)
 
@@ -263,40 +218,7 @@ class Download:
         if not self.reduced:
             return shown
         rows, cols = self.pair.left.shape[:2]
-        settings, _ = _for_size(shown.settings, self.factor)
-        return shown.enlarged(rows, cols, settings or shown.settings)
-
-    @property
-    def colour_range(self) -> tuple[float, float]:
-        """Return the colour range, px at the pair's own size."""
-        return self.view.colours.low * self.factor, self.view.colours.high * self.factor
-
-
-def _session(view: DepthView, pair: Pair, factor: float) -> dict[str, Any]:
-    shown, state = view.pair, page_state(view.pair, factor)
-    used = {type(matcher): matcher for matcher in state.matchers}
-    used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}
-    matchers = [scaled for matcher in used.values() if (scaled := _for_size(matcher, factor)[0]) is not None]
-    return {
-        "matchers": matchers,
-        "shown": state.shown,
-        "size": state.size,
-        "colours": state.colours,
-        "description": pair.description,
-        "history": [change.sentence for change in pair.changes],
-        "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
-        "min_disparity": math.floor(shown.min_disparity * factor),
-    }
-
-
-def _for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
-    """Return settings for images enlarged by `factor`, or None and why they are not allowed."""
-    if factor == 1:
-        return settings, ""
-    try:
-        return scaled_settings(settings, factor), ""
-    except ValueError as error:
-        return None, f"At the size of the original, {error}"
+        return shown.enlarged(rows, cols, for_size(shown.settings, self.factor)[0] or shown.settings)
 
 
 def _known(value: T | None) -> T:
@@ -414,17 +336,14 @@ def _confidence(download: Download) -> FloatMap:
 
 def _confidence_in_words(form: str) -> Callable[[Download], str]:
     """Return a function that describes a confidence file: the source of its values for this map, and its `form`."""
-
-    def said(download: Download) -> str:
-        sure = "Confidence of each measured disparity, 0 to 1: "
-        if has_scores(download.shown):
-            return f"{sure}the method’s own score, or 0 if that is negative. {form}."
-        return (
-            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method "
-            f"gives no score from 0 to 1. {form}."
-        )
-
-    return said
+    own = "the method’s own score, or 0 if that is negative"
+    correlated = (
+        "how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method gives no "
+        "score from 0 to 1"
+    )
+    return lambda it: (
+        f"Confidence of each measured disparity, 0 to 1: {own if has_scores(it.shown) else correlated}. {form}."
+    )
 
 
 def _metrics(download: Download) -> str:
@@ -459,7 +378,12 @@ EXPORTS: list[Export] = [
     Export(
         "Coloured PNG",
         _of_map("_coloured.png"),
-        lambda it: coloured_png(it.result.disparity, *it.colour_range, it.view.colours.palette),
+        lambda it: coloured_png(
+            it.result.disparity,
+            it.view.colours.low * it.factor,
+            it.view.colours.high * it.factor,
+            it.view.colours.palette,
+        ),
         "As shown, with a legend.",
     ),
     Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.result), "White where there is a disparity."),

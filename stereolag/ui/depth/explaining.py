@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 
@@ -19,14 +20,12 @@ from stereolag.assess.explaining import (
     Lag,
     MatchExplanation,
     MatchKind,
-    blank_reasons,
     example_pixel,
     explain_match,
     with_rows_around,
 )
-from stereolag.core.arrays import ReasonMap
 from stereolag.core.inputs import Image, as_grey
-from stereolag.figures.legends import Legend, hexadecimal, word_legend
+from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.maps import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.figures.match import (
     RUNNER_UP_COLOUR,
@@ -49,7 +48,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_grey_pair
-from stereolag.ui.depth.maps import TRUTH, DepthView, all_maps
+from stereolag.ui.depth.maps import DepthView, Pixel, disparity_in_words, reasons_of
 from stereolag.ui.depth.sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
@@ -72,10 +71,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.elements import show_chart, show_png, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed
 from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
-
-Pixel = tuple[int, int]
 
 _hovered_match = component("hovered_match")
 
@@ -103,16 +99,28 @@ def show_inspection(view: DepthView) -> None:
         prose.info(NO_CORRELATION)
         return
     pixel_key = f"{INSPECTION}.pixel.{pair.digest}"
-    _offer_examples(view, matcher, pixel_key)
+    _offer_examples(pair, matcher, pixel_key)
     height, width = pair.left.shape[:2]
     row, col = st.session_state.get(pixel_key, (height // 2, width // 2))
-    pixel = row, col = min(row, height - 1), min(col, width - 1)
-    seen = explain_match(matcher, pair.left, pair.right, row, col)
+    pixel = min(row, height - 1), min(col, width - 1)
+    seen = explain_match(matcher, pair.left, pair.right, *pixel)
+    truth = math.nan if pair.truth is None else float(pair.truth[pixel])
+    true_lag = None if math.isnan(truth) else (0, -round(truth))
+    found = zip(PLACES, (seen.runner_up, true_lag, seen.peak), strict=True)
+    lags = {name: lag for name, lag in found if lag is not None}
     # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
     if can_follow(pair, matcher):
         hovered_match(pair, matcher, pixel, pictures=INSPECTION)
     else:
         prose.caption(TOO_MUCH_TO_FOLLOW)
+    legend = {
+        "the window, and where it was found": WINDOW_COLOUR,
+        "the true place": TRUTH_COLOUR,
+        "the runner-up": RUNNER_UP_COLOUR,
+        "the search area": SEARCH_COLOUR,
+    }
+    if pair.truth is None:
+        del legend["the true place"]
     linked_pictures(
         [
             Picture(
@@ -131,16 +139,21 @@ def show_inspection(view: DepthView) -> None:
         ],
         key=INSPECTION,
         columns=2,
-        legends=[_legend(view)],
-        marks=_marks(view, seen, pixel),
+        legends=[word_legend("", [*legend.values()], [*legend])],
+        marks=[
+            _frame(seen.search, SEARCH_COLOUR, 1),
+            _frame(seen.window, WINDOW_COLOUR, 0),
+            *(_frame(seen.window_at(lag), PLACES[name], 1) for name, lag in lags.items()),
+            Mark(*pixel, WINDOW_COLOUR, pictures=(0,)),
+        ],
         on_pick=lambda row, col: st.session_state.update({pixel_key: (row, col)}),
     )
-    _show_verdict(view, matcher, seen, pixel)
+    _show_verdict(view, matcher, seen, pixel, truth)
     patches, hill = st.columns([1, 1.7], gap="medium")
     with patches:
-        _show_patches(view, seen, pixel)
+        _show_patches(pair, seen, lags)
     with hill:
-        _show_scores(view, matcher, seen, pixel)
+        _show_scores(pair, matcher, seen, pixel)
     _show_row(view, seen, pixel)
     show_overlap(view, matcher, seen)
 
@@ -226,7 +239,7 @@ def _correlation(view: DepthView) -> CorrelationMatcher | None:
     return CorrelationMatcher(window_size=size, overlap=1 - 1 / size, search=search)
 
 
-def _offer_examples(view: DepthView, matcher: CorrelationMatcher, pixel_key: str) -> None:
+def _offer_examples(pair: Pair, matcher: CorrelationMatcher, pixel_key: str) -> None:
     """Offer to find an example of each kind of match on this pair."""
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.markdown("Show me", width="content")
@@ -237,62 +250,29 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher, pixel_key: str
         ]
     for kind in pressed:
         with shown_progress("Looking for one …") as progress:
-            pixel = example_pixel(kind, matcher, view.pair.left, view.pair.right, progress=progress)
+            pixel = example_pixel(kind, matcher, pair.left, pair.right, progress=progress)
         if pixel:
             st.session_state[pixel_key] = pixel
         else:
             prose.info(NO_EXAMPLE[kind])
 
 
-def _legend(view: DepthView) -> Legend:
-    """Return the legend of the frames."""
-    truth = {} if view.pair.truth is None else {"the true place": TRUTH_COLOUR}
-    colours = {"the window, and where it was found": WINDOW_COLOUR} | truth
-    colours |= {"the runner-up": RUNNER_UP_COLOUR, "the search area": SEARCH_COLOUR}
-    return word_legend("", [*colours.values()], [*colours])
+def _frame(box: Box, colour: str, picture: int) -> Mark:
+    return Mark(
+        box.row,
+        box.col,
+        colour,
+        height=box.height,
+        width=box.width,
+        dashed=colour in (SEARCH_COLOUR, TRUTH_COLOUR),
+        filled=colour == SEARCH_COLOUR,
+        pictures=(picture,),
+    )
 
 
-def _marks(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
-    """Return the frames: the window at left; the search area and the places of the match at right."""
-
-    def frame(box: Box, colour: str, picture: int, *, area: bool = False, dashed: bool = False) -> Mark:
-        return Mark(
-            box.row,
-            box.col,
-            colour,
-            height=box.height,
-            width=box.width,
-            dashed=area or dashed,
-            filled=area,
-            pictures=(picture,),
-        )
-
-    return [
-        frame(seen.search, SEARCH_COLOUR, 1, area=True),
-        frame(seen.window, WINDOW_COLOUR, 0),
-        *(
-            frame(seen.window_at(lag), PLACES[name], 1, dashed=name == "True place")
-            for name, lag in _lags(view, seen, pixel).items()
-        ),
-        Mark(*pixel, WINDOW_COLOUR, pictures=(0,)),
-    ]
-
-
-def _lags(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> dict[str, Lag]:
-    """Return the lags (dy, dx) of the known ones among the :data:`PLACES`."""
-    truth = _truth_at(view, pixel)
-    true = None if math.isnan(truth) else (0, -round(truth))
-    lags = zip(PLACES, (seen.runner_up, true, seen.peak), strict=True)
-    return {name: lag for name, lag in lags if lag is not None}
-
-
-def _truth_at(view: DepthView, pixel: Pixel) -> float:
-    """Return the ground truth at a pixel, px; NaN if unknown."""
-    return math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
-
-
-def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
-    truth = _truth_at(view, pixel)
+def _show_verdict(
+    view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel, truth: float
+) -> None:
     visible = view.pair.visible is None or bool(view.pair.visible[pixel])
     own = next((result for result in view.results.values() if result.settings == matcher), None)
     reason, disparity = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
@@ -303,34 +283,32 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
         prose.caption(BEFORE_OPTIMISATION)
 
 
-def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
+def _show_patches(pair: Pair, seen: MatchExplanation, lags: Mapping[str, Lag]) -> None:
     """Show the window beside the places found, enlarged."""
     prose.markdown("### The windows compared")
-    lags = _lags(view, seen, pixel)
     scores = {"Found": seen.peak_score, "Runner-up": seen.runner_up_score}
-    scores["True place"] = seen.score_at(lags["True place"]) if "True place" in lags else math.nan
-    places = [("Looked for", view.pair.left, seen.window)]
+    scores |= {"True place": seen.score_at(lags["True place"])} if "True place" in lags else {}
+    places = [("Looked for", "", pair.left, seen.window)]
     places += [
-        (f"{name}: **{score:.3f}**", view.pair.right, seen.window_at(lags[name]))
+        (name, f": **{score:.3f}**", pair.right, seen.window_at(lags[name]))
         for name, score in scores.items()
         if not math.isnan(score)
     ]
     with st.container(horizontal=True, gap="small"):
-        for caption, image, box in places:
+        for name, score, image, box in places:
             with st.container(width=150):
-                name = caption.partition(":")[0]
                 show_png(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
-                prose.caption(caption)
+                prose.caption(f"{name}{score}")
     prose.caption(
         "Enlarged, in grey as they are compared, each stretched to full contrast. "
         f"The window actually has {percent(seen.contrast)} of the image’s contrast."
     )
 
 
-def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
+def _show_scores(pair: Pair, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
     prose.markdown("### The score of every place")
-    around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
+    around = explain_match(with_rows_around(matcher, ROWS_AROUND), pair.left, pair.right, *pixel)
     shape = st.segmented_control(
         "Shape",
         ["Surface", "From above"],
@@ -353,7 +331,7 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
 
 def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores along the row, the sub-pixel fit, and the disparity of every method here."""
-    maps = all_maps(view)
+    maps = view.maps
     drawn = {
         name: float(disparity[pixel])
         for name, disparity in maps.items()
@@ -374,20 +352,6 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     prose.markdown("### The disparity by each method")
     lines = [[f"**{name}**", disparity_in_words(view, name, pixel)] for name in maps]
     prose.markdown(markdown_table([["method", "disparity"], *lines]))
-
-
-def disparity_in_words(view: DepthView, name: str, pixel: Pixel, *, score: bool = False) -> str:
-    """Return the disparity of a method or of the ground truth at a pixel, with its score or not; or why it has none."""
-    disparity = float(all_maps(view)[name][pixel])
-    if math.isnan(disparity):
-        return "unknown" if name == TRUTH else f"none: {REASON_WORDS[Reason(reasons_of(view, name)[pixel])]}"
-    said = f"{disparity:.2f} px"
-    if name == TRUTH:
-        return said
-    result = view.results[name]
-    if result.reason[pixel] == Reason.FILLED:
-        said += ", filled in"
-    return f"{said}, score {result.score[pixel]:.3f}" if score and np.isfinite(result.score[pixel]) else said
 
 
 def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation) -> None:
@@ -430,16 +394,3 @@ def show_blanks(view: DepthView) -> None:
     )
     if not all(result.settings.gives_reasons for result in view.results.values()):
         prose.caption(OPENCV_REASONS)
-
-
-def reasons_of(view: DepthView, name: str) -> ReasonMap:
-    """Return the reason for every pixel of one map; OpenCV's reasons are found by matching again."""
-    result = view.results[name]
-    if result.settings.gives_reasons:
-        return result.reason
-    return computed(
-        "reasons",
-        lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
-        **view.kept(name),
-        label=f"Finding the reasons of {name} …",
-    )

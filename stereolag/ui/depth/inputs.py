@@ -1,24 +1,26 @@
-"""The pair on the depth page: an example or the visitor's own files, resized, rectified and with remedies applied."""
+"""The pair on the depth page: an example, own files, one of a set, or handed over; resized, rectified and mended."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import streamlit as st
 
 from stereolag import samples
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import halves
+from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
 from stereolag.io.images import StoredDisparity, read_image, read_stored_disparity
+from stereolag.io.settings import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
     DIVISORS,
@@ -28,32 +30,29 @@ from stereolag.pair import (
     ChangeCode,
     Pair,
     PairId,
+    PairSet,
+    Preparation,
+    Rows,
     assemble_pair,
     example_pair,
     likely_divisor,
+    prepare,
     read_bundle,
+    session_pair,
 )
+from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
-from stereolag.streamlit_inside import BENCH_STYLE, Container, show_style
+from stereolag.streamlit_inside import BENCH_STYLE, show_style
 from stereolag.ui import prose
-from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, persistent, set_controls
-from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
-from stereolag.ui.depth.calibrating import (
-    ask_calibration,
-    ask_rectification,
-    chosen_preparation,
-    prepared,
-    show_decision,
-)
-from stereolag.ui.depth.doctor import diagnosis_at_once, with_chosen_remedies
-from stereolag.ui.depth.pair_sets import ask_bundle, forget_bundle, pair_of_bundle, show_steps
-from stereolag.ui.depth.restoring import restore_settings, transferred_pair
+from stereolag.ui.calibrate import use_kept_calibration
+from stereolag.ui.controls import matchers_in_use, persistent, set_controls
+from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
+from stereolag.ui.depth.state import recall_choices, recall_settings, restore
 from stereolag.ui.elements import show_refused
-from stereolag.ui.keys import FOLD, FOLD_NEXT, PAIR
+from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.results import computed
-from stereolag.ui.sentences import started_in_words
 from stereolag.ui.uploads import (
+    CALIBRATION_TYPES,
     DISPARITY_TYPES,
     OWN,
     PICTURE_TYPES,
@@ -63,64 +62,31 @@ from stereolag.ui.uploads import (
     image_limits,
     own_or_example,
     put_together,
+    refuse,
     refused,
     show_limits,
     upload,
+    upload_named,
+    upload_together,
 )
 
-KEY = PAIR
-TITLE = "Depth maps"
-STYLE = Path(__file__).with_name("bench.css")
-KEPT = f"{KEY}.kept_settings"
-"""Session-state key of the images that the settings in use are for."""
-SCALED_FROM = f"{KEY}.scaled_from"
-"""Session-state key of {kind of settings: how they were last :class:`Scaled`}."""
-OWN_PAIR_THERE = f"{KEY}.there"
+T = TypeVar("T")
 
+STYLE = Path(__file__).with_name("bench.css")
+KEPT = f"{PAIR}.kept_settings"
+"""Session-state key of the :class:`Kept` settings."""
+OWN_PAIR_THERE = f"{PAIR}.there"
+SET = f"{PAIR}.set"
+"""Session-state key of the set of pairs in use, if there is one."""
+STEP = f"{PAIR}.step"
+"""Session-state key of the index of the pair shown, from 0, in its set."""
+RESTORED = f"{PAIR}.restored"
+"""Session-state key of the digest of the session restored last."""
 
 INTRODUCTION = (
     "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
     " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
 )
-
-
-@contextmanager
-def head(title: str, *, awaited: bool) -> Iterator[Container]:
-    """Draw the heading beside an expander; the choice of the pair is drawn inside the ``with`` block.
-
-    The expander stays open while files are `awaited`, and closes when they are there. The container yielded,
-    between the two, is for :func:`show_name` once the pair is known.
-    """
-    show_style(STYLE, BENCH_STYLE)
-    if awaited or st.session_state.pop(FOLD_NEXT, False):
-        st.session_state[FOLD] = awaited
-    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
-        st.title(title, anchor=False, width="content")
-        name = st.container(width="content", key="depth-head-pair")
-        # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
-        with st.expander(
-            "Choose a pair or bring your own",
-            key=FOLD,
-            icon=":material/photo_library:",
-            on_change="rerun",
-        ):
-            prose.markdown(INTRODUCTION, width=760)
-            yield name
-
-
-def show_name(place: Container, pair: str) -> None:
-    """Show the name of the pair whose maps are shown."""
-    with place:
-        prose.markdown(f"**{pair}**", width="content")
-
-
-@dataclass(frozen=True)
-class Scaled:
-    """Settings scaled with the images, the original settings, and the divisor of the image sides for the latter."""
-
-    settings: StereoMatcher
-    first: StereoMatcher
-    divisor: float
 
 
 def choose_pair() -> Pair:
@@ -131,28 +97,52 @@ def choose_pair() -> Pair:
     """
     recall_choices()
     examples = samples.stereo_pairs()
-    awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
-    with head(TITLE, awaited=awaited) as name_place:
+    show_style(STYLE, BENCH_STYLE)
+    awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
+    if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
+        st.session_state[FOLD] = awaited
+    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
+        st.title("Depth maps", anchor=False, width="content")
+        place = st.container(width="content", key="depth-head-pair")
+        # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
+        fold = st.expander(
+            "Choose a pair or bring your own", key=FOLD, icon=":material/photo_library:", on_change="rerun"
+        )
+
+    def named(name: str) -> None:
+        with place:
+            prose.markdown(f"**{name}**", width="content")
+
+    def ask() -> Pair | None:
+        own = ask_own_pair()
+        if own is not None or refused():
+            named("Your own pair")
+        return own
+
+    def load(name: str) -> Pair:
+        named(examples[name].title)
+        return example_pair(examples[name])
+
+    with fold:
+        prose.markdown(INTRODUCTION, width=760)
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
-            chosen = choose(examples, key=KEY)
-
-        def ask() -> Pair | None:
-            own = ask_own_pair()
-            if own is not None or refused():
-                show_name(name_place, "Your own pair")
-            return own
-
-        def load(name: str) -> Pair:
-            show_name(name_place, examples[name].title)
-            return example_pair(examples[name])
-
-        pair = own_or_example(chosen, ask, load, examples, key=KEY, awaited="both images are")
+            chosen = choose(examples, key=PAIR)
+        pair = own_or_example(chosen, ask, load, examples, key=PAIR, awaited="both images are")
         st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
-            divisor = _ask_divisor_of_sides()
-        ask_rectification(pair.calibration, KEY)
-        pair = with_initial_range(with_chosen_remedies(prepared(pair, chosen_preparation(KEY, divisor))))
+            st.segmented_control(
+                "Size",
+                [*SIZES],
+                default="Automatic",
+                required=True,
+                **persistent(SIZE),
+                help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth "
+                "change with the images. Automatic is full size up to a megapixel.",
+            )
+        ask_rectification(pair.calibration, PAIR)
+        pair = prepared(pair, preparation_of_sets())
+        pair = with_initial_range(prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated))))
         _keep_settings(pair)
         prose.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
@@ -160,34 +150,36 @@ def choose_pair() -> Pair:
     told = [change.sentence for change in pair.changes if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED)]
     if told:
         prose.caption(" ".join(told))
-    show_decision(pair, KEY)
+    show_decision(pair, PAIR)
     show_start(pair)
-    show_steps(pair)
+    pairs = set_of(pair.id)
+    if pairs is not None:
+        _ask_step(pairs)
     recall_settings(pair)
-    take_over(pair)
-    restore_settings(pair)
     return pair
-
-
-def _ask_divisor_of_sides() -> int | None:
-    """Ask for the size to match at; return the divisor of the sides of the images, None to suit the pair."""
-    chosen = st.segmented_control(
-        "Size",
-        [*SIZES],
-        default="Automatic",
-        required=True,
-        **persistent(f"{KEY}.size"),
-        help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth change "
-        "with the images. Automatic is full size up to a megapixel.",
-    )
-    return SIZES[chosen]
 
 
 def original(pair: Pair) -> Pair:
     """Return the pair at its own size, with all changes made to the smaller one."""
     if pair.full is None:
         return pair
-    return prepared(pair.full, replace(chosen_preparation(KEY), remedies=pair.id.remedies))
+    return prepared(pair.full, replace(chosen_preparation(PAIR), remedies=pair.id.remedies))
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The images that the settings in use are for, and {kind of settings: (settings, before scaling, at divisor)}.
+
+    Attributes
+    ----------
+    images
+        The visitor's choice, the divisor of the sides of its images, and the key of the two images.
+    scaled
+        The settings as last scaled with the images, the original ones, and the divisor for the latter.
+    """
+
+    images: tuple[str, float, str]
+    scaled: dict[type[StereoMatcher], tuple[StereoMatcher, StereoMatcher, float]] = field(default_factory=dict)
 
 
 def _keep_settings(pair: Pair) -> None:
@@ -196,27 +188,23 @@ def _keep_settings(pair: Pair) -> None:
     They are scaled to cover the same part of the images. Settings not changed since the last scaling are scaled from
     the originals: sizes are rounded only once, and are the same again at the same size.
     """
-    full = pair.full or pair
-    now = pair.id.chosen, full.left.shape[1] / pair.left.shape[1], pair.id.searched
-    before = st.session_state.get(KEPT)
-    st.session_state[KEPT] = now
-    if before is None or before[0] != now[0]:
-        st.session_state[SCALED_FROM] = {}
+    divisor = (pair.full or pair).left.shape[1] / pair.left.shape[1]
+    now = pair.id.chosen, divisor, pair.id.searched
+    before: Kept | None = st.session_state.get(KEPT)
+    kept = st.session_state[KEPT] = Kept(now, before.scaled if before and before.images[0] == now[0] else {})
+    if before is None or before.images[0] != now[0] or before.images == now:
         return
-    if before == now:
-        return
-    origins: dict[type[StereoMatcher], Scaled] = st.session_state[SCALED_FROM]
     for matcher in matchers_in_use():
-        origin = origins.get(type(matcher))
-        if origin is None or origin.settings != matcher:
-            origin = Scaled(matcher, matcher, before[1])
+        last, first, at = kept.scaled.get(type(matcher), (None, matcher, before.images[1]))
+        if last != matcher:
+            first, at = matcher, before.images[1]
         try:
-            scaled = scaled_settings(origin.first, origin.divisor / now[1])
+            scaled = scaled_settings(first, at / divisor)
         except ValueError as error:
             show_refused(f"The settings could not be scaled with the images. {error}")
         else:
             set_controls(scaled, pair)
-            origins[type(matcher)] = replace(origin, settings=scaled)
+            kept.scaled[type(matcher)] = scaled, first, at
 
 
 # The visitor’s own pair
@@ -234,69 +222,98 @@ class Pictures:
     notes: tuple[str, ...] = ()
 
 
+def transfer(
+    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int] | None
+) -> None:
+    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
+    first, count = search or (0, None)
+    st.session_state[HANDED] = Pair(
+        *as_stereo_pair(frame.left, frame.right),
+        PairId(digest),
+        truth=frame.truth,
+        calibration=calibration,
+        min_disparity=first,
+        num_disparities=count,
+        description=description,
+    )
+    st.session_state[PAIR] = OWN
+
+
 def ask_own_pair() -> Pair | None:
     """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
-    An archive in place of the left image contains all of these: a saved session, or several pairs.
+    An archive in place of the left image contains all of these: a saved session, or several pairs. A pair that another
+    page transferred stands in for all files.
     """
-    transferred = transferred_pair()
+    transferred: Pair | None = st.session_state.get(HANDED)
     if transferred is not None:
+        with st.container(horizontal=True, vertical_alignment="center"):
+            prose.caption(f"In use: {transferred.description}", width="content")
+            forget = partial(st.session_state.pop, HANDED, None)
+            st.button("Use other files", key=f"{HANDED}.forget", type="tertiary", on_click=forget)
         return transferred
     arrangement = st.segmented_control(
         "Images",
         [*ARRANGEMENTS],
         default="files",
-        format_func=lambda name: ARRANGEMENTS[name],
+        format_func=ARRANGEMENTS.__getitem__,
         required=True,
-        **persistent(f"{KEY}.arrangement"),
+        **persistent(f"{PAIR}.arrangement"),
         label_visibility="collapsed",
     )
     if arrangement == "several":
-        bundle = ask_bundle()
+        bundle = upload_named(
+            "A ZIP, or the files of several pairs",
+            read_bundle,
+            key=f"{PAIR}.several",
+            types=tuple(dict.fromkeys((*PICTURE_TYPES, "zip", *DISPARITY_TYPES, *CALIBRATION_TYPES))),
+            note="A ZIP saved from this page reopens it as it was. Otherwise, left and right images, ground truths "
+            "and calibrations are matched by name and folder.",
+        )
         show_limits(image_limits())
-        return pair_of_bundle(bundle)
+        return _pair_of_bundle(bundle)
     columns = st.columns([2, 1], gap="medium")
     with columns[0]:
         found = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
     if isinstance(found, Upload):
-        return pair_of_bundle(found)
-    forget_bundle()
-    pictures = found
+        return _pair_of_bundle(found)
+    _pair_of_bundle(None)
     with columns[1]:
-        truth = _ask_truth(pictures)
+        truth = _ask_truth(found)
     show_limits(image_limits())
-    calibration = ask_calibration(KEY)
-    if pictures is None:
-        forget_together(f"{KEY}.own.{arrangement}")
+    calibration = ask_calibration(PAIR)
+    if found is None:
+        forget_together(f"{PAIR}.own.{arrangement}")
         return None
-
-    def assemble() -> Pair:
-        return assemble_pair(
-            pictures.left,
-            pictures.right,
-            None if truth is None else truth.content,
-            None if calibration is None else calibration.content,
-            id=PairId(pictures.digest, truth.digest if truth else ""),
-            notes=pictures.notes,
-        )
-
-    return put_together(assemble, f"{KEY}.own.{arrangement}")
+    make = partial(
+        assemble_pair,
+        found.left,
+        found.right,
+        None if truth is None else truth.content,
+        None if calibration is None else calibration.content,
+        id=PairId(found.digest, truth.digest if truth else ""),
+        notes=found.notes,
+    )
+    return put_together(make, f"{PAIR}.own.{arrangement}")
 
 
 def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
+    def picture_or_bundle(data: bytes) -> Image | Bundle:
+        return read_bundle([("", data)]) if is_archive(data) else guarded(read_image)(data)
+
     columns = st.columns(2, gap="medium")
     with columns[0]:
         left = upload(
             "Left image",
-            _picture_or_bundle,
-            key=f"{KEY}.left",
+            picture_or_bundle,
+            key=f"{PAIR}.left",
             types=(*PICTURE_TYPES, "zip"),
             note="Or a ZIP: one saved from this page, or several pairs.",
         )
     if left is not None and not isinstance(left.content, np.ndarray):
         return Upload(left.digest, left.content)
     with columns[1]:
-        right = upload("Right image", guarded(read_image), key=f"{KEY}.right", types=PICTURE_TYPES)
+        right = upload("Right image", guarded(read_image), key=f"{PAIR}.right", types=PICTURE_TYPES)
     if left is None or right is None:
         return None
     assert isinstance(left.content, np.ndarray)
@@ -304,28 +321,24 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
     return Pictures(left.content, right.content, f"{left.digest} {right.digest}", notes)
 
 
-def _picture_or_bundle(data: bytes) -> Image | Bundle:
-    return read_bundle([("", data)]) if is_archive(data) else guarded(read_image)(data)
-
-
 def _ask_one_picture() -> Pictures | None:
+    def split(data: bytes) -> tuple[Image, Image, str]:
+        both = guarded(read_image)(data)
+        width = both.shape[1]
+        odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
+        return *halves(both), f"The image was split down the middle.{odd}"
+
     both = upload(
         "Both images side by side",
-        _split_picture,
-        key=f"{KEY}.beside",
+        split,
+        key=f"{PAIR}.beside",
         types=PICTURE_TYPES,
         note="The left image in the left half, as stereo cameras deliver them.",
     )
-    return None if both is None else replace(both.content, digest=both.digest)
-
-
-def _split_picture(data: bytes) -> Pictures:
-    """Return both halves of a side-by-side image, without a digest; raise ValueError if it cannot be read or halved."""
-    both = guarded(read_image)(data)
-    left, right = halves(both)
-    width = both.shape[1]
-    odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-    return Pictures(left, right, "", (f"The image was split down the middle.{odd}",))
+    if both is None:
+        return None
+    left, right, note = both.content
+    return Pictures(left, right, both.digest, (note,))
 
 
 def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
@@ -333,27 +346,25 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
     given = upload(
         "Ground truth (optional)",
         guarded(read_stored_disparity),
-        key=f"{KEY}.truth",
+        key=f"{PAIR}.truth",
         types=DISPARITY_TYPES,
         note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is found from the pair.",
     )
-    divisor = st.session_state.get(f"{KEY}.divisor")
-    unsure = given is not None and given.content.divisor is None and pictures is not None and divisor is None
-    if unsure:
-        assert given is not None
-        assert pictures is not None
-        divisor = _ask_divisor_of_truth(given, pictures)
+    divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
+    likely = None
+    if given is not None and given.content.divisor is None and pictures is not None and divisor is None:
+        likely = _ask_divisor_of_truth(given, pictures)
     st.number_input(
-        "Another divisor" if unsure else "Divisor of the ground truth",
+        "Divisor of the ground truth" if likely is None else "Another divisor",
         min_value=0.001,
         value=None,
-        **persistent(f"{KEY}.divisor"),
-        placeholder="as chosen" if unsure else "as the file says",
+        **persistent(f"{PAIR}.divisor"),
+        placeholder="as the file says" if likely is None else "as chosen",
         help="Stored value ÷ divisor = px.",
     )
     if given is None or pictures is None:
         return None
-    divisor = divisor or given.content.divisor or 1.0
+    divisor = divisor or likely or given.content.divisor or 1.0
     try:
         return Upload(f"{given.digest} {divisor:g}", given.content.divided(divisor))
     except ValueError as error:
@@ -380,90 +391,226 @@ def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) ->
             default=int(likely),
             format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
             required=True,
-            **persistent(f"{KEY}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
+            **persistent(f"{PAIR}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
             help="The preselected one agrees best with a quick map of the pair.",
         )
     )
 
 
-# The initial settings
+# Sessions, and sets of pairs
 
 
-@dataclass(frozen=True)
-class Start:
-    """The initial range of a pair, px, and the initial settings of all methods, for images of this width, px.
-
-    Attributes
-    ----------
-    found
-        Whether the range was determined, not assumed.
-    """
-
-    min_disparity: int
-    num_disparities: int
-    found: bool
-    settings: tuple[StereoMatcher, ...]
-    width: int
-
-    def range_at(self, width: int) -> tuple[int, int]:
-        """Return the first disparity and the number of disparities at another width."""
-        share = width / self.width
-        return math.floor(self.min_disparity * share), math.ceil(self.num_disparities * share)
-
-
-def with_initial_range(pair: Pair) -> Pair:
-    """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
-
-    The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
-    it. The controls must not have been drawn yet.
-    """
-    if pair.shared:
-        return pair
-    start: Start | None = st.session_state.get(_key(pair))
-    width = int(pair.left.shape[1])
-    if start is None:
-        if pair.num_disparities is None and diagnosis_at_once(pair) is None:
-            return pair  # still being examined
-        found = _range_of(pair)
-        first, count = found or (0, DISPARITIES_AT_FIRST)
-        begun = replace(pair, min_disparity=first, num_disparities=count)
-        settings = tuple(default_settings(kind, begun) for kind in METHODS)
-        _set_all(settings, begun)
-        st.session_state[_key(pair)] = start = Start(first, count, found is not None, settings, width)
-        st.session_state[FOLD_NEXT] = True
-    first, count = start.range_at(width)
-    return replace(pair, min_disparity=first, num_disparities=count)
-
-
-def show_start(pair: Pair) -> None:
-    """Show the initial settings of the pair while they are in use, and offer to undo them."""
-    start: Start | None = st.session_state.get(_key(pair))
-    if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
-        return
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.caption(
-            f":material/auto_fix_high: {started_in_words(start.min_disparity, start.num_disparities)}", width="content"
+def _pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
+    """Return the pair of a session, setting the page to it once, or the one chosen from a set; None without either."""
+    state = st.session_state
+    if given is None:
+        for place in (SET, RESTORED, STEP):
+            state.pop(place, None)
+        return None
+    if isinstance(given.content, Session):
+        state.pop(SET, None)
+        if state.get(RESTORED) != given.digest:
+            state[RESTORED] = given.digest
+            restore(given.content)
+        return session_pair(given.content, given.digest)
+    state.pop(RESTORED, None)
+    pairs = state[SET] = given.content
+    number = state[STEP] = min(state.get(STEP) or 0, len(pairs) - 1)
+    try:
+        return computed(
+            "pair of a set",
+            lambda progress: pairs.pair(number),
+            inputs=pairs.digest,
+            settings=str(number),
+            shared=False,
+            label="Reading the pair …",
         )
-        st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
+    except ValueError as error:
+        _ask_step(pairs)
+        refuse(str(error))
+        return None
 
 
-def _undo(pair: Pair) -> None:
-    """Set the controls as for a pair about which nothing is known."""
-    _set_all(tuple(kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS), pair)
+def _ask_step(pairs: PairSet) -> None:
+    """Ask which pair of the set to show."""
+    number, count = st.session_state[STEP], len(pairs)
+
+    def step_button(label: str, by: int, *, disabled: bool) -> None:
+        st.button(label, key=f"{STEP}.{by}", on_click=_move, args=(by,), disabled=disabled, width="content")
+
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        step_button("Previous", -1, disabled=number == 0)
+        st.selectbox(
+            f"Pair, of {count}",
+            range(count),
+            format_func=lambda one: f"{one + 1} of {count}: {pairs.name(one)}",
+            **persistent(STEP),
+            label_visibility="collapsed",
+            width=320,
+        )
+        step_button("Next", 1, disabled=number == count - 1)
+        prose.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
 
 
-def _set_all(settings: tuple[StereoMatcher, ...], pair: Pair) -> None:
-    for matcher in settings:
-        set_controls(matcher, pair)
+def _move(by: int) -> None:
+    st.session_state[STEP] += by
 
 
-def _range_of(pair: Pair) -> tuple[int, int] | None:
-    """Return the first disparity and the number of disparities; None if unknown."""
-    if pair.num_disparities is not None:
-        return pair.min_disparity, pair.num_disparities
-    diagnosis = diagnosis_at_once(pair)
-    return None if diagnosis is None else diagnosis.suggested_range
+def set_of(pair_id: PairId) -> PairSet | None:
+    """Return the set that a pair belongs to; None for a single pair."""
+    pairs: PairSet | None = st.session_state.get(SET)
+    return pairs if pairs is not None and pairs.digest == pair_id.collection else None
 
 
-def _key(pair: Pair) -> str:
-    return f"{KEY}.start.{pair.id.chosen}"
+# Calibration and rectification, on the driving page too
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def ask_calibration(key: str) -> Upload[Calibration] | None:
+    """Ask for the calibration of the camera; None if there is none, and depth is then relative."""
+    with st.expander("Calibration (optional): for depth in metres, and to rectify"):
+        columns = st.columns([2, 1, 1], gap="medium")
+        with columns[0]:
+            unit = st.session_state.get(f"{key}.unit", "m")
+            given = upload_together(
+                "Calibration files",
+                lambda contents: guarded(read_calibration)(*contents, length_unit_m=UNITS[unit]),
+                key=f"{key}.calibration",
+                types=CALIBRATION_TYPES,
+                note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
+                "Kalibr, Middlebury, KITTI, stereodemo, or JSON with focal_px and baseline_m. With both cameras’ "
+                "matrices and distortion the pair is rectified.",
+                variant=unit,
+            )
+            st.segmented_control(
+                "Lengths without a unit are in",
+                [*UNITS],
+                default="m",
+                required=True,
+                **persistent(f"{key}.unit"),
+                help="Files of OpenCV and NumPy do not state it: it is the unit of the chessboard’s square size. "
+                "Others state it, or are in metres by convention (ROS, Kalibr).",
+            )
+        focal = columns[1].number_input(
+            "Focal length, px",
+            min_value=1.0,
+            value=None,
+            **persistent(f"{key}.focal"),
+            placeholder="from the file" if given else "not known",
+            disabled=given is not None,
+        )
+        baseline = columns[2].number_input(
+            "Baseline, m",
+            min_value=0.0001,
+            value=None,
+            format="%.4f",
+            **persistent(f"{key}.baseline"),
+            placeholder="from the file" if given else "not known",
+            disabled=given is not None,
+            help="The distance between the two cameras.",
+        )
+    if given is not None:
+        return given
+    if focal is None or baseline is None:
+        return use_kept_calibration()
+    return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
+
+
+ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}
+
+
+def rows_key(key: str) -> str:
+    """Return the key of the control for raw or rectified images; `key` is the prefix of the page's keys."""
+    return f"{key}.pictures_are"
+
+
+def alpha_key(key: str) -> str:
+    """Return the key of the control for the frame; `key` is the prefix of the page's keys."""
+    return f"{key}.alpha"
+
+
+def ask_rectification(calibration: Calibration | None, key: str) -> None:
+    """Ask whether the images are raw or rectified, if the calibration is that of both cameras before rectification.
+
+    Parameters
+    ----------
+    calibration
+        That of the pair as read.
+    key
+        Prefix of the keys of the controls; :func:`chosen_preparation` returns the answer.
+    """
+    if calibration is None or calibration.rig is None:
+        return
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        st.segmented_control(
+            "The images are",
+            [*ROWS],
+            default=Rows.DECIDE,
+            format_func=ROWS.__getitem__,
+            required=True,
+            **persistent(rows_key(key)),
+            help="The calibration describes both cameras before rectification. Raw images are undistorted and "
+            "rectified with it; images that are rectified already are left as they are.",
+        )
+        if calibration.rig.rectification is None:
+            st.slider(
+                "Frame (`alpha`)",
+                0.0,
+                1.0,
+                0.0,
+                0.05,
+                **persistent(alpha_key(key)),
+                width=220,
+                help="The calibration does not include the rectification (R1, R2, P1, P2). 0 crops to valid pixels, "
+                "1 keeps all pixels, with black around them. For images that are rectified already: the value they "
+                "were rectified with, as metres depend on it.",
+            )
+
+
+def chosen_preparation(key: str, divisor: int | None = 1) -> Preparation:
+    """Return how the visitor wants pairs to be prepared, without remedies; `key` is the prefix of the page's keys."""
+    state = st.session_state
+    return Preparation(divisor, Rows(state.get(rows_key(key), Rows.DECIDE)), state.get(alpha_key(key), 0.0))
+
+
+def preparation_of_sets() -> Preparation:
+    """Return how the pair shown, and every other of its set, is prepared as chosen; without remedies."""
+    return chosen_preparation(PAIR, SIZES[st.session_state.get(SIZE, "Automatic")])
+
+
+STEPS = {
+    "resized pair": "Resizing …",
+    "rectified pair": "Rectifying the pair …",
+    "row evidence": "Comparing the rows …",
+    "remedy": "Correcting the pair …",
+}
+
+
+def prepared(pair: Pair, preparation: Preparation) -> Pair:
+    """Return the pair ready for matching, from memory as far as possible; show the errors of steps that are not."""
+
+    def remembered_step(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
+        return computed(
+            step,
+            lambda progress: make(),
+            inputs=pair.digest,
+            settings=settings,
+            shared=pair.shared,
+            label=STEPS[step],
+        )
+
+    return prepare(pair, preparation, memo=remembered_step, refused=show_refused)
+
+
+def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
+    """Show whether the pair was rectified and why, with a button that undoes it."""
+    decision = pair.rectification
+    if decision is None:
+        return
+    undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
+    label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        prose.caption(f":material/straighten: {decision.in_words(subject)}", width="content")
+        choose = partial(st.session_state.update, {rows_key(key): rows})
+        st.button(label, key=f"{key}.rectifying.undo", type="tertiary", on_click=choose)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from contextlib import nullcontext
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import streamlit as st
 
+from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, edge_path, thinned
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
@@ -32,7 +34,6 @@ from stereolag.ui.controls import (
     persistent,
     set_controls,
 )
-from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
 from stereolag.ui.elements import announce, show_refused
@@ -46,8 +47,10 @@ from stereolag.ui.linked_pictures import (
     packed,
     send_picture,
 )
-from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
+from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
+
+Pixel = tuple[int, int]
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
@@ -71,6 +74,21 @@ REASON_READINGS = tuple(WITH_A_DISPARITY.get(reason, f"no disparity: {REASON_WOR
 """The text under a map for each reason."""
 
 
+@dataclass(frozen=True)
+class KnownDistance:
+    """A pixel, its distance as entered by the visitor, metres, and the calibration derived from it."""
+
+    row: int
+    col: int
+    metres: float
+    calibration: Calibration
+
+
+def known_key(digest: str) -> str:
+    """Return the session-state key of the :class:`KnownDistance` of a pair."""
+    return f"depth.known.{digest}"
+
+
 @dataclass(frozen=True, eq=False)
 class DepthView:
     """One pair, the map of each method, and the colours that all maps share.
@@ -92,6 +110,22 @@ class DepthView:
     colours: Colours
     late: Set[str] = frozenset()
 
+    @property
+    def maps(self) -> dict[str, FloatMap]:
+        """Return the disparities of every method and the ground truth if there is one, by name."""
+        truth = {} if self.pair.truth is None else {TRUTH: self.pair.truth}
+        return {name: result.disparity for name, result in self.results.items()} | truth
+
+    @property
+    def known_distance(self) -> KnownDistance | None:
+        """Return the distance that the visitor entered for this pair in this session."""
+        return st.session_state.get(known_key(self.pair.digest))
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Return the calibration in use: derived from the known distance if one was entered, else the pair's own."""
+        return self.known_distance.calibration if self.known_distance else self.pair.calibration
+
     def kept(self, name: str, more: str = "") -> dict[str, Any]:
         """Return what identifies a result about one map, as :func:`.kept_for` does; `more` is what else it needs."""
         return kept_for(self.pair, f"{settings_key(self.results[name])} {more}")
@@ -112,12 +146,6 @@ def known_truth(pair: Pair) -> FloatMap | None:
     return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
 
 
-def all_maps(view: DepthView) -> dict[str, FloatMap]:
-    """Return the disparities of every method and the ground truth if there is one, by name."""
-    truth = {} if view.pair.truth is None else {TRUTH: view.pair.truth}
-    return {name: result.disparity for name, result in view.results.items()} | truth
-
-
 # The colours
 
 
@@ -129,22 +157,21 @@ def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView
     """
     first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
     searched = searched_range(results.values()) if results else (float(first), float(first + count))
-    low, high = st.session_state.get(range_key(pair)) or searched
+    low, high = st.session_state.get(range_key(pair.digest)) or searched
+    view = DepthView(pair, results, Colours(low, max(high, low + 1)))
     popover = st.popover("Colours", icon=":material/palette:", key=f"{keys.COLOURS}.opened", on_change="rerun")
     if popover.open:  # drawing hidden controls would cost time in every run
         with popover:
-            _ask_colours(pair, results, (low, high))
-    palette = PALETTES[st.session_state.get(PALETTE, FIRST_PALETTE)]
-    outlines = ""
-    if st.session_state.get(OUTLINED):
-        outlines = remembered("outlines", lambda: edge_path(pair.left), **kept_for(pair))
-    direction = -1 if st.session_state.get(INVERTED) else 1
-    return DepthView(pair, results, Colours(low, max(high, low + 1), palette[::direction], outlines))
+            _ask_colours(view, (low, high))
+    outlined, direction = st.session_state.get(OUTLINED), -1 if st.session_state.get(INVERTED) else 1
+    outlines = remembered("outlines", partial(edge_path, pair.left), **kept_for(pair)) if outlined else ""
+    palette = PALETTES[st.session_state.get(PALETTE, FIRST_PALETTE)][::direction]
+    return replace(view, colours=replace(view.colours, palette=palette, outlines=outlines))
 
 
-def _ask_colours(pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
+def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
     """Ask for the ends of the colour range, or to fit it or let it follow the search, for palette and outlines."""
-    key = range_key(pair)
+    key = range_key(view.pair.digest)
     with st.container(horizontal=True, gap="small"):
         for end, value in zip(("far", "near"), shown, strict=True):
             st.session_state[f"{key}.{end}"] = float(value)
@@ -161,9 +188,9 @@ def _ask_colours(pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[f
         st.button(
             "Fit to the maps",
             on_click=_fit_range,
-            args=(pair, results),
+            args=(key, view.maps),
             key=f"{keys.COLOURS}.fit",
-            disabled=not results,
+            disabled=not view.results,
         )
         st.button(
             "Follow the search",
@@ -194,21 +221,19 @@ def _ask_colours(pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[f
     )
 
 
-def range_key(pair: Pair) -> str:
+def range_key(digest: str) -> str:
     """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
-    return f"{keys.COLOURS}.range.{pair.digest}"
+    return f"{keys.COLOURS}.range.{digest}"
 
 
 def _set_range(key: str) -> None:
-    ends = st.session_state[f"{key}.far"], st.session_state[f"{key}.near"]
-    st.session_state[key] = min(ends), max(ends)
+    st.session_state[key] = tuple(sorted(st.session_state[f"{key}.{end}"] for end in ("far", "near")))
 
 
-def _fit_range(pair: Pair, results: Mapping[str, DisparityMap]) -> None:
+def _fit_range(key: str, maps: Mapping[str, FloatMap]) -> None:
     """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
-    truth = [] if pair.truth is None else [pair.truth]
-    ends = [disparity_range([one]) for one in (*(result.disparity for result in results.values()), *truth)]
-    st.session_state[range_key(pair)] = min(low for low, _ in ends), max(high for _, high in ends)
+    ends = [disparity_range([one]) for one in maps.values()]
+    st.session_state[key] = min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def offer_fit(view: DepthView) -> None:
@@ -217,9 +242,8 @@ def offer_fit(view: DepthView) -> None:
 
     def beyond(result: DisparityMap) -> float:
         values = thinned(result.disparity)
-        known = np.isfinite(values)
-        outside = (values < low - 1) | (values > high + 1)
-        return float((outside & known).sum()) / max(1.0, float(known.sum()))
+        known = values[np.isfinite(values)]
+        return float(((known < low - 1) | (known > high + 1)).sum()) / max(1, known.size)
 
     shares = {
         name: remembered("share beyond the colours", partial(beyond, result), **view.kept(name, f"{low} {high}"))
@@ -229,7 +253,7 @@ def offer_fit(view: DepthView) -> None:
     if shares:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             prose.markdown(f":orange[:material/palette:] {beyond_the_colours(shares)}", width="content")
-            fit = partial(_fit_range, view.pair, view.results)
+            fit = partial(_fit_range, range_key(view.pair.digest), view.maps)
             st.button("Fit the colours", key=f"{keys.COLOURS}.fit_beyond", on_click=fit)
 
 
@@ -306,14 +330,12 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
     packs = {}
-    for matcher in matchers:
-        try:
-            result = matcher and computed_at_once(**_computation(pair, matcher))
-        except ValueError:  # shown in place of the map
-            continue
-        if result:
-            picture = Picture(result.settings.title, None, _readings(result, digits=1))
-            packs[picture.title] = _packed(pair, picture, result)
+    for matcher in filter(None, matchers):
+        with suppress(ValueError):  # shown in place of the map
+            result = computed_at_once(**_computation(pair, matcher))
+            if result is not None:
+                picture = Picture(matcher.title, None, _readings(result, digits=1))
+                packs[picture.title] = _packed(pair, picture, result)
     with st.container(key="depth-ahead", gap=None):
         for title, pack in packs.items():
             send_picture(pack, title, key=KEY)
@@ -376,8 +398,9 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
 
 def photograph(title: str, image: Image, *, small: bool = False) -> Picture:
     """Return one of the two images."""
-    said = partial(photograph_in_words, image)
-    return Picture(title, as_rgb(image), photograph=True, thumbnail=small, alternative=said)
+    return Picture(
+        title, as_rgb(image), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, image)
+    )
 
 
 def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, with_figures: bool = False) -> Picture:
@@ -386,14 +409,7 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, 
     With figures, it has the numbers of the whole map in place of scores and hundredths: a third of the data is sent.
     """
     result, depth = view.results[name], partial(_depth_scale, view, name)
-    said = partial(
-        remembered,
-        "map in words",
-        partial(map_in_words, result.disparity),
-        inputs=view.pair.digest,
-        settings=settings_key(result),
-        shared=view.pair.shared,
-    )
+    said = partial(remembered, "map in words", partial(map_in_words, result.disparity), **view.kept(name))
     if with_figures:
         numbers = partial(_figures, view, name)
         return Picture(name, None, _readings(result, depth, digits=1), numbers, alternative=said)
@@ -426,7 +442,7 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
     """Return the legends of the maps of a pair."""
     colours = view.colours
-    return disparity_legends(colours.low, colours.high, colours.palette, calibration_of(view.pair))
+    return disparity_legends(colours.low, colours.high, colours.palette, view.calibration)
 
 
 def disparity_error(view: DepthView, name: str) -> float:
@@ -441,11 +457,39 @@ def disparity_error(view: DepthView, name: str) -> float:
 
 def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
     """Return the numbers that the browser needs to show depths; None without a calibration."""
-    calibration = calibration_of(view.pair)
+    calibration = view.calibration
     if calibration is None:
         return None
     factor = calibration.focal_px * calibration.baseline_m
     return DepthScale(factor, calibration.doffs_px, disparity_error(view, name))
+
+
+# The values at one pixel
+
+
+def disparity_in_words(view: DepthView, name: str, pixel: Pixel, *, score: bool = False) -> str:
+    """Return the disparity of a method or of the ground truth at a pixel, with its score or not; or why it has none."""
+    disparity = float(view.maps[name][pixel])
+    if name == TRUTH:
+        return "unknown" if math.isnan(disparity) else f"{disparity:.2f} px"
+    result = view.results[name]
+    if math.isnan(disparity):
+        return f"none: {REASON_WORDS[Reason(reasons_of(view, name)[pixel])]}"
+    said = f"{disparity:.2f} px{', filled in' if result.reason[pixel] == Reason.FILLED else ''}"
+    return f"{said}, score {result.score[pixel]:.3f}" if score and np.isfinite(result.score[pixel]) else said
+
+
+def reasons_of(view: DepthView, name: str) -> ReasonMap:
+    """Return the reason for every pixel of one map; OpenCV's reasons are found by matching again."""
+    result = view.results[name]
+    if result.settings.gives_reasons:
+        return result.reason
+    return computed(
+        "reasons",
+        lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
+        **view.kept(name),
+        label=f"Finding the reasons of {name} …",
+    )
 
 
 # The controls beside them

@@ -357,7 +357,9 @@ def metres_in_words(calibration: Calibration | None, entered: str) -> str:
 
 
 def length_in_words(metres: float, error: float) -> str:
-    """Return a length with its error, to two significant digits of the error and at most 4 decimals."""
+    """Return a length with its error, to two significant digits of the error and at most 4 decimals; "–" for NaN."""
+    if math.isnan(metres):
+        return "–"
     if error == 0:
         return f"{metres:.4g} m"
     decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)

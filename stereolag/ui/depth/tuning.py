@@ -1,13 +1,17 @@
-"""Better settings for a method: two parameters tried in all combinations, or a search for the best."""
+"""Better settings for a method, judged on a pair or its whole set: combinations of two tried, or a search for the best.
+
+Both are jobs beside the page, which begin at a click and show their progress.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from functools import partial, reduce
+from operator import getitem
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -31,12 +35,11 @@ from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion
 from stereolag.core.jobs import Estimate
 from stereolag.core.settings import Number, changed, title_of
 from stereolag.figures.maps import sweep_bad, sweep_maps
-from stereolag.pair import Pair
+from stereolag.pair import Pair, PairId, Preparation, prepare
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
-from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
 from stereolag.ui.depth.maps import DepthView, known_truth
-from stereolag.ui.depth.pair_sets import BETWEEN_LOOKS_S, JudgedPairs, PairJob, begin_job, forget_job, job_on
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,
@@ -46,27 +49,10 @@ from stereolag.ui.depth.sentences import (
     sweep_in_words,
     value_in_words,
 )
+from stereolag.ui.depth.state import adopt
 from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import Job, show_busy
-
-
-def criterion_on(pair: Pair) -> Criterion:
-    """Return the criterion by which settings are judged on a pair."""
-    return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
-
-
-def tuning_pairs(pairs: Iterable[Pair], search_range: tuple[int, int] | None, job: Job[Any]) -> Iterator[TuningPair]:
-    """Yield the pairs for judging settings within a job, each with its truth or a reference."""
-    for pair in pairs:
-        yield TuningPair.of(
-            pair.left,
-            pair.right,
-            known_truth(pair),
-            search_range=search_range,
-            progress=lambda _: job.report_or_end(job.progress),
-        )
-
+from stereolag.ui.results import Job, show_busy, this_visit
 
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
 FEWER, MORE = 5, 7
@@ -75,6 +61,138 @@ FEWER, MORE = 5, 7
 MOST_VALUES = 10
 SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
 BUDGETS_S = (10, 20, 60)
+BETWEEN_LOOKS_S = 0.3
+
+HELD_BYTES = 256 * 2**20
+"""Maximum memory of pairs that are judged together and kept in memory at the same time."""
+HELD_BYTES_OF_A_PIXEL = 24
+"""Memory per pixel: both images in colour, their reference, and one map."""
+
+
+# The pairs that settings are judged on, and jobs on them
+
+
+@dataclass(frozen=True)
+class JudgedPairs:
+    """The pairs on which settings are judged together: first the one shown, then others of its set.
+
+    Attributes
+    ----------
+    current
+        The pair shown.
+    others
+        Functions that read the others: as many as may be in memory at once, spread evenly over the set.
+    preparation
+        How the others are prepared.
+    sentence
+        A sentence about them; "" for a single pair.
+    """
+
+    current: Pair
+    others: tuple[Callable[[], Pair], ...]
+    preparation: Preparation
+    sentence: str = ""
+
+    @classmethod
+    def of(cls, pair: Pair) -> JudgedPairs:
+        """Return the pairs to judge on while this one is shown."""
+        pairs = set_of(pair.id)
+        if pairs is None:
+            return cls(pair, (), preparation_of_sets())
+        count, (rows, cols) = len(pairs), pair.left.shape[:2]
+        held = min(count, max(1, HELD_BYTES // (HELD_BYTES_OF_A_PIXEL * rows * cols)))
+        spread = dict.fromkeys(round((step + 0.5) * count / held - 0.5) for step in range(held))
+        others = [partial(pairs.pair, one) for one in spread if one != st.session_state.get(STEP, 0)][: held - 1]
+        judged = 1 + len(others)
+        which = f"all {count} pairs" if judged == count else f"{judged} of the {count} pairs, spread evenly,"
+        said = f"They are judged on **{which} together**, by the mean. "
+        return cls(pair, tuple(others), preparation_of_sets(), said)
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return 1 + len(self.others)
+
+    def __iter__(self) -> Iterator[Pair]:
+        """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
+        yield self.current
+        for read in self.others:
+            try:
+                yield prepare(read(), self.preparation)
+            except ValueError:  # the table of all pairs says why
+                continue
+
+    def tuning(self, search_range: tuple[int, int] | None, job: Job[Any]) -> Iterator[TuningPair]:
+        """Yield the pairs for judging settings within a job, each with its truth or a reference."""
+        for pair in self:
+            yield TuningPair.of(
+                pair.left,
+                pair.right,
+                known_truth(pair),
+                search_range=search_range,
+                progress=lambda _: job.report_or_end(job.progress),
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PairJob:
+    """A job on a pair or on the set it belongs to.
+
+    Attributes
+    ----------
+    digest
+        Identifies the pair, or the set and the preparation of its pairs.
+    asked
+        The request that started the job.
+    job
+        The job itself.
+    shown
+        The pair shown when the job began.
+    place
+        Position of that pair in the set, in words; "" for a single pair.
+    """
+
+    digest: str
+    asked: Any
+    job: Job[Any]
+    shown: PairId
+    place: str = ""
+
+
+def begin_job(pair_id: PairId, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
+    """Start the job of a part of the page in its own thread."""
+    job, pairs = Job(work, estimate), set_of(pair_id)
+    place = f"pair {st.session_state.get(STEP, 0) + 1} of {len(pairs)}" if pairs else ""
+    this_visit().jobs[key] = pair_id.judged, job
+    st.session_state[key] = PairJob(_digest(pair_id), asked, job, pair_id, place)
+
+
+def job_on(pair_id: PairId, key: str) -> PairJob | None:
+    """Return the job of a part of the page on this pair; cancel and forget a job on other images."""
+    begun: PairJob | None = st.session_state.get(key)
+    if begun is None:
+        return None
+    changed_since = begun.shown.files == pair_id.files and begun.shown != pair_id
+    if begun.digest == _digest(pair_id) and not changed_since:
+        return begun
+    _forget_job(key)
+    return None
+
+
+def _forget_job(key: str) -> None:
+    """Cancel and forget the job of a part of the page."""
+    st.session_state.pop(key).job.cancel()
+
+
+def _digest(pair_id: PairId) -> str:
+    """Return the key of the images judged together; for a set, it includes the preparation of the other pairs."""
+    return f"{pair_id.judged} {preparation_of_sets()}" if pair_id.collection else pair_id.judged
+
+
+def _judged_by(pair: Pair, matcher: StereoMatcher) -> Criterion | None:
+    """Return the criterion by which settings of a method are judged on a pair; None if nothing can judge them."""
+    if known_truth(pair) is not None:
+        return Criterion.TRUE_BAD_2
+    return None if judges_itself(matcher) else Criterion.ESTIMATED_BAD_2
 
 
 def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
@@ -132,43 +250,35 @@ def _follow_job(
 # Two parameters in all combinations
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(NamedTuple):
     """A parameter and the values to try."""
 
     parameter: Parameter
     values: tuple[Number, ...]
-
-    @property
-    def current(self) -> int | None:
-        """Return the index of the parameter's current value; None if it is not among the values."""
-        return self.values.index(self.parameter.value) if self.parameter.value in self.values else None
 
 
 @fragment
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click on a cell adopts its settings."""
     matcher = ask_method(view, key=f"{SWEEP}.method")
-    criterion = criterion_on(view.pair)
-    unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
+    criterion, pairs = _judged_by(view.pair, matcher), JudgedPairs.of(view.pair)
     prose.markdown(
         "Two settings in all their combinations. Click a cell, or its line in the list, to use its settings. "
-        + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
+        + (UNJUDGED[Unjudged.JUDGES_ITSELF] if criterion is None else pairs.sentence + JUDGED_BY[criterion]),
         width=760,
     )
     axes = _ask_axes(matcher)
     if axes is None:
         return
-    asked = _asked(matcher, axes)
-    begun = job_on(view.pair, SWEEP)
+    asked, begun = _asked(matcher, axes), job_on(view.pair.id, SWEEP)
     if begun is not None and begun.asked != asked:
         if begun.job.running:
-            forget_job(SWEEP)
+            _forget_job(SWEEP)
         begun = None
     label = f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations"
-    _offer_job(SWEEP, label, ":material/grid_on:", begun, partial(_begin_sweep, view.pair, matcher, axes))
+    _offer_job(SWEEP, label, ":material/grid_on:", begun, partial(_begin_sweep, pairs, matcher, axes))
     if begun is not None:
-        elsewhere = ", not of the pair in use" if begun.files != view.pair.id.files else ""
+        elsewhere = ", not of the pair in use" if begun.shown.files != view.pair.id.files else ""
         show = partial(_show_sheet, view, matcher, axes, f"{begun.place}{elsewhere}")
         ending = "Ends the sweep; the maps made so far stay."
         _follow_job(SWEEP, begun, asked, lambda _: "Trying all combinations …", ending, show)
@@ -228,41 +338,34 @@ def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
     others = matcher.model_dump()
     for axis in axes:
         *path, last = axis.parameter.name.split(".")
-        holder = others
-        for name in path:
-            holder = holder[name]
-        del holder[last]
+        del reduce(getitem, path, others)[last]
     tried = [(axis.parameter.name, axis.values) for axis in axes]
     return type(matcher).__name__, repr(others), repr(tried)
 
 
-def _begin_sweep(pair: Pair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
+def _begin_sweep(pairs: JudgedPairs, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
     """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
-    truth = known_truth(pair)
-    searched = widest_range(filter(None, combinations(matcher, rows, cols)))
-    pairs = JudgedPairs.of(pair)
+    searched, pair = widest_range(filter(None, combinations(matcher, rows, cols))), pairs.current
+    about = TuningPair.unjudgeable(pair.left, pair.right)
+    unjudged = _judged_by(pair, matcher) is None
 
     def work(job: Job[Sweep]) -> Sweep:
-        if truth is None and judges_itself(matcher):
-            judging = [TuningPair.unjudgeable(pair.left, pair.right)]
-        else:
-            judging = list(tuning_pairs(pairs, searched, job))
+        judging = [about] if unjudged else list(pairs.tuning(searched, job))
         return sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
 
-    about = TuningPair.unjudgeable(pair.left, pair.right)
     estimate = estimate_sweep(matcher, [about] * len(pairs), rows=rows, cols=cols)
-    if truth is None:
+    if known_truth(pair) is None:
         reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
         estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)
-    begin_job(pair, SWEEP, _asked(matcher, axes), work, estimate)
+    begin_job(pair.id, SWEEP, _asked(matcher, axes), work, estimate)
 
 
 def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], of: str, sheet: Sweep) -> None:
     """Show a sweep, with maps of the pair that `of` names, and adopt the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
-    row, col = axes[0].current, axes[1].current
-    cell = None if row is None or col is None else (row, col)
+    in_use = [axis.values.index(axis.parameter.value) for axis in axes if axis.parameter.value in axis.values]
+    cell = (in_use[0], in_use[1]) if len(in_use) == 2 else None
     figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
     if sheet.best:
         figures.append(("bad", sweep_bad(sheet, titles, cell)))
@@ -319,12 +422,11 @@ def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, 
 @fragment
 def show_suggest(view: DepthView) -> None:
     """Ask for a method and a time, search its settings, and offer the best found."""
-    criterion = criterion_on(view.pair)
+    pair, pairs = view.pair, JudgedPairs.of(view.pair)
+    judged_by = JUDGED_BY[Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2]
     prose.markdown(
         "The search range and the tolerances of the checks are kept; settings that go well together are tried in "
-        "combination, and the best of them compared with yours on the whole images. "
-        + JudgedPairs.of(view.pair).sentence
-        + JUDGED_BY[criterion],
+        f"combination, and the best of them compared with yours on the whole images. {pairs.sentence}{judged_by}",
         width=760,
     )
     matcher = ask_method(view, key=f"{SUGGEST}.method")
@@ -336,11 +438,11 @@ def show_suggest(view: DepthView) -> None:
         required=True,
         key=f"{SUGGEST}.budget",
     )
-    begun = job_on(view.pair, SUGGEST)
-    if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
+    begun = job_on(pair.id, SUGGEST)
+    if _judged_by(pair, matcher) is None:
         prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
     else:
-        begin = partial(_begin_search, view.pair, matcher, budget_s)
+        begin = partial(_begin_search, pairs, matcher, budget_s)
         _offer_job(SUGGEST, "Suggest settings", ":material/auto_fix_high:", begun, begin)
     if begun is not None:
         start = begun.asked
@@ -356,24 +458,23 @@ def show_suggest(view: DepthView) -> None:
         _follow_job(SUGGEST, begun, matcher, told, ending, show)
 
 
-def _begin_search(pair: Pair, matcher: StereoMatcher, budget_s: float) -> None:
+def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -> None:
     """Start a search in its own thread."""
-    pairs = JudgedPairs.of(pair)
 
     def work(job: Job[Suggestion]) -> Suggestion:
         return suggest_for_all(
             matcher,
-            tuning_pairs(pairs, matcher.search_range(), job),
+            pairs.tuning(matcher.search_range(), job),
             budget_s=budget_s,
             progress=job.report,
             found=job.found,
             cancelled=lambda: job.cancelled,
         )
 
-    estimate = estimate_suggestion(
-        matcher, pair.left.shape, pair.left.dtype, blind=known_truth(pair) is None, budget_s=budget_s
-    )
-    begin_job(pair, SUGGEST, matcher, work, estimate)
+    pair = pairs.current
+    blind = known_truth(pair) is None
+    estimate = estimate_suggestion(matcher, pair.left.shape, pair.left.dtype, blind=blind, budget_s=budget_s)
+    begin_job(pair.id, SUGGEST, matcher, work, estimate)
 
 
 def _show_suggestion(view: DepthView, found: Suggestion) -> None:

@@ -32,7 +32,7 @@ from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
 from stereolag.ui.controls import matchers_in_use, persistent
-from stereolag.ui.depth.calibrating import (
+from stereolag.ui.depth.inputs import (
     ask_calibration,
     ask_rectification,
     chosen_preparation,

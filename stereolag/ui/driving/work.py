@@ -25,7 +25,7 @@ from stereolag.sequences.targets import SequenceMemory
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
-from stereolag.ui.depth.restoring import transfer
+from stereolag.ui.depth.inputs import transfer
 from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused

@@ -1,0 +1,278 @@
+"""Values and distances: what every method says at the cursor and at two points, and a map in three dimensions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag.core.typography import typeset
+from stereolag.figures.clouds import birds_eye, point_cloud
+from stereolag.figures.pictures import PEAK, as_rgb
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scene import (
+    FIELD_OF_VIEW,
+    MOST_POINTS,
+    BirdsEyeView,
+    SeenPoint,
+    calibrated_by,
+    clean_point_cloud,
+    distance_between,
+    seen_from_above,
+    subsampled,
+)
+from stereolag.pair import Pair
+from stereolag.ui import prose
+from stereolag.ui.depth.maps import (
+    LEFT,
+    DepthView,
+    KnownDistance,
+    Pixel,
+    disparity_error,
+    disparity_in_words,
+    known_key,
+    map_legends,
+    map_picture,
+    photograph,
+    reasons_of,
+    truth_picture,
+)
+from stereolag.ui.depth.sentences import length_in_words, markdown_table, metres_in_words, uncertainty_in_words
+from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.navigation import fragment
+from stereolag.ui.results import computed
+
+READOUT, SPACE = "depth.readout", "depth.space"
+FAR_BEHIND = 3.0
+"""Points farther than this multiple of the median distance are hidden at first."""
+
+VIEWS = {"Left camera": (0, 0), "Left": (-50, 15), "Right": (50, 15), "Above": (0, 60)}
+"""Rotation and elevation of each view about the centre of the scene, degrees."""
+
+LEAST_SHARE, MOST_AT_FIRST = 20, 95
+CELLS = 280
+
+
+# The values at points
+
+
+@fragment
+def show_readout(view: DepthView) -> None:
+    """Show the values of every method at the cursor and at two clicked points, and the distance between the points."""
+    points_key, known = f"{READOUT}.points.{view.pair.digest}", view.known_distance
+    points: list[Pixel] = st.session_state.get(points_key, [])
+
+    def pick(row: int, col: int) -> None:
+        st.session_state[points_key] = [*points, (row, col)] if len(points) == 1 else [(row, col)]
+
+    entered = f"the **{known.metres:g} m** that you entered for row {known.row}, column {known.col}" if known else ""
+    prose.markdown(metres_in_words(view.calibration, entered))
+    line = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
+    linked_pictures(
+        [
+            photograph(LEFT, view.pair.left),
+            *(map_picture(view, name, reasons_of(view, name)) for name in view.results),
+            *truth_picture(view),
+        ],
+        key=READOUT,
+        colours=view.colours,
+        legends=map_legends(view),
+        hint="Click two points to measure the distance between them; a third click starts over.",
+        marks=[*line, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))],
+        on_pick=pick,
+    )
+    if points:
+        prose.markdown(markdown_table(_table(view, points)))
+        errors = {name: disparity_error(view, name) for name in view.results}
+        prose.caption(uncertainty_in_words(errors, measured=view.pair.truth is not None))
+    with st.container(border=True):
+        prose.markdown("**Click something whose distance you know**")
+        if points:
+            _ask_distance(view, points[-1], "AB"[len(points) - 1])
+        else:
+            prose.caption("First click the point in one of the images above.")
+        if known:
+            forget, key = st.session_state.pop, known_key(view.pair.digest)
+            st.button("Forget this distance", key=f"{READOUT}.forget", on_click=forget, args=(key, None))
+
+
+def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
+    """Return the values of each method at the points, with a line of headings."""
+    calibration, two = view.calibration, len(points) == 2
+    values = ("disparity",) if calibration is None else ("disparity", "depth")
+    heading = ["", *(f"{letter}: {value}" for letter in "AB"[: len(points)] for value in values)]
+    lines = [[*heading, "A to B"] if calibration is not None and two else heading]
+    for name, disparity in view.maps.items():
+        line, (height, width), error = [f"**{name}**"], disparity.shape, disparity_error(view, name)
+        for point in points:
+            line.append(disparity_in_words(view, name, point, score=True))
+            if calibration is not None:
+                found = float(disparity[point])
+                depth, uncertainty = calibration.depth(found), calibration.depth_uncertainty(found, error)
+                line.append(length_in_words(float(depth), float(uncertainty)))
+        if calibration is not None and two:
+            one, other = (SeenPoint(*point, float(disparity[point])) for point in points)
+            apart = distance_between(calibration, one, other, width=width, height=height, disparity_error=error)
+            said = length_in_words(apart.metres, apart.error)
+            line.append(said if math.isnan(apart.metres) else f"**{said}**")
+        lines.append(line)
+    return lines
+
+
+def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
+    """Ask for the distance of the last clicked point, and calibrate with it."""
+    pair = view.pair
+    doffs = pair.calibration.doffs_px if pair.calibration else 0.0
+    near = {name: found for name, one in view.results.items() if (found := float(one.disparity[point])) + doffs > 0}
+    if not near:
+        prose.caption(f"No method gives {letter} a finite distance; choose a point where one does.")
+        return
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        metres = st.number_input(
+            f"Distance of {letter} from the camera, m", min_value=0.001, value=None, key=f"{READOUT}.metres", width=230
+        )
+        name = st.selectbox("Disparity there by", [*near], key=f"{READOUT}.method", width=190)
+        st.button(
+            "Use this distance",
+            key=f"{READOUT}.use",
+            disabled=metres is None,
+            type="primary",
+            on_click=_use_distance,
+            args=(pair, point, near[name], metres),
+        )
+    if pair.calibration is None:
+        prose.caption(
+            "Depths follow from this one distance. Distances across the image also need the focal length: "
+            f"a horizontal field of view of {FIELD_OF_VIEW:g}° is assumed."
+        )
+
+
+def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> None:
+    calibration = calibrated_by(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
+    st.session_state[known_key(pair.digest)] = KnownDistance(*point, metres, calibration)
+
+
+# In 3-D
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """The points of a map up to a given distance.
+
+    Attributes
+    ----------
+    points, colours
+        (n, 3) float32 and uint8: an even subsample, as many points as a browser can rotate.
+    kept, flying
+        Number of points before subsampling, and of flying pixels left out.
+    farthest
+        Distance up to which points are shown.
+    above
+        All points seen from above; None if there are none.
+    """
+
+    points: npt.NDArray[np.float32]
+    colours: npt.NDArray[np.uint8]
+    kept: int
+    flying: int
+    farthest: float
+    above: BirdsEyeView | None
+
+
+@fragment
+def show_space(view: DepthView) -> None:
+    """Show a map as a point cloud that can be rotated, and from above."""
+    calibration, unit = _cameras(view)
+    with st.container(horizontal=True, gap="large", vertical_alignment="bottom"):
+        names = list(view.results)
+        name = st.segmented_control("Method", names, default=names[0], required=True, key=f"{SPACE}.method")
+        depth = calibration.depth(view.results[name].disparity)
+        if not np.isfinite(depth).any():
+            prose.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")
+            return
+        # Those far behind most of the scene would squeeze the rest.
+        known = depth[np.isfinite(depth)]
+        worth_showing = 100 * float(np.mean(known <= FAR_BEHIND * np.median(known)))
+        nearest = st.slider(
+            "Nearest points shown",
+            LEAST_SHARE,
+            100,
+            int(np.clip(worth_showing, LEAST_SHARE, MOST_AT_FIRST)),
+            format="%d %%",
+            key=f"{SPACE}.nearest.{view.pair.digest}.{name}",
+            width=320,
+            help="The farthest points are the least certain: their distance grows without bound as the disparity "
+            "nears zero. Leaving some of them out brings the rest closer.",
+        )
+        seen_from = st.segmented_control(
+            "Seen from", list(VIEWS), default=next(iter(VIEWS)), required=True, key=f"{SPACE}.seen_from"
+        )
+    space = _space(view, name, calibration, float(np.nanpercentile(depth, nearest)))
+    if space.above is None:
+        prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
+        return
+    nearest_point = float(space.points[:, 2].min())
+    reach = typeset(f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away")
+    cloud, above = st.columns([3, 2], gap="medium")
+    with cloud:
+        prose.markdown("**Point cloud**: drag to turn, scroll to come closer")
+        turned, raised = VIEWS[seen_from]
+        st.plotly_chart(
+            point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
+            key=f"{SPACE}.cloud.{seen_from}",
+            config={"displaylogo": False},
+            alt=f"Cloud of {len(space.points):,} points, {reach}.",
+        )
+    with above:
+        prose.markdown("**Bird’s-eye view**, the camera at the bottom")
+        st.plotly_chart(
+            birds_eye(space.above, unit),
+            key=f"{SPACE}.above",
+            config={"displayModeBar": False, "scrollZoom": True},
+            alt=f"The points from above, {reach}.",
+        )
+    prose.caption(
+        f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "
+        f"{space.flying:,} flying pixels, which hang between the near and the far side of an edge."
+    )
+
+
+def _cameras(view: DepthView) -> tuple[Calibration, str]:
+    """Return the calibration and the unit of its distances; without one, say what is assumed."""
+    if view.calibration is not None:
+        return view.calibration, "m"
+    width = int(view.pair.left.shape[1])
+    prose.info(
+        f"Without a calibration all distances are **relative**. Assumed: a focal length of {width:,} px, the width of "
+        "the image, and a baseline of 1, so distances are multiples of the distance between the cameras. Shapes "
+        "may look stretched or squeezed in depth.",
+        icon=":material/straighten:",
+    )
+    return Calibration(float(width), 1.0), "baselines"
+
+
+def _space(view: DepthView, name: str, calibration: Calibration, farthest: float) -> Space:
+    """Return the points of a map up to a distance; from memory if they were computed before."""
+    disparity = view.results[name].disparity
+
+    def work_out(_: object) -> Space:
+        near_enough = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
+        points, colours = clean_point_cloud(calibration, near_enough, as_rgb(view.pair.left), max_points=None)
+        flying = int(np.count_nonzero(np.isfinite(near_enough))) - len(points)
+        some, their_colours = subsampled(points, colours, MOST_POINTS)
+        above = seen_from_above(points, colours, cells=CELLS) if len(points) else None
+        return Space(some, their_colours, len(points), flying, farthest, above)
+
+    return computed(
+        "points",
+        work_out,
+        **view.kept(name, f"{calibration} {farthest}"),
+        label="Placing the points …",
+    )
+
+
+def _distance(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"

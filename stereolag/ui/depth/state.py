@@ -1,0 +1,206 @@
+"""The state of the depth page, as it leaves the page and comes back: in its address, in a session, handed over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import streamlit as st
+
+from stereolag import samples
+from stereolag.core.settings import scaled_settings
+from stereolag.figures.legends import PALETTES
+from stereolag.io.settings import Colours, Session
+from stereolag.pair import SIZES, Pair
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
+from stereolag.ui import keys, prose
+from stereolag.ui.addresses import (
+    Choice,
+    choose_named,
+    chosen,
+    example_choice,
+    keep_settings,
+    kept_settings,
+    new_parameters,
+    parameters_of,
+    recalled_settings,
+    warn_ignored,
+    write_parameters,
+)
+from stereolag.ui.controls import default_settings, matchers_in_use, set_controls
+from stereolag.ui.depth.maps import (
+    FIRST_PALETTE,
+    INVERTED,
+    OUTLINED,
+    PALETTE,
+    SHOWN_AT_FIRST,
+    DepthView,
+    range_key,
+    show_method,
+    shown_methods,
+)
+from stereolag.ui.elements import show_refused
+
+WRITTEN_KEY = "depth.address"
+"""Session-state key of the parameters that this page wrote last."""
+
+MAPS = "maps"
+"""The parameter that names the maps shown."""
+
+ADOPTED = "depth.adopt"
+"""Session-state key of the settings to adopt."""
+
+RESTORED = "depth.restore"
+"""Session-state key of a session's settings and colours that are still to be set, for its pair at its own size."""
+
+
+# The address
+
+
+def recall_choices() -> None:
+    """Apply the example, size and maps that a new address names, and keep its settings for later."""
+    found = new_parameters(WRITTEN_KEY)
+    if found is not None:
+        choose_named(found, _choices())
+        _recall_maps(found.pop(MAPS, None))
+        keep_settings(WRITTEN_KEY, found)
+
+
+def _recall_maps(value: str | None) -> None:
+    """Choose the maps that an address names; the initial ones if it names none."""
+    allowed, named = [method.short_name for method in METHODS], (value or "").split(",")
+    if set(named) <= set(allowed):
+        st.session_state[keys.SHOWN] = [name for name in allowed if name in named]
+        st.session_state[keys.TAB] = named[0]
+        return
+    if keys.SHOWN in st.session_state:
+        st.session_state[keys.SHOWN] = [*SHOWN_AT_FIRST]
+    if st.session_state.get(keys.TAB, SHOWN_AT_FIRST[0]) not in SHOWN_AT_FIRST:
+        st.session_state[keys.TAB] = SHOWN_AT_FIRST[0]
+    if value is not None:
+        warn_ignored(MAPS, value, allowed)
+
+
+def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
+    """Write the choices and settings that differ from their initial values into the address."""
+    parameters = chosen(_choices())
+    shown = [method.short_name for method in shown_methods()]
+    if shown and shown != SHOWN_AT_FIRST:
+        parameters[MAPS] = ",".join(shown)
+    for matcher in filter(None, matchers):
+        found = parameters_of(matcher, default_settings(type(matcher), pair))
+        parameters |= {_prefix(type(matcher)) + name: text for name, text in found.items()}
+    write_parameters(WRITTEN_KEY, parameters)
+
+
+def _choices() -> dict[str, Choice]:
+    """Return the choices that an address can name, by parameter."""
+    return {"pair": example_choice(keys.PAIR, samples.stereo_pairs()), "size": Choice(keys.SIZE, [*SIZES])}
+
+
+def _prefix(kind: type[StereoMatcher]) -> str:
+    """Return the parameter prefix of a method's settings; empty for the first method."""
+    return "" if kind is METHODS[0] else f"{kind.short_name}."
+
+
+# A session, and settings handed over
+
+
+def saved_state(view: DepthView, factor: float) -> dict[str, Any]:
+    """Return the state of the page, as arguments of :func:`stereolag.io.settings.session_json`.
+
+    Settings and colours are for the pair at its own size, `factor` times that shown; settings that are not allowed at
+    that size are left out.
+    """
+    state, shown = st.session_state, view.pair
+    used = {type(matcher): matcher for matcher in matchers_in_use()}
+    for result in view.results.values():
+        used.setdefault(type(result.settings), result.settings)
+    colours = {
+        "palette": state.get(PALETTE, FIRST_PALETTE),
+        "inverted": bool(state.get(INVERTED, False)),
+        "outlined": bool(state.get(OUTLINED, False)),
+    }
+    if (ends := state.get(range_key(shown.digest))) is not None:
+        colours |= {end: value * factor for end, value in zip(("low", "high"), ends, strict=True)}
+    scaled = [for_size(matcher, factor)[0] for matcher in used.values()]
+    return {
+        "matchers": [*filter(None, scaled)],
+        "shown": [method.short_name for method in shown_methods()],
+        "size": state.get(keys.SIZE, "Automatic"),
+        "colours": colours,
+        "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
+        "min_disparity": math.floor(shown.min_disparity * factor),
+    }
+
+
+def for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
+    """Return settings for images enlarged by `factor`, or None and why they are not allowed."""
+    try:
+        return settings if factor == 1 else scaled_settings(settings, factor), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def restore(session: Session) -> None:
+    """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
+    saved = session.document
+    st.session_state[keys.SIZE] = saved.size if saved.size in SIZES else "Automatic"
+    if saved.shown:
+        st.session_state[keys.SHOWN] = [*saved.shown]
+        st.session_state[keys.TAB] = saved.shown[0]
+    if saved.colours.palette in PALETTES:
+        st.session_state[PALETTE] = saved.colours.palette
+    st.session_state[INVERTED] = saved.colours.inverted
+    st.session_state[OUTLINED] = saved.colours.outlined
+    st.session_state[RESTORED] = session.left.shape[1], session.matchers, saved.colours
+
+
+def adopt(matcher: StereoMatcher) -> None:
+    """Hand settings over to the page, and rerun it from the top so that it sets its controls to them."""
+    st.session_state[ADOPTED] = matcher
+    st.rerun(scope="app")
+
+
+def recall_settings(pair: Pair) -> None:
+    """Set the controls of this pair to the settings that are waiting for it; none must have been drawn yet.
+
+    They come from a new address, which sets all others to their initial values, from :func:`adopt`, or from
+    :func:`restore`.
+    """
+    parameters = kept_settings(WRITTEN_KEY)
+    if parameters is not None:
+        _set_to_address(parameters, pair)
+    adopted: StereoMatcher | None = st.session_state.pop(ADOPTED, None)
+    if adopted is not None:
+        set_controls(adopted, pair)
+        st.session_state[keys.TAB] = adopted.short_name
+        show_method(type(adopted))
+    if RESTORED in st.session_state:
+        _set_to_session(pair, *st.session_state.pop(RESTORED))
+
+
+def _set_to_address(parameters: dict[str, str], pair: Pair) -> None:
+    of_others = tuple(_prefix(kind) for kind in METHODS[1:])
+    for kind in METHODS:
+        prefix = _prefix(kind)
+        own = [one for one in parameters if one.startswith(prefix) and (prefix or not one.startswith(of_others))]
+        named = {name.removeprefix(prefix): parameters[name] for name in own}
+        recalled = recalled_settings(named, default_settings(kind, pair), prefix=prefix)
+        set_controls(recalled.settings, pair)
+        for sentence in recalled.ignored:
+            prose.warning(f"In the address, {sentence}")
+
+
+def _set_to_session(pair: Pair, width: int, matchers: Iterable[StereoMatcher], colours: Colours) -> None:
+    factor = pair.left.shape[1] / width
+    for matcher in matchers:
+        scaled, refusal = for_size(matcher, factor)
+        if scaled is None:
+            show_refused(f"The settings of {matcher.title} could not be scaled with the images. {refusal}")
+        else:
+            set_controls(scaled, pair)
+    if colours.low is not None and colours.high is not None:
+        st.session_state[range_key(pair.digest)] = colours.low * factor, colours.high * factor
