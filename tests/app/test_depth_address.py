@@ -98,15 +98,6 @@ def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenP
 
 def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: OpenPage) -> None:
     app = open_unfolded(DEPTH)
-    tab(app, "bm")
-    assert app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
-    app.slider(key=keys.BLOCK_SPECKLES).set_value(50).run()
-    assert not app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
-    tab(app, "sgm")
-    assert not app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
-    app.slider(key=keys.setting("sgm", "cost.gradient")).set_value(0).run()
-    assert app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
-    tab(app, "correlation")
     app.toggle(key=keys.MEDIAN).set_value(True).run()
     app.slider(key=keys.OVERLAP).set_value(0.5)
     app.button_group(key=keys.SEARCH).set_value("centred").run()

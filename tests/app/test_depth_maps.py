@@ -110,14 +110,6 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
     assert outlines(app) == {}
 
 
-def test_other_parts_without_maps_have_no_outlines(open_unfolded: OpenPage) -> None:
-    app = open_unfolded(DEPTH)
-    app.toggle(key=OUTLINED).set_value(True)
-    app.button_group(key=keys.PART).set_value("Why this match?").run()
-    assert not app.exception
-    assert outlines(app).keys() == {"depth.bench"}
-
-
 def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
     app = open_page("pages/3_Depth_maps.py")
     before = figures(app)["Convolution"]

@@ -14,7 +14,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import Remedy
-from stereolag.assess.judging import Criterion, TuningPair, parameters, sweep
+from stereolag.assess.judging import Criterion, TuningPair, sweep
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
@@ -28,7 +28,7 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.inputs import alpha_key, rows_key
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.state import ADOPTED
-from stereolag.ui.depth.tuning import Axis, PairJob, begin_job, job_on, settings_of_cell, show_suggest, show_sweep
+from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
 from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.results import Job
 from tests.app.depth_view import part_of_page, small_view
@@ -151,14 +151,6 @@ def test_one_setting_against_itself_is_refused() -> None:
     assert "two different settings" in app.error[0].value
 
 
-def test_a_cell_gives_its_settings_to_the_page() -> None:
-    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
-    known = parameters(matcher)
-    axes = Axis(known["search.num_disparities"], (32, 64)), Axis(known["window_size"], (9, 15, 21))
-    wanted = CorrelationMatcher(window_size=21, search=SearchArea.rectified(32))
-    assert settings_of_cell(matcher, axes, 0, 2) == wanted
-
-
 def test_the_figures_show_holes_and_frames() -> None:
     view = small_view()
     tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
@@ -261,14 +253,6 @@ def test_without_ground_truth_it_says_estimated_and_by_what_and_nothing_judges_t
     assert not app.button
 
 
-def test_cancel_keeps_the_best_so_far() -> None:
-    app = search_of("StereoSGBM")
-    assert app.button[0].disabled
-    app = ended(cancel(app), SUGGEST)
-    assert not app.session_state[SUGGEST].job.result().finished
-    assert "ended before" in app.success[0].value
-
-
 def test_a_search_on_another_pair_is_called_off() -> None:
     app = search_of("StereoSGBM")
     search = app.session_state[SUGGEST]
@@ -279,39 +263,6 @@ def test_a_search_on_another_pair_is_called_off() -> None:
     assert SUGGEST not in app.session_state
     assert not app.button[0].disabled
     search.job.result()
-
-
-# Jobs
-
-
-def test_a_job_runs_beside_and_can_be_called_off() -> None:
-    started = threading.Event()
-
-    def work(job: Job[str]) -> str:
-        job.report(0.5)
-        job.found("something")
-        started.set()
-        while not job.cancelled:
-            threading.Event().wait(0.001)
-        return "ended"
-
-    job = Job(work, LIGHT)
-    assert started.wait(10)
-    assert job.running
-    assert (job.progress, job.so_far) == (0.5, "something")
-    job.cancel()
-    assert job.result() == "ended"
-    assert not job.running
-
-
-def test_an_error_of_the_work_is_not_lost() -> None:
-    def refuse(job: Job[Any]) -> None:
-        raise ValueError("no")
-
-    job = Job(refuse, LIGHT)
-    with pytest.raises(ValueError, match="no"):
-        job.result()
-    assert not job.running
 
 
 # On a set of pairs
@@ -353,33 +304,37 @@ def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None
     assert typeset("Left: the maps of pair 1 of 2, not of the pair in use.") in app.caption[-1].value
 
 
+def looking(view: DepthView) -> None:
+    """Begin a job in the first run."""
+    if "begun" not in st.session_state:
+        st.session_state["begun"] = True
+        begin_job(view.pair.id, "job", None, lambda job: None, LIGHT)
+    st.session_state["there"] = job_on(view.pair.id, "job") is not None
+
+
+def of_set(number: int, *remedies: Remedy) -> DepthView:
+    view = small_view()
+    return replace(view, pair=replace(view.pair, id=PairId(f"set {number}", collection="set", remedies=remedies)))
+
+
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [(rows_key(PAIR), Rows.RECTIFIED), (alpha_key(PAIR), 0.5), (SIZE, "Full")],
-    ids=["choice", "frame", "size"],
+    ("view", "state", "there"),
+    [
+        (of_set(0), {}, True),
+        (of_set(1), {}, True),
+        (of_set(0, Remedy.SWAP_SIDES), {}, False),
+        (of_set(0), {rows_key(PAIR): Rows.RECTIFIED}, False),
+        (of_set(0), {alpha_key(PAIR): 0.5}, False),
+        (of_set(0), {SIZE: "Full"}, False),
+    ],
+    ids=["nothing", "step", "remedy", "rows", "frame", "size"],
 )
-def test_another_preparation_of_the_set_makes_a_sweep_void(key: str, value: Any) -> None:
-    app = swept_on_a_set()
-    app.session_state[key] = value
+def test_another_preparation_of_the_pairs_makes_a_job_void_and_a_step_does_not(
+    view: DepthView, state: dict[str, Any], there: bool
+) -> None:
+    app = part_of_page(looking, of_set(0))
+    for key, value in {"view": view, **state}.items():
+        app.session_state[key] = value
     app.run()
     assert not app.exception
-    assert not app.get("plotly_chart")
-
-
-def test_a_remedy_for_the_pair_looked_at_makes_it_void_and_a_step_does_not() -> None:
-    def look(view: DepthView) -> None:
-        if "begun" not in st.session_state:
-            st.session_state["begun"] = True
-            begin_job(view.pair.id, "job", None, lambda job: None, LIGHT)
-        st.session_state["there"] = job_on(view.pair.id, "job") is not None
-
-    def of_set(number: int, *remedies: Remedy) -> DepthView:
-        view = small_view()
-        return replace(view, pair=replace(view.pair, id=PairId(f"set {number}", collection="set", remedies=remedies)))
-
-    app = part_of_page(look, of_set(0))
-    for view, there in ((of_set(0), True), (of_set(1), True), (of_set(0, Remedy.SWAP_SIDES), False)):
-        app.session_state["view"] = view
-        app.run()
-        assert not app.exception
-        assert app.session_state["there"] == there
+    assert app.session_state["there"] == there

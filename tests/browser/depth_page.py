@@ -12,8 +12,6 @@ from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, 
 
 DEPTH_MAPS = "Depth_maps?pair="
 
-DOUBLE_CLICK_MS = 350
-
 
 class Given(NamedTuple):
     """A file to upload: its name and its bytes."""
@@ -33,10 +31,6 @@ class OwnPair(NamedTuple):
     right: Given
     truth: Given
     calibration: Given
-
-
-CELLS = "(rows) => rows.map((row) => [...row.querySelectorAll('td')].map((cell) => cell.innerText))"
-"""Read in one call: a table read cell by cell could be redrawn in between."""
 
 
 class DepthPage:
@@ -112,14 +106,6 @@ class DepthPage:
     def slider(self, name: str) -> Locator:
         return self.page.get_by_role("slider", name=name)
 
-    def move(self, name: str, *keys: str) -> None:
-        """Move a slider with the keyboard."""
-        slider = self.slider(name).first
-        slider.focus()
-        for key in keys:
-            slider.press(key)
-        self.settle()
-
     def value(self, name: str) -> float:
         """Return the value of a slider."""
         return float(self.slider(name).first.input_value())
@@ -129,51 +115,12 @@ class DepthPage:
         figure = self.page.locator(".linked").first.locator("figure").nth(method)
         return number_in(figure.locator(".figures div").filter(has_text=name).locator("dd").inner_text())
 
-    @property
-    def pictures(self) -> Locator:
-        """Return the pictures of the open part."""
-        return self.page.locator(".linked").last
-
-    def figure(self, title: str) -> Locator:
-        return self.pictures.locator("figure", has=self.page.locator("figcaption").get_by_text(title, exact=True))
-
-    def hover(self, title: str, row: int, col: int) -> None:
-        """Point at a pixel of a picture that is shown in full."""
-        self._viewport(title).hover(position=self._place(title, row, col))  # type: ignore[arg-type]
-        expect(self.pictures.locator(".where")).to_have_text(f"row {row}, column {col}")
-
-    def click(self, title: str, row: int, col: int) -> None:
-        """Click a pixel of a picture that is shown in full."""
-        self.page.wait_for_timeout(DOUBLE_CLICK_MS)
-        self._viewport(title).click(position=self._place(title, row, col))  # type: ignore[arg-type]
-        self.settle()
-
-    def reading(self, title: str) -> str:
-        """Return the reading below a picture."""
-        return self.figure(title).locator(".reading").inner_text()
-
-    def table(self) -> dict[str, list[str]]:
-        """Return the rows of the last Markdown table, keyed by their first cell."""
-        rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr")
-        return {first: others for first, *others in rows.evaluate_all(CELLS)}
-
     def said(self, text: str | re.Pattern[str]) -> Locator:
         return self.page.get_by_text(text).first
 
     def paragraph(self, text: str) -> Locator:
         """Return the paragraph that contains a text."""
         return self.page.locator("p").filter(has_text=text).first
-
-    def _viewport(self, title: str) -> Locator:
-        return self.figure(title).locator(".viewport")
-
-    def _place(self, title: str, row: int, col: int) -> dict[str, float]:
-        viewport = self._viewport(title)
-        viewport.scroll_into_view_if_needed()
-        _, _, cols, rows = map(float, (viewport.locator("svg").get_attribute("viewBox") or "").split())
-        box = viewport.bounding_box()
-        assert box is not None
-        return {"x": (col + 0.5) / cols * box["width"], "y": (row + 0.5) / rows * box["height"]}
 
 
 def number_in(text: str) -> float:

@@ -5,20 +5,16 @@ What each part says of a pair is tested without a browser, in ``tests/app``.
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from stereolag.geometry.scene import SeenPoint, distance_between
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.images import read_disparity
-from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, number_in
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, file_of, resized, screenshot, settled
+from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell
+from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, settled
 
 
 @pytest.fixture(scope="module")
@@ -55,34 +51,6 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
     assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px becomes 6 and then 12
 
 
-def test_values_are_read_and_two_clicks_give_metres(own_page: DepthPage, motorcycle: OwnPair) -> None:
-    visit = own_page
-    visit.press("Reset")
-    truth, known = read_disparity(motorcycle.truth.data), read_calibration(motorcycle.calibration.data)
-    height, width = truth.shape
-    a, b = (300, 330), (250, 420)
-    visit.choose("Values")
-    visit.hover("Ground truth", *a)
-    disparity, metres = map(number_in, visit.reading("Ground truth").split(" · "))
-    assert disparity == pytest.approx(truth[a], abs=0.01)
-    assert metres == pytest.approx(known.depth(truth[a]), rel=0.01)
-    expect(visit.figure("Convolution").locator(".reading")).to_have_text(
-        re.compile(r"^\d+\.\d\d\spx · \d+\.\d+ ±\s\d+\.\d+\sm · score \d\.\d\d$")
-    )
-
-    visit.click("Left image", *a)
-    visit.click("Left image", *b)
-    expect_visible(visit.page.get_by_text("A to B"))
-    apart = distance_between(
-        known, SeenPoint(*a, float(truth[a])), SeenPoint(*b, float(truth[b])), width=width, height=height
-    )
-    assert number_in(visit.table()["Ground truth"][-1]) == pytest.approx(apart.metres, rel=0.01)
-    visit.screenshot(f"values-{visit.name}-light")
-    resized(visit.page, 390)
-    expect_fitting(visit.page, 390)  # its table is wider
-    resized(visit.page, 1280)
-
-
 def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenPage) -> None:
     visit = DepthPage.with_example(open_page, "cube")
     visit.choose("Sweep")
@@ -107,23 +75,6 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenP
     choose_cell(chart, int(row), int(col))
     visit.settle()
     assert visit.number("Bad-2", method=1) == pytest.approx(np.min(bad), abs=0.06)
-
-
-def test_files_are_taken_away_and_settings_loaded_again(own_page: DepthPage) -> None:
-    visit = own_page
-    visit.press("Reset")
-    visit.move("Window", "ArrowLeft", "ArrowLeft", "ArrowLeft")
-    window, covered = visit.value("Window"), visit.number("Coverage")
-    visit.unfold("Take it away")
-    with zipfile.ZipFile(io.BytesIO(visit.download("All in one ZIP"))) as whole:
-        disparity, settings = np.load(io.BytesIO(whole.read("disparity.npy"))), whole.read("settings.json")
-    assert 100 * np.isfinite(disparity).mean() == pytest.approx(covered, abs=0.51)
-    visit.screenshot(f"take-{visit.name}-light")
-    visit.press("Reset")
-    assert visit.value("Window") == 11
-    visit.give("Load settings", Given("settings.json", settings))
-    expect(visit.slider("Window").first).to_have_value(f"{window:g}")
-    assert visit.number("Coverage") == covered
 
 
 # Links and sessions

@@ -227,8 +227,11 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
             some = next(iter(judged.values()))
             prose.markdown(f"**{pixels}** · {some.truth_pixels:,} with ground truth")
             cells = {name: _cells(one, missing == LEFT_OUT) for name, one in judged.items()}
+            table = pd.DataFrame.from_dict(cells, orient="index").style
+            if len(judged) > 1:
+                table.highlight_max(subset=["Density"], props=BEST).highlight_min(subset=table.columns[1:], props=BEST)
             st.dataframe(
-                pd.DataFrame.from_dict(cells, orient="index").style.apply(_best_marked, axis=0),
+                table,
                 column_config=_columns(some),
                 key=f"{SCOREBOARD}.{pixels}",
                 alt=f"{pixels}: density, mean error and shares of wrong pixels of each method.",
@@ -240,12 +243,6 @@ def _cells(evaluation: Evaluation, measured_only: bool) -> dict[str, float]:
     figures = {"Density": 100 * evaluation.density, "EPE": evaluation.epe}
     figures |= {f"Bad-{threshold:g}": share for threshold, share in bad.items()}
     return figures if measured_only else figures | {"D1-all": evaluation.d1_all}
-
-
-def _best_marked(column: pd.Series[Any]) -> list[str]:
-    """Return the style of each cell of a column: its best value is marked, if there is more than one method."""
-    winner = column.max() if column.name == "Density" else column.min()
-    return [BEST if len(column) > 1 and value == winner else "" for value in column]
 
 
 def _columns(evaluation: Evaluation) -> dict[str, Any]:

@@ -41,7 +41,50 @@ def problems_in_words(count: int) -> str:
 
 def finding_in_words(finding: Finding) -> str:
     """Return the sentence for a finding, with its numbers."""
-    return FINDINGS[finding.code](finding)
+    numbers, healthy = finding.numbers, finding.healthy
+    match finding.code:
+        case FindingCode.MATCHES if healthy:
+            return f"{numbers['count']:,.0f} features match between the images."
+        case FindingCode.MATCHES:
+            only = f"Only {numbers['count']:,.0f} features match" if numbers["count"] else "No features match"
+            return f"{only} between the images, too few to judge the geometry: do they show the same scene?"
+        case FindingCode.IDENTICAL if healthy:
+            moved = f": features move by up to {numbers['moved_px']:.0f} px" if "moved_px" in numbers else ""
+            return f"The images differ{moved}."
+        case FindingCode.IDENTICAL:
+            return "Both images show the same view: nothing moves between them, so there is no depth to measure."
+        case FindingCode.SWAPPED if not numbers["known"]:
+            unclear = "It is unclear which image is the left one"
+            return f"{unclear}: the pair is not rectified, and its features do not decide."
+        case FindingCode.SWAPPED:
+            run = f"disparities run from {numbers['lowest_px']:.0f} to {numbers['highest_px']:.0f} px"
+            swapped = f"Left and right look swapped: {run}, and they should be positive."
+            return f"Left is left: {run}." if healthy else swapped
+        case FindingCode.ROWS:
+            offset, spread = numbers["offset_px"], f"spread {numbers['spread_px']:.1f} px"
+            where = f"{abs(offset):.1f} px {'lower' if offset > 0 else 'higher'} than the left ({spread})"
+            ill = f"The right image sits {where}: in a rectified pair, rows match."
+            return f"Rows match to {abs(offset):.1f} px ({spread})." if healthy else ill
+        case FindingCode.ROTATION:
+            degrees, growth = numbers["rotation_deg"], 100 * (numbers["scale"] - 1)
+            verdict = "close enough" if healthy else "the pair is not rectified"
+            return f"The right image is rotated by {degrees:+.2f}° and scaled by {growth:+.1f} %: {verdict}."
+        case FindingCode.BENT_ROWS:
+            spread = f"spread {numbers['spread_px']:.1f} px, of which {numbers['noise_px']:.1f} px are noise"
+            return f"Rows do not bend ({spread})." if healthy else _bent_rows(finding, spread)
+        case FindingCode.EXPOSURE:
+            gain, levels = numbers["gain"], f"offset by {numbers['offset']:+.0f} grey levels"
+            verdict = "close enough" if healthy else "ZNCC is unaffected, StereoBM and plain correlation suffer"
+            return f"The right image has {gain:.2f} times the left one’s contrast, {levels}: {verdict}."
+        case FindingCode.TEXTURE:
+            but = "" if healthy else ": windows cannot be matched there. Larger windows help a little"
+            return f"{100 * numbers['flat_share']:.0f} % of the image has hardly any texture{but}."
+        case FindingCode.RANGE:
+            low, high, first = numbers["lowest_px"], numbers["highest_px"], numbers["min_disparity"]
+            needed = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
+            searched = f"{first:.0f} to {first + numbers['num_disparities'] - 1:.0f} px are searched"
+            ill = "too small a range" if numbers["missing_px"] > 0 else "far more than needed"
+            return f"The pair needs about {needed}, and {searched}: {'a good range' if healthy else ill}."
 
 
 def remedy_in_words(finding: Finding) -> str:
@@ -49,51 +92,8 @@ def remedy_in_words(finding: Finding) -> str:
     return REMEDIES_OFFERED[finding.remedy].format(**finding.numbers) if finding.remedy else ""
 
 
-def _matches(finding: Finding) -> str:
-    count = finding.numbers["count"]
-    if finding.healthy:
-        return f"{count:,.0f} features match between the images."
-    only = f"Only {count:,.0f} features match" if count else "No features match"
-    return f"{only} between the images, too few to judge the geometry: do they show the same scene?"
-
-
-def _identity(finding: Finding) -> str:
-    if not finding.healthy:
-        return "Both images show the same view: nothing moves between them, so there is no depth to measure."
-    moved = finding.numbers.get("moved_px")
-    return "The images differ." if moved is None else f"The images differ: features move by up to {moved:.0f} px."
-
-
-def _sides(finding: Finding) -> str:
-    if not finding.numbers["known"]:
-        return "It is unclear which image is the left one: the pair is not rectified, and its features do not decide."
-    disparities = f"disparities run from {finding.numbers['lowest_px']:.0f} to {finding.numbers['highest_px']:.0f} px"
-    if finding.healthy:
-        return f"Left is left: {disparities}."
-    return f"Left and right look swapped: {disparities}, and they should be positive."
-
-
-def _rows(finding: Finding) -> str:
-    offset, spread = finding.numbers["offset_px"], f"spread {finding.numbers['spread_px']:.1f} px"
-    if finding.healthy:
-        return f"Rows match to {abs(offset):.1f} px ({spread})."
-    side = "lower" if offset > 0 else "higher"
-    return (
-        f"The right image sits {abs(offset):.1f} px {side} than the left ({spread}): in a rectified pair, rows match."
-    )
-
-
-def _rotation(finding: Finding) -> str:
-    degrees, growth = finding.numbers["rotation_deg"], finding.numbers["scale"] - 1
-    said = f"The right image is rotated by {degrees:+.2f}° and scaled by {100 * growth:+.1f} %"
-    return f"{said}: close enough." if finding.healthy else f"{said}: the pair is not rectified."
-
-
-def _bent_rows(finding: Finding) -> str:
+def _bent_rows(finding: Finding, spread: str) -> str:
     numbers = finding.numbers
-    spread = f"spread {numbers['spread_px']:.1f} px, of which {numbers['noise_px']:.1f} px are noise"
-    if finding.healthy:
-        return f"Rows do not bend ({spread})."
     said = (
         f"Rows bend: after the best shift, rotation and scale, they are still off by {numbers['lowest_px']:+.1f} to "
         f"{numbers['highest_px']:+.1f} px ({spread}). The lenses distort, or the cameras are turned. The page "
@@ -103,43 +103,6 @@ def _bent_rows(finding: Finding) -> str:
         return said
     lens = ", with one coefficient for the lenses" if numbers["lens"] else ""
     return f"{said} Rectified from the images alone{lens}, {numbers['rectified_px']:.1f} px remain on unused features."
-
-
-def _exposure(finding: Finding) -> str:
-    gain, offset = finding.numbers["gain"], finding.numbers["offset"]
-    said = f"The right image has {gain:.2f} times the left one’s contrast, offset by {offset:+.0f} grey levels"
-    if finding.healthy:
-        return f"{said}: close enough."
-    return f"{said}: ZNCC is unaffected, StereoBM and plain correlation suffer."
-
-
-def _texture(finding: Finding) -> str:
-    said = f"{100 * finding.numbers['flat_share']:.0f} % of the image has hardly any texture"
-    return f"{said}." if finding.healthy else f"{said}: windows cannot be matched there. Larger windows help a little."
-
-
-def _range(finding: Finding) -> str:
-    numbers = finding.numbers
-    low, high = numbers["lowest_px"], numbers["highest_px"]
-    needed = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
-    first, count = numbers["min_disparity"], numbers["num_disparities"]
-    said = f"The pair needs about {needed}, and {first:.0f} to {first + count - 1:.0f} px are searched"
-    if finding.healthy:
-        return f"{said}: a good range."
-    return f"{said}: too small a range." if numbers["missing_px"] > 0 else f"{said}: far more than needed."
-
-
-FINDINGS = {
-    FindingCode.MATCHES: _matches,
-    FindingCode.IDENTICAL: _identity,
-    FindingCode.SWAPPED: _sides,
-    FindingCode.ROWS: _rows,
-    FindingCode.ROTATION: _rotation,
-    FindingCode.BENT_ROWS: _bent_rows,
-    FindingCode.EXPOSURE: _exposure,
-    FindingCode.TEXTURE: _texture,
-    FindingCode.RANGE: _range,
-}
 
 
 JUDGED_BY = {
@@ -188,14 +151,14 @@ def suggestion_in_words(found: Suggestion) -> str:
     if isinstance(found.outcome, Unjudged):
         return UNJUDGED[found.outcome]
     ended = "" if found.finished else " The search was ended before it had tried everything."
-    method, name, tried = found.start.title, bad_2(found.criterion, first=True), found.tried
-    if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
-        return f"{method} has no other settings to try over this range. {name}: **{found.bad_before:.1f} %**."
-    if found.outcome is Outcome.AS_GOOD:
-        as_good = f"Your {method} settings are as good: none of the {tried} tried is clearly better."
-        return f"{as_good} {name}: **{found.bad_before:.1f} %**.{ended}"
-    change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
-    return f"The best of {tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
+    method, name = found.start.title, bad_2(found.criterion, first=True)
+    if found.outcome is Outcome.BETTER:
+        change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
+        return f"The best of {found.tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
+    said = f"Your {method} settings are as good: none of the {found.tried} tried is clearly better."
+    if found.finished and not found.tried:
+        said = f"{method} has no other settings to try over this range."
+    return f"{said} {name}: **{found.bad_before:.1f} %**.{ended}"
 
 
 def search_so_far(found: Suggestion) -> str:
@@ -209,13 +172,12 @@ def search_so_far(found: Suggestion) -> str:
 
 def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: str = "") -> str:
     """Return the caption of a sweep; `of` names the pair that the maps show, if there are several."""
-    ended = "" if finished else " The sweep was ended before it had tried everything."
-    if not judged:
-        whose = f"The maps are of {of}. " if of else ""
-        return f"{whose}Dotted frame: the settings in use.{ended}"
-    figure = f"{bad_2(criterion)}, %, lower is better"
     maps = f"the maps of {of}" if of else "the maps"
-    return f"Left: {maps}. Right: {figure}. Solid frame: the best. Dotted frame: the settings in use.{ended}"
+    said = f"The maps are of {of}. " if of else ""
+    if judged:
+        said = f"Left: {maps}. Right: {bad_2(criterion)}, %, lower is better. Solid frame: the best. "
+    ended = "" if finished else " The sweep was ended before it had tried everything."
+    return f"{said}Dotted frame: the settings in use.{ended}"
 
 
 def value_in_words(value: object) -> str:

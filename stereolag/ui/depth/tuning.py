@@ -387,12 +387,12 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
     clicked += [] if listed is None else [listed]
     if clicked:
         st.session_state[f"{SWEEP}.clicks"] = clicks + 1
+        row, col = divmod(int(clicked[0]), len(axes[1].values))
+        values = zip(axes, (row, col), strict=True)
         try:
-            chosen = settings_of_cell(matcher, axes, *divmod(int(clicked[0]), len(axes[1].values)))
+            adopt(changed(matcher, {axis.parameter.name: axis.values[one] for axis, one in values}))
         except ValueError as error:
             show_refused(error)
-        else:
-            adopt(chosen)
 
 
 def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
@@ -408,12 +408,6 @@ def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
     return st.selectbox(
         "Take settings over", cells, index=None, format_func=in_words, key=key, placeholder="Choose a cell", width=420
     )
-
-
-def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> StereoMatcher:
-    """Return the settings of one cell of a sweep; raise ValueError if they do not fit together."""
-    down, across = axes
-    return changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
 
 
 # A search for better settings
