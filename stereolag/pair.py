@@ -336,11 +336,8 @@ def assemble_pair(
 DIVISORS = (1, 2, 4, 8, 16)
 """Factors by which data sets scale disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
 
-LARGEST_STORED = 255
 QUICK_WIDTH = 480
 """Px; a map this wide is enough to find the divisor, and takes a few hundredths of a second."""
-SEARCHED_SHARE = 0.5
-"""Share of the width."""
 AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
 """Two disparities agree if they differ by no more than the larger of this distance and this share; neighbouring
 divisors differ by a factor of two."""
@@ -366,10 +363,9 @@ def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
     factor = min(1.0, QUICK_WIDTH / cols)
     values = scaled_disparity(np.asarray(stored)[:rows, :cols], factor)
     small = [scaled_image(image, factor) for image in (left, right)]
-    reach = min(LARGEST_STORED, int(SEARCHED_SHARE * small[0].shape[1]))
-    matcher = StereoSGBM(num_disparities=max(16, reach // 16 * 16))
+    reach = min(255, small[0].shape[1] // 2)  # no more than 8 bits hold
     try:
-        found = matcher.compute(*small).disparity
+        found = StereoSGBM(num_disparities=max(16, reach // 16 * 16)).compute(*small).disparity
     except ValueError:  # too narrow for a search
         return DIVISORS[0]
     known = np.isfinite(values) & np.isfinite(found)
@@ -496,14 +492,12 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
         archive = read_archive(files[0][1])
         if holds_session(archive):
             return read_session(archive, guarded)
-        return _pair_set(archive.names, archive.read, digest)
-    if sum(len(data) for _, data in files) > MAX_BYTES:
+        names, read = archive.names, archive.read
+    elif sum(len(data) for _, data in files) > MAX_BYTES:
         raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total, the most that is accepted.")
-    by_name = dict(files)
-    return _pair_set([*by_name], by_name.__getitem__, digest)
-
-
-def _pair_set(names: Sequence[str], read: Callable[[str], bytes], digest: str) -> PairSet:
+    else:
+        by_name = dict(files)
+        names, read = tuple(by_name), lambda name: by_name[name]
     pairs = matched_pairs(names)
     if not pairs:
         raise ValueError(NO_PAIRS)
@@ -610,11 +604,18 @@ def _resized(pair: Pair, factor: float) -> Pair:
 
 def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, memo: Memo = no_memo) -> Pair:
     """Return the pair rectified with its calibration if it is raw; ground truth and mask are then void."""
-    if pair.calibration is None or pair.calibration.rig is None:
+    calibration = pair.calibration
+    if calibration is None or calibration.rig is None:
         return pair
-    rig = pair.calibration.rig
+    rig = calibration.rig
     alpha = alpha if rig.rectification is None else None
-    again = memo("rectified pair", lambda: _rectified(pair, alpha), pair, _fingerprint(rig, alpha))
+    bare = replace(pair, truth=None, visible=None)
+    again = memo(
+        "rectified pair",
+        lambda: replace(bare, **rectify(pair.left, pair.right, calibration, alpha=alpha)._asdict()),
+        pair,
+        _fingerprint(rig, alpha),
+    )
     # The frame changes the scale of the rows a little, but not the outcome.
     evidence = memo(
         "row evidence",
@@ -625,33 +626,17 @@ def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, 
     done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
     decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
     pair = replace(pair, calibration=again.calibration, rectification=decision)
-    if not done:
-        return pair.after(ChangeCode.RECTIFIED, decision.in_words())
-    return pair.after(
-        ChangeCode.RECTIFIED,
-        decision.in_words(),
-        left=again.left,
-        right=again.right,
-        id=replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}"),
-        truth=None,
-        visible=None,
-    )
-
-
-def _rectified(pair: Pair, alpha: float | None) -> Pair:
-    assert pair.calibration is not None
-    left, right, calibration = rectify(pair.left, pair.right, pair.calibration, alpha=alpha)
-    return replace(pair, left=left, right=right, truth=None, visible=None, calibration=calibration)
+    images: dict[str, Any] = {}
+    if done:
+        images = {"left": again.left, "right": again.right, "truth": None, "visible": None}
+        images["id"] = replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}")
+    return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **images)
 
 
 def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
     """Return a digest that identifies this rectification of a pair."""
-    arrays = [rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, rig.rotation]
-    arrays.append(rig.translation)
-    if rig.rectification is not None:
-        how = rig.rectification
-        arrays += [how.left_rotation, how.right_rotation, how.left_projection, how.right_projection]
-    numbers = b"".join(array.tobytes() for array in arrays)
+    values = [*vars(rig).values(), *(vars(rig.rectification).values() if rig.rectification is not None else ())]
+    numbers = b"".join(value.tobytes() for value in values if isinstance(value, np.ndarray))
     return hashlib.sha256(numbers + repr((rig.width, rig.height, alpha)).encode()).hexdigest()[:16]
 
 

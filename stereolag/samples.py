@@ -23,13 +23,20 @@ ASSETS = INSTALLED if INSTALLED.is_dir() else PACKAGE.parent / "assets"
 
 
 @dataclass(frozen=True)
-class RecordingExample:
+class Example:
+    """A bundled example: its key, a heading, and a sentence or two."""
+
+    name: str
+    title: str
+    description: str
+
+
+@dataclass(frozen=True)
+class RecordingExample(Example):
     """Two recordings of one sound scene.
 
     Attributes
     ----------
-    name, title, description
-        The key, a heading, and a sentence or two.
     signal_1, signal_2
         FLAC files with one channel each and the same length.
     lag
@@ -40,9 +47,6 @@ class RecordingExample:
         Speed of sound at the place of recording, m/s.
     """
 
-    name: str
-    title: str
-    description: str
     signal_1: Path
     signal_2: Path
     lag: int
@@ -51,22 +55,17 @@ class RecordingExample:
 
 
 @dataclass(frozen=True)
-class MazeExample:
+class MazeExample(Example):
     """An image in which a template is hidden.
 
     Attributes
     ----------
-    name, title, description
-        The key, a heading, and a sentence or two.
     picture, template
         An RGB PNG, and an RGBA PNG whose alpha is its mask.
     row, col
         Position of the template's top-left pixel in the image.
     """
 
-    name: str
-    title: str
-    description: str
     picture: Path
     template: Path
     row: int
@@ -74,13 +73,11 @@ class MazeExample:
 
 
 @dataclass(frozen=True)
-class StereoExample:
+class StereoExample(Example):
     """A rectified stereo pair with exact ground truth.
 
     Attributes
     ----------
-    name, title, description
-        The key, a heading, and a sentence or two.
     left, right
         RGB PNGs of the same size.
     disparity
@@ -93,9 +90,6 @@ class StereoExample:
         Px; every disparity of the pair is smaller.
     """
 
-    name: str
-    title: str
-    description: str
     left: Path
     right: Path
     disparity: Path
@@ -105,13 +99,11 @@ class StereoExample:
 
 
 @dataclass(frozen=True)
-class DriveExample:
+class DriveExample(Example):
     """The frames of a drive: rectified stereo pairs in order of time, with the exact disparity and motion of each.
 
     Attributes
     ----------
-    name, title, description
-        The key, a heading, and a sentence or two.
     left, right
         RGB pictures, one per frame, all of the same size.
     disparity
@@ -132,9 +124,6 @@ class DriveExample:
         Px; every disparity of the drive is smaller.
     """
 
-    name: str
-    title: str
-    description: str
     left: tuple[Path, ...]
     right: tuple[Path, ...]
     disparity: tuple[Path, ...]
@@ -185,8 +174,8 @@ def recordings() -> dict[str, RecordingExample]:
         The examples are neither inside the package nor beside it.
     """
     folder = _folder("signals")
-    examples = [
-        RecordingExample(
+    return {
+        entry["name"]: RecordingExample(
             name=entry["name"],
             title=entry["title"],
             description=entry["description"],
@@ -197,8 +186,7 @@ def recordings() -> dict[str, RecordingExample]:
             speed=entry["speed"],
         )
         for entry in _read(folder / "recordings.json")
-    ]
-    return {example.name: example for example in examples}
+    }
 
 
 def mazes() -> dict[str, MazeExample]:
@@ -210,11 +198,12 @@ def mazes() -> dict[str, MazeExample]:
         The examples are neither inside the package nor beside it.
     """
     folder = _folder("maze")
-    examples = [
-        MazeExample(**(entry | {"picture": folder / entry["picture"], "template": folder / entry["template"]}))
+    return {
+        entry["name"]: MazeExample(
+            **entry | {"picture": folder / entry["picture"], "template": folder / entry["template"]}
+        )
         for entry in _read(folder / "mazes.json")
-    ]
-    return {example.name: example for example in examples}
+    }
 
 
 def stereo_pairs() -> dict[str, StereoExample]:
@@ -225,55 +214,39 @@ def stereo_pairs() -> dict[str, StereoExample]:
     FileNotFoundError
         The examples are neither inside the package nor beside it.
     """
-    calibrations = sorted(_folder("stereo").glob("*/calibration.json"))
-    return {path.parent.name: _stereo_example(path) for path in calibrations}
+    found = {}
+    for calibration in sorted(_folder("stereo").glob("*/calibration.json")):
+        folder, entry = calibration.parent, _read(calibration)
+        found[folder.name] = StereoExample(
+            folder.name,
+            entry["title"],
+            entry["description"],
+            **{part: folder / f"{part}.png" for part in ("left", "right", "disparity", "occlusion")},
+            calibration=calibration,
+            num_disparities=entry["num_disparities"],
+        )
+    return found
 
 
 def drives() -> dict[str, DriveExample]:
     """Return the drives by name; FileNotFoundError if the examples are missing."""
-    folder = _folder("drive")
-    return {path.parent.name: _drive_example(path) for path in sorted(folder.glob("*/poses.json"))}
-
-
-def _drive_example(poses: Path) -> DriveExample:
-    folder = poses.parent
-    calibration = _read(folder / "calibration.json")
-    entry = _read(poses)
-
-    def frames(part: str) -> tuple[Path, ...]:
-        return tuple(sorted((folder / part).iterdir()))
-
-    return DriveExample(
-        name=folder.name,
-        title=calibration["title"],
-        description=calibration["description"],
-        left=frames("left"),
-        right=frames("right"),
-        disparity=frames("disparity"),
-        occlusion=frames("occlusion"),
-        objects=frames("objects"),
-        object_names=tuple(entry["object_names"]),
-        calibration=folder / "calibration.json",
-        poses=poses,
-        frame_rate=float(entry["frame_rate"]),
-        num_disparities=calibration["num_disparities"],
-    )
-
-
-def _stereo_example(calibration: Path) -> StereoExample:
-    folder = calibration.parent
-    entry = _read(calibration)
-    return StereoExample(
-        name=folder.name,
-        title=entry["title"],
-        description=entry["description"],
-        left=folder / "left.png",
-        right=folder / "right.png",
-        disparity=folder / "disparity.png",
-        occlusion=folder / "occlusion.png",
-        calibration=calibration,
-        num_disparities=entry["num_disparities"],
-    )
+    found = {}
+    for poses in sorted(_folder("drive").glob("*/poses.json")):
+        folder, entry = poses.parent, _read(poses)
+        calibration = folder / "calibration.json"
+        about, parts = _read(calibration), ("left", "right", "disparity", "occlusion", "objects")
+        found[folder.name] = DriveExample(
+            folder.name,
+            about["title"],
+            about["description"],
+            **{part: tuple(sorted((folder / part).iterdir())) for part in parts},
+            object_names=tuple(entry["object_names"]),
+            calibration=calibration,
+            poses=poses,
+            frame_rate=float(entry["frame_rate"]),
+            num_disparities=about["num_disparities"],
+        )
+    return found
 
 
 def _folder(kind: str) -> Path:

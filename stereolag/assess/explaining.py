@@ -78,9 +78,6 @@ def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float
     return section if abs(section[1] + 2 * bend * offset[1]) < SAME_TOP * abs(bend) else None
 
 
-NEIGHBOURS = np.ones((3, 3), np.uint8)
-
-
 def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> Surface:
     """Return, for every lag, the height of the pass to it: the lowest score on the best path from the peak.
 
@@ -109,7 +106,7 @@ def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> 
     reached[peak] = ground[peak]
     while True:
         framed = np.pad(reached, 1, mode="wrap") if wrapped else np.pad(reached, 1, constant_values=-np.inf)
-        spread = cv2.dilate(framed, NEIGHBOURS)[1:-1, 1:-1]
+        spread = cv2.dilate(framed, np.ones((3, 3), np.uint8))[1:-1, 1:-1]
         farther = np.minimum(spread, ground)
         if np.array_equal(farther, reached):
             return np.where(known, np.maximum(reached, lowest), np.nan)
@@ -381,8 +378,11 @@ def explain_match(
     if matcher.score == "ncc":
         as_good *= float(window.var() / (np.mean(window**2) or 1.0))
     second, valley, flank = beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
-    found = Box(top + peak[0], start + peak[1], size, size) if peak else None
-    at_edge = not inside or (found is not None and not query.circular and _touches_frame(found, (height, width), asked))
+    # The matching window has a neighbour outside the right image in a searched direction.
+    at_frame = peak is not None and (
+        start + peak[1] in (0, width - size) or (asked.rows > 1 and top + peak[0] in (0, height - size))
+    )
+    at_edge = not inside or (at_frame and not query.circular)
     offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
     return MatchExplanation(
         window=Box(top, start, size, size),
@@ -411,12 +411,6 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
     if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
         return matcher
     return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
-
-
-def _touches_frame(found: Box, shape: tuple[int, int], lags: LagRange) -> bool:
-    """Return whether the matching window has a neighbour outside the right image in a searched direction."""
-    across = found.col in (0, shape[1] - found.width)
-    return across or (lags.rows > 1 and found.row in (0, shape[0] - found.height))
 
 
 def _reached(top: int, start: int, size: int, lags: LagRange, shape: tuple[int, int]) -> Box:

@@ -26,8 +26,6 @@ LARGEST_SIDE = 1000
 """Longer side to which larger images are reduced before features are detected, px."""
 
 FEATURES = 2000
-FAST_THRESHOLD = 8
-LOWEST_CONTRAST = 0.02
 
 LOWE_RATIO = 0.8
 """A SIFT feature is matched if its best candidate is closer than this share of the next one's distance (Lowe 2004)."""
@@ -139,10 +137,10 @@ def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: fl
     """
     detector: cv2.Feature2D
     if binary:
-        detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
+        detector = cv2.ORB.create(FEATURES, fastThreshold=8)
         smallest, norm = detector.getPatchSize(), cv2.NORM_HAMMING
     else:
-        detector, smallest, norm = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST), PATCH, cv2.NORM_L2
+        detector, smallest, norm = cv2.SIFT.create(FEATURES, contrastThreshold=0.02), PATCH, cv2.NORM_L2
     places, codes = [], []
     for view in views:
         keys, described = detector.detectAndCompute(view, None) if min(view.shape) >= smallest else ((), None)
@@ -412,7 +410,6 @@ def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
     return np.asarray(seen * np.divide(straight, far, out=np.ones_like(far), where=far > 0))
 
 
-ROUNDS = 10
 LEAST_NOISE_PX = 0.1
 CELLS, NEIGHBOURS = 100, 3
 """Cells across the image that contribute one match each, and neighbours each match is compared with."""
@@ -436,7 +433,7 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
         (n, k) and (n,), px.
     """
     weights = np.ones(len(values))
-    for _ in range(ROUNDS):
+    for _ in range(10):
         root = np.sqrt(weights)
         coefficients, *_ = np.linalg.lstsq(terms * root[:, None], values * root, rcond=None)
         left = values - terms @ coefficients

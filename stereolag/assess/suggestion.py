@@ -25,7 +25,7 @@ from stereolag.assess.judging import (
     parameters,
 )
 from stereolag.core.jobs import Estimate, Progress, silent
-from stereolag.core.settings import FitsImage, Settings, changed, marker
+from stereolag.core.settings import FitsImage, Number, Settings, changed, marker
 from stereolag.stereo.finishing.checks import LeftRightCheck
 from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
@@ -41,21 +41,8 @@ AS_SET: Step = {}
 SIZES = 7
 """Number of values tried for a side about which nothing else is known."""
 
-WINDOW_SIZES = (9, 11, 7, 13, 15, 5, 21)
 EVERY_PIXEL = 0.95
 """The overlap that places windows of up to 29 px at every pixel, as the left-right check requires."""
-
-MEDIAN_RADII = (6, 10)
-BLOCK_SIZES = (11, 9, 13, 15, 17, 7, 21)
-GRADIENT_CAPS = (63, 31)
-SMALL_BLOCK_SIZES = (9, 1, 7, 3, 5, 11)
-JUMP_PENALTIES = (16, 32, 64, 128)
-"""P2 per pixel of the block, as StereoSGBM sums costs over it. P1 is a quarter of P2, as in OpenCV's own examples."""
-
-SLANT_SHARE = 4
-GRADIENT_CAP_SUMMED = 31
-SEMI_GLOBAL_SIZES = (9, 7, 11, 5)
-PENALTY_FACTORS = (1.0, 0.5, 2.0)
 
 
 def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
@@ -88,7 +75,7 @@ def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
     """
     known = parameters(matcher)
     sides = [
-        [AS_SET, *({name: value} for value in known[name].values(SIZES))]
+        [AS_SET, *_each(name, *known[name].values(SIZES))]
         for name, field in type(matcher).model_fields.items()
         if name in known and marker(field, FitsImage) is not None
     ]
@@ -97,60 +84,40 @@ def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
 
 @steps.register
 def _of_windows(matcher: CorrelationMatcher) -> Sequence[Sequence[Step]]:
-    finishing = [
-        {"overlap": max(matcher.overlap, EVERY_PIXEL), "score": "zncc", "engine": "auto"} | step if step else step
-        for step in _finishing(matcher)
-    ]
-    return [[*(_of_window(matcher, size) for size in WINDOW_SIZES), AS_SET], [*finishing, {"score": "zncc"}]]
-
-
-def _of_window(matcher: CorrelationMatcher, size: int) -> Step:
-    """Return the step to a window size, with a search square that keeps its reach."""
-    search = matcher.search
-    if not isinstance(search, CentredSearch):
-        return {"window_size": size}
-    if search.circular(matcher.window_size):
-        return AS_SET
-    return {"window_size": size, "search.search_size": search.search_size - matcher.window_size + size}
+    windows: list[Step] = _each("window_size", 9, 11, 7, 13, 15, 5, 21)
+    if isinstance(matcher.search, CentredSearch):  # a square that keeps its reach
+        around = matcher.search.search_size - matcher.window_size
+        windows = [step | {"search.search_size": around + step["window_size"]} for step in windows] if around else []
+    every_pixel = {"overlap": max(matcher.overlap, EVERY_PIXEL), "score": "zncc", "engine": "auto"}
+    finishing = [every_pixel | step if step else step for step in _finishing(matcher)]
+    return [[*windows, AS_SET], [*finishing, {"score": "zncc"}]]
 
 
 @steps.register
 def _of_bm(matcher: StereoBM) -> Sequence[Sequence[Step]]:
-    return [
-        [*({"block_size": size} for size in BLOCK_SIZES), AS_SET],
-        [*({"pre_filter_cap": cap} for cap in GRADIENT_CAPS), AS_SET],
-    ]
+    sizes, caps = _each("block_size", 11, 9, 13, 15, 17, 7, 21), _each("pre_filter_cap", 63, 31)
+    return [[*sizes, AS_SET], [*caps, AS_SET]]
 
 
 @steps.register
 def _of_sgbm(matcher: StereoSGBM) -> Sequence[Sequence[Step]]:
-    def penalised(size: int, jump: int) -> Step:
-        large = jump * size**2
-        return {
-            "block_size": size,
-            "p1": large // SLANT_SHARE,
-            "p2": large,
-            "pre_filter_cap": GRADIENT_CAP_SUMMED,
-        }
-
-    return [[penalised(size, jump) for size, jump in _likely_first(SMALL_BLOCK_SIZES, JUMP_PENALTIES)]]
+    # P2 per pixel of the block, as StereoSGBM sums costs over it. P1 is a quarter of P2, as in OpenCV's own examples.
+    sizes = _likely_first((9, 1, 7, 3, 5, 11), (16, 32, 64, 128))
+    penalties = [{"block_size": size, "p1": jump * size**2 // 4, "p2": jump * size**2} for size, jump in sizes]
+    return [[step | {"pre_filter_cap": 31} for step in penalties]]
 
 
 @steps.register
 def _of_semi_global(matcher: SemiGlobalMatcher) -> Sequence[Sequence[Step]]:
-    penalties = ("penalty_small", "penalty_at_edges", "penalty_large")
-    return [
-        [AS_SET, *({"window_size": size} for size in SEMI_GLOBAL_SIZES)],
-        [
-            {
-                f"optimisation.{name}": max(1, round(factor * getattr(matcher.optimisation, name)))
-                for name in penalties
-                if factor != 1
-            }
-            for factor in PENALTY_FACTORS
-        ],
-        _finishing(matcher),
+    now = {name: getattr(matcher.optimisation, name) for name in ("penalty_small", "penalty_at_edges", "penalty_large")}
+    scaled = [
+        {f"optimisation.{name}": max(1, round(factor * value)) for name, value in now.items()} for factor in (0.5, 2.0)
     ]
+    return [[AS_SET, *_each("window_size", 9, 7, 11, 5)], [AS_SET, *scaled], _finishing(matcher)]
+
+
+def _each(name: str, *values: Number) -> list[Step]:
+    return [{name: value} for value in values]
 
 
 def _finishing(matcher: StereoMatcher) -> list[Step]:
@@ -161,21 +128,10 @@ def _finishing(matcher: StereoMatcher) -> list[Step]:
     if not {"left_right", "speckle", "filling", "median"} <= set(type(matcher).model_fields):
         return [AS_SET]
     now = dict(matcher)
-    left_right: LeftRightCheck = now["left_right"] or LeftRightCheck()
-    speckle: SpeckleFilter = now["speckle"] or SpeckleFilter()
+    checked = {"left_right": now["left_right"] or LeftRightCheck(), "speckle": now["speckle"] or SpeckleFilter()}
     median: MedianFilter = now["median"] or MedianFilter()
-    return [
-        *(
-            {
-                "left_right": left_right,
-                "speckle": speckle,
-                "filling": True,
-                "median": changed(median, {"radius": radius}),
-            }
-            for radius in MEDIAN_RADII
-        ),
-        AS_SET,
-    ]
+    medians = [{"median": changed(median, {"radius": radius})} for radius in (6, 10)]
+    return [*(checked | {"filling": True} | step for step in medians), AS_SET]
 
 
 def side_of(matcher: StereoMatcher) -> int:
@@ -186,8 +142,7 @@ def side_of(matcher: StereoMatcher) -> int:
 
 def differences(before: Settings, after: Settings, path: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Yield the differences between two settings of one class: dotted name, old value and new value."""
-    for name in type(before).model_fields:
-        old, new = getattr(before, name), getattr(after, name)
+    for (name, old), (_, new) in zip(before, after, strict=True):
         if isinstance(old, Settings) and type(old) is type(new):
             yield from differences(old, new, f"{path}{name}.")
         elif old != new:
@@ -563,6 +518,5 @@ def estimate_suggestion(
     `blind` means without ground truth. Settings that alone need more memory than one job may take are not tried.
     """
     jobs = [one.estimate(shape, dtype) for one in (matcher, *candidates(matcher))]
-    if blind:
-        jobs.append(estimate_reference(matcher.search_range(), shape, dtype))
+    jobs += [estimate_reference(matcher.search_range(), shape, dtype)] if blind else []
     return Estimate(max(job.memory for job in jobs), min(budget_s, sum(job.seconds for job in jobs)))

@@ -48,12 +48,6 @@ def healthy(name: str = "cube") -> Diagnosis:
     return diagnose(*bundled(name)[:2])
 
 
-@cache
-def ill_cube(code: FindingCode) -> tuple[Pair, Diagnosis]:
-    pair = ILLS[code](*bundled("cube")[:2])
-    return pair, diagnose(*pair)
-
-
 def amber(diagnosis: Diagnosis) -> set[FindingCode]:
     return {finding.code for finding in diagnosis.findings if not finding.healthy}
 
@@ -78,9 +72,6 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
     diagnosis = healthy(name)
     assert not amber(diagnosis) & {*GEOMETRY, FindingCode.EXPOSURE, FindingCode.MATCHES, FindingCode.IDENTICAL}
     assert abs(found(diagnosis, FindingCode.ROWS).numbers["offset_px"]) < 0.3
-    numbers = found(diagnosis, FindingCode.ROTATION).numbers
-    assert abs(numbers["rotation_deg"]) < 0.1
-    assert numbers["scale"] == pytest.approx(1, abs=0.003)
 
 
 @PAIRS
@@ -98,27 +89,13 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
 def test_a_fault_is_measured_and_fixed(name: str, damage: Any, code: FindingCode, expected: dict[str, Any]) -> None:
     left, right, _ = bundled(name)
     finding = found(diagnose(left, damage(right)), code)
-    assert not finding.healthy
+    assert finding.remedy is REMEDIES[code]
     for number, (value, tolerance) in expected.items():
         assert finding.numbers[number] == pytest.approx(value, abs=tolerance)
     mended = apply_remedy(left, damage(right), REMEDIES[code])
     assert not amber(diagnose(*mended)) & {code, FindingCode.ROWS}
     assert mended[0] is left
     assert (mended[1].shape, mended[1].dtype) == (right.shape, right.dtype)
-
-
-@pytest.mark.parametrize("code", ILLS)
-def test_every_fault_is_found_with_its_remedy(code: FindingCode) -> None:
-    pair, diagnosis = ill_cube(code)
-    assert found(diagnosis, code).remedy is REMEDIES[code]
-    if code is FindingCode.SWAPPED:
-        assert apply_remedy(*pair, Remedy.SWAP_SIDES)[0] is bundled("cube")[0]
-
-
-def test_aligned_rows_keep_the_disparities() -> None:
-    left, right, _ = bundled("cube")
-    aligned = apply_remedy(left, np.roll(right, 3, axis=0), Remedy.ALIGN_ROWS)[1]
-    assert np.mean(np.abs(aligned[8:-8].astype(float) - right[8:-8])) < 2.5
 
 
 def test_a_remedy_that_cannot_be_applied_is_refused() -> None:
@@ -206,7 +183,9 @@ def test_a_range_judged_later_is_judged_alike_and_not_of_swapped_sides() -> None
     left, right, _ = bundled("cube")
     wide = diagnose(left, right, num_disparities=256)
     assert judge_range(healthy(), 0, 256) == wide.finding(FindingCode.RANGE)
-    _, swapped = ill_cube(FindingCode.SWAPPED)
+    swapped = diagnose(right, left)
+    assert found(swapped, FindingCode.SWAPPED).remedy is Remedy.SWAP_SIDES
+    assert apply_remedy(right, left, Remedy.SWAP_SIDES)[0] is left
     assert judge_range(swapped, 0, 64) is swapped.finding(FindingCode.RANGE) is swapped.suggested_range is None
 
 
@@ -370,13 +349,6 @@ def test_a_rectified_pair_is_not_rectified_again_and_a_raw_one_is(given: dict[st
 )
 def test_rows_are_evidence_where_they_differ(given: float, rectified: float, already: bool) -> None:
     assert RowEvidence(given, rectified, 50, 50).already_rectified is already
-
-
-def test_images_without_features_are_no_evidence() -> None:
-    flat = np.full((360, 480), 99, np.uint8)
-    evidence = row_evidence((flat, flat), (flat, flat))
-    assert np.isnan([evidence.given_px, evidence.rectified_px]).all()
-    assert not evidence.already_rectified
 
 
 # The scale factor of an 8-bit ground truth

@@ -43,20 +43,13 @@ def score_map(name):
     return np.where(np.isfinite(scores), scores, -1.0)
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_sizes_and_modes(name):
-    picture, template = load(name)
-    assert picture.shape == (1526, 2446, 3)
-    assert template.shape == (123, 111, 4)
-    assert picture.dtype == template.dtype == np.uint8
-
-
 def test_rocketman_stands_on_transparent_ground_where_the_report_has_him():
     alpha = load("maze")[1][..., 3]
     assert set(np.unique(alpha)) == {0, 255}
     assert 0.4 < np.mean(alpha == 255) < 0.8
     assert not alpha[[0, 0, -1, -1], [0, -1, 0, -1]].any()
     assert np.array_equal(np.array(make_template()), load("maze")[1])  # the script draws him again
+    assert {load(name)[0].shape for name in EXAMPLES} == {(1526, 2446, 3)}
     assert (EXAMPLES["maze"].row, EXAMPLES["maze"].col) == (528, 982)
 
 
@@ -94,9 +87,3 @@ def test_a_part_of_him_is_covered_in_the_second_maze():
         fits = np.abs(seen - slope * wanted - offset) < 18
         slope, offset = np.polyfit(wanted[fits], seen[fits], 1)
     assert 0.12 < np.mean(~fits) < 0.3
-
-
-def test_the_mazes_differ():
-    first, second = load("maze")[0], load("maze_dulled")[0]
-    assert np.mean(np.any(first != second, axis=-1)) > 0.9
-    assert (EXAMPLES["maze"].row, EXAMPLES["maze"].col) != (EXAMPLES["maze_dulled"].row, EXAMPLES["maze_dulled"].col)

@@ -40,9 +40,3 @@ def test_absent_examples_are_named(examples, monkeypatch, tmp_path):
     monkeypatch.setattr(samples, "ASSETS", tmp_path / "assets")
     with pytest.raises(FileNotFoundError, match="bundled examples are not at"):
         examples()
-
-
-def test_all_examples_fit_the_budget():
-    """The drive has its own budget, in addition to the one for all the others."""
-    sizes = [path.stat().st_size for path in samples.ASSETS.rglob("*") if path.is_file()]
-    assert sum(sizes) < 25e6 + 25e6
