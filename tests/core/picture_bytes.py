@@ -71,17 +71,9 @@ def overlapping_exif(size: int, tags: int = 5000) -> bytes:
 
 
 def tiff(changes: dict[int, tuple[int, int, int]] | None = None, *, pixels: bytes = bytes(64), size: int = 8) -> bytes:
-    entries = {
-        256: (3, 1, size),
-        257: (3, 1, size),
-        258: (3, 1, 8),
-        259: (3, 1, 1),
-        262: (3, 1, 1),
-        273: (4, 1, 8),
-        277: (3, 1, 1),
-        278: (3, 1, size),
-        279: (4, 1, len(pixels)),
-    } | (changes or {})
+    shorts = {256: size, 257: size, 258: 8, 259: 1, 262: 1, 277: 1, 278: size}
+    entries = {tag: (3, 1, value) for tag, value in shorts.items()}
+    entries |= {273: (4, 1, 8), 279: (4, 1, len(pixels))} | (changes or {})
     start = struct.pack("<4sI", b"II*\0", 8 + len(pixels)) + pixels
     return start + directory((tag, *entries[tag]) for tag in sorted(entries))
 
@@ -107,18 +99,8 @@ def tiff_overlapping() -> bytes:
 
 
 def tiff_tiled(side: int, width: int = 10) -> bytes:
-    changes = {
-        256: (3, 1, width),
-        257: (3, 1, width),
-        258: (3, 1, 16),
-        262: (3, 1, 2),
-        277: (3, 1, 3),
-        322: (4, 1, side),
-        323: (4, 1, side),
-        324: (4, 1, 8),
-        325: (4, 1, 64),
-        259: (3, 1, 8),
-    }
+    shorts, longs = {256: width, 257: width, 258: 16, 259: 8, 262: 2, 277: 3}, {322: side, 323: side, 324: 8, 325: 64}
+    changes = {tag: (kind, 1, value) for kind, values in ((3, shorts), (4, longs)) for tag, value in values.items()}
     return tiff(changes, pixels=bomb(64 * MB)[:65_000])
 
 
@@ -126,9 +108,7 @@ def tiff_tiled(side: int, width: int = 10) -> bytes:
 
 
 def jpeg(pixels: np.ndarray | None = None, **options: Any) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels).save(stream, "JPEG", **options)
-    return stream.getvalue()
+    return by_pillow("JPEG", np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels, **options)
 
 
 def segment(marker: int, body: bytes) -> bytes:
@@ -170,9 +150,7 @@ def gif_comment(size: int, block: int = 255) -> bytes:
 
 
 def webp(pixels: np.ndarray | None = None, **options: Any) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels).save(stream, "WEBP", **options)
-    return stream.getvalue()
+    return by_pillow("WEBP", np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels, **options)
 
 
 def webp_with(chunk: bytes, flags: int = 0, canvas: tuple[int, int] = (16, 16)) -> bytes:
@@ -226,9 +204,9 @@ def by_opencv(ending: str, pixels: np.ndarray, *options: int) -> bytes:
     return cv2.imencode(ending, pixels, options)[1].tobytes()
 
 
-def by_pillow(kind: str, pixels: np.ndarray, **options: Any) -> bytes:
+def by_pillow(kind: str, pixels: np.ndarray | Image.Image, **options: Any) -> bytes:
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, kind, **options)
+    (Image.fromarray(pixels) if isinstance(pixels, np.ndarray) else pixels).save(stream, kind, **options)
     return stream.getvalue()
 
 
@@ -244,15 +222,8 @@ def interlaced(pixels: np.ndarray) -> bytes:
     """Return RGB pixels as an interlaced PNG of seven passes."""
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2, 0, 0, 1)
     packer, packed = zlib.compressobj(0), b""
-    for top, left, down, across in (
-        (0, 0, 8, 8),
-        (0, 4, 8, 8),
-        (4, 0, 8, 4),
-        (0, 2, 4, 4),
-        (2, 0, 4, 2),
-        (0, 1, 2, 2),
-        (1, 0, 2, 1),
-    ):
+    passes = [(0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1)]
+    for top, left, down, across in passes:
         part = pixels[top::down, left::across]
         rows = np.zeros((part.shape[0], 1 + 3 * part.shape[1]), np.uint8)
         rows[:, 1:] = part.reshape(part.shape[0], -1)

@@ -36,12 +36,6 @@ def test_what_goes_in_comes_out_for_other_readers():
         np.testing.assert_array_equal(np.array(Image.open(archive.open("left.png"))), picture)
 
 
-def test_equal_files_make_equal_archives():
-    files = {"a.txt": b"a" * 1000, "b.npy": bytes(range(256))}
-    assert bundle(files) == bundle(dict(files))
-    assert len(bundle(files)) < 1000
-
-
 @given(names)
 def test_any_names_give_harmless_ones_with_their_bytes(files):
     try:
@@ -84,15 +78,10 @@ def test_file_names(name, expected):
     assert file_name(name) == expected
 
 
-@pytest.mark.parametrize("files", [{"a/x.png": b"", "b/x.png": b""}, {"A.png": b"", "a.PNG": b""}])
-def test_two_files_of_one_name_are_refused(files):
-    with pytest.raises(ValueError, match=r"several that become (x\.png|A\.png, a\.PNG);"):
+@pytest.mark.parametrize("files", [{}, {"a/x.png": b"", "b/x.png": b""}, {"A.png": b"", "a.PNG": b""}])
+def test_no_files_and_two_of_one_name_are_refused(files):
+    with pytest.raises(ValueError, match=r"empty|several that become (x\.png|A\.png, a\.PNG);"):
         bundle(files)
-
-
-def test_an_empty_archive_is_refused():
-    with pytest.raises(ValueError, match="empty"):
-        bundle({})
 
 
 MB = 2**20
@@ -229,6 +218,7 @@ def test_a_changed_archive_gives_what_was_in_it_or_a_sentence(data: st.DataObjec
 def test_what_is_taken_away_is_read() -> None:
     files = {"left.png": np.arange(9, dtype=np.uint8).tobytes(), "settings.json": b"{}"}
     data = bundle(files)
+    assert data == bundle(dict(files))
     assert is_archive(data)
     assert not is_archive(b"\x89PNG")
     archive = read_archive(io.BytesIO(data))
