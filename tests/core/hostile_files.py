@@ -102,11 +102,7 @@ def valid_files() -> dict[str, list[bytes]]:
     held[274] = 6
     pictures = [by_pillow(kind, pixels, exif=held) for kind in ("PNG", "JPEG", "TIFF", "WEBP")]
     pictures += [by_pillow(kind, pixels) for kind in ("BMP", "PPM", "GIF")]
-    pictures += [
-        by_pillow("WEBP", pixels, lossless=True),
-        jpeg(pixels, progressive=True),
-        webp_frames(2),
-    ]
+    pictures += [by_pillow("WEBP", pixels, lossless=True), jpeg(pixels, progressive=True), webp_frames(2)]
     pictures += [
         by_pillow("TIFF", pixels, compression=kind) for kind in ("tiff_lzw", "tiff_deflate", "jpeg", "packbits")
     ]
@@ -189,10 +185,7 @@ def images() -> dict[str, Case]:
         "TIFF, 60,000 channels": (lambda: tiff({277: (3, 1, 60_000)}), ""),
         "TIFF, width a word": (lambda: tiff({256: (2, 4, 0x31313131)}), cut),
         "TIFF, header claims 16 gigapixels": (lambda: tiff({256: (4, 1, 130_000), 257: (4, 1, 130_000)}), most),
-        "TIFF, deflated bomb": (
-            lambda: tiff({259: (3, 1, 8), 279: (4, 1, 60_000)}, pixels=bomb(64 * MB)[:60_000]),
-            "",
-        ),
+        "TIFF, deflated bomb": (lambda: tiff({259: (3, 1, 8), 279: (4, 1, 60_000)}, pixels=bomb(64 * MB)[:60_000]), ""),
         "TIFF, BigTIFF of 2^60 strips": (lambda: big_tiff(2**60), cut),
         "TIFF, directory beyond the file": (lambda: b"II*\0\xff\xff\xff\xff" + bytes(40), cut),
         "WEBP, profile of 60 MB": (lambda: webp_with(riff_chunk(b"ICCP", bytes(60 * MB)), 0x20), READ),

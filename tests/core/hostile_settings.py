@@ -153,14 +153,8 @@ def trees() -> dict[str, Case]:
         "XML, nothing but a mark": (lambda: b"<", "XML: it is broken or cut short"),
         "NPZ, 8 arrays of 1 GB": (lambda: lying_archive(64 * MB, 2**30), "no known format"),
         "NPZ, an array of 64 MB that claims 200 bytes": (lambda: lying_archive(64 * MB, 200), "damaged|no known"),
-        "NPZ, packed by bzip2": (
-            lambda: archive(zipfile.ZIP_BZIP2, Q=q + bytes(64 * MB)),
-            "no known format",
-        ),
-        "NPZ, 900 arrays of 64 kB": (
-            lambda: archive(**{f"a{n}": q + bytes(60_000) for n in range(900)}),
-            "",
-        ),
+        "NPZ, packed by bzip2": (lambda: archive(zipfile.ZIP_BZIP2, Q=q + bytes(64 * MB)), "no known format"),
+        "NPZ, 900 arrays of 64 kB": (lambda: archive(**{f"a{n}": q + bytes(60_000) for n in range(900)}), ""),
         "NPZ, 30,000 members": (lambda: members(30_000), "30,000 names or lines"),
         "NPZ, of 17 MB": (lambda: b"PK\x03\x04" + bytes(17 * MB), "at most 16,777,216 are accepted"),
         "NPZ, pickled objects": (pickled, "no known format"),
@@ -206,10 +200,7 @@ def calibrations() -> dict[str, Case]:
         "a name of 1 MB": (lambda: b"a" * MB, "no known format"),
         "spaces of 1 MB": (lambda: b"a" + b" " * (MB - 9) + b"=", ""),
         "300,000 names": (lambda: b"a:\n" * 300_000, "more than 100,000 values"),
-        "100,000 assignments": (
-            lambda: b"".join(b"k%d=1\n" % i for i in range(80_000)),
-            "80,000 names or lines",
-        ),
+        "100,000 assignments": (lambda: b"".join(b"k%d=1\n" % i for i in range(80_000)), "80,000 names or lines"),
         "60 MB": (lambda: b" " * (60 * MB), "at most 1,048,576 are accepted"),
         **trees(),
         "not UTF-8": (lambda: b"\xff" + plain(), "not a text file"),

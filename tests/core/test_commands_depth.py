@@ -171,32 +171,16 @@ def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--rectify", "yes", "--truth", "truth.pfm"], "the ground truth belongs to them before rectification"),
-        (["--rectify", "no", "--truth", "truth.pfm"], None),
-    ],
+    ("rectify", "said"), [("yes", "the ground truth belongs to them before rectification"), ("no", "bad-2")]
 )
 def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
-    rig: Path,
-    arguments: list[str],
-    said: str | None,
-    ran: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    rig: Path, rectify: str, said: str, ran: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(rig)
-    told = ran(
-        "depth",
-        "straight_left.png",
-        "straight_right.png",
-        "--method",
-        "bm",
-        "--calibration",
-        "rig.json",
-        *arguments,
-    )
-    assert told.code == (1 if said else 0)
-    assert (said or "bad-2") in told.err + told.out
+    pair, further = ("straight_left.png", "straight_right.png"), ("--truth", "truth.pfm", "--calibration", "rig.json")
+    told = ran("depth", *pair, "--method", "bm", *further, "--rectify", rectify)
+    assert told.code == (1 if rectify == "yes" else 0)
+    assert said in told.err + told.out
 
 
 @pytest.mark.parametrize(
@@ -213,7 +197,6 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         (["left.png", "right.png", "--calibration", "other.json"], 1, "The calibration is for 50 × 50 pixels"),
         (["left.png", "right.png", "--rectify", "yes", "--calibration", "calibration.json"], 1, "holds no cameras"),
         (["left.png", "right.png", "--settings", "truth.pfm"], 1, "truth.pfm: The settings file is not JSON"),
-        (["left.png", "right.png", "--settings", "calibration.json"], 1, 'must be a JSON object with "method"'),
         (["left.png", "right.png", "--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
         (["left.png", "right.png", "--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
         (["left.png", "right.png", "--block-size", "9"], 2, "There is one with --method bm or sgbm."),
@@ -222,25 +205,11 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
             1,
             "block_size is 61 px and the images are",
         ),
-        (["left.png", "right.png", "--method", "bm", "--num-disparities", "50"], 2, "multiples of 16 from 16 to 1024."),
-        (["left.png", "right.png", "--window-size", "-3"], 2, "window_size is -3; allowed are whole numbers from 3"),
         (["left.png", "right.png", "--out", "truth.pfm"], 1, "truth.pfm: File exists."),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(
-    folder: Path,
-    arguments: list[str],
-    code: int,
-    said: str,
-    ran: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    folder: Path, arguments: list[str], code: int, said: str, ran: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
     assert_refused(ran("depth", *arguments), "depth", code, said)
-
-
-def test_images_that_do_not_belong_together_are_refused(folder: Path, tmp_path: Path, ran: Command) -> None:
-    (tmp_path / "small.png").write_bytes(image_png(np.zeros((20, 20), np.uint8)))
-    told = ran("depth", folder / "left.png", tmp_path / "small.png")
-    assert told.code == 1
-    assert "both images must have the same size" in told.err

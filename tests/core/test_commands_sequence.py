@@ -16,7 +16,7 @@ import moving_drives
 import numpy as np
 import pytest
 from commanded import Command, assert_refused
-from small_drives import archive, write_folders
+from small_drives import write_folders
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
@@ -69,12 +69,7 @@ def test_maps_a_table_and_a_video(sides: tuple[Path, Path], tmp_path: Path, ran:
 
 @pytest.mark.parametrize(
     ("choice", "folder", "start"),
-    [
-        ((), "fast", sl.preset("fast")),
-        (("--preset", "accurate"), "accurate", sl.preset("accurate")),
-        (("--method", "bm"), "bm", sl.StereoBM()),
-        (("--settings", "settings.json"), "sgbm", sl.StereoSGBM(uniqueness_ratio=3)),
-    ],
+    [((), "fast", sl.preset("fast")), (("--settings", "settings.json"), "sgbm", sl.StereoSGBM(uniqueness_ratio=3))],
 )
 def test_settings_come_from_the_same_flags_as_those_of_a_pair(
     sides: tuple[Path, Path],
@@ -112,11 +107,7 @@ def test_it_goes_on_and_refuses_other_settings(sides: tuple[Path, Path], tmp_pat
     [((), None), (("--steadiness",), {"limit": 1.0}), (("--steadiness.limit", 0.5), {"limit": 0.5})],
 )
 def test_the_frame_before_takes_part_if_asked(
-    sides: tuple[Path, Path],
-    tmp_path: Path,
-    flags: tuple[object, ...],
-    steadiness: object,
-    ran: Command,
+    sides: tuple[Path, Path], tmp_path: Path, flags: tuple[object, ...], steadiness: object, ran: Command
 ) -> None:
     command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
     told = ran(*command, *flags)
@@ -134,12 +125,6 @@ def test_motion_is_told_if_asked(tmp_path: Path, ran: Command) -> None:
     assert (told.code, told.err) == (0, "")
     speeds = [float(row["own_speed_kmh"]) for row in rows_of(out) if row["method"] == "motion"]
     assert speeds == pytest.approx([moving_drives.OWN_KMH] * 2, rel=0.05)
-
-
-def test_an_archive_of_both_sides_alone(tmp_path: Path, ran: Command) -> None:
-    (tmp_path / "drive.zip").write_bytes(archive([4, 5]))
-    told = ran("sequence", tmp_path / "drive.zip", "--out", tmp_path / "out", *RANGE, "--json")
-    assert (told.code, told.figures["matched"]) == (0, 2)
 
 
 def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
@@ -195,28 +180,16 @@ def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: C
 @pytest.mark.parametrize(
     ("flags", "code", "sentence"),
     [
-        (["--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
-        (["--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
         (["--compare", "nothing"], 2, "invalid choice: 'nothing'"),
-        (["--num-disparities", "0"], 2, "num_disparities is 0; allowed are"),
-        (["--block-size", "9"], 2, "There is one with --method bm or sgbm."),
-        (["third"], 2, "'third' is one argument too many."),
         (["--disparity-format", ".exr"], 2, "invalid choice: '.exr'"),
         (["--frame-rate", "-1"], 1, "frame_rate is -1.0 Hz"),
         (["--video", "drive.avi"], 1, "a video is written as '.mp4'"),
         (["--preset", "report"], 1, "KITTI's PNG holds 0 to 255 px"),
-        (["--settings", "/nowhere/settings.json"], 1, "/nowhere/settings.json: No such file or directory."),
-        (["--calibration", "/nowhere/calib.txt"], 1, "/nowhere/calib.txt: No such file or directory."),
         (["--scheduler", "nonsense://x"], 1, "There is no Dask scheduler"),
     ],
 )
 def test_what_is_refused_is_told_in_one_line(
-    sides: tuple[Path, Path],
-    tmp_path: Path,
-    flags: list[str],
-    code: int,
-    sentence: str,
-    ran: Command,
+    sides: tuple[Path, Path], tmp_path: Path, flags: list[str], code: int, sentence: str, ran: Command
 ) -> None:
     told = ran("sequence", *sides, "--out", tmp_path / "out", *flags)
     assert_refused(told, "sequence", code, sentence)

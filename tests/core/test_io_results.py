@@ -24,14 +24,7 @@ from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.images import image_png
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
 from stereolag.io.recordings import BLOCK, aligned_wav, check_aligned_wav
-from stereolag.io.results import (
-    curve_csv,
-    lag_json,
-    matches_csv,
-    matches_json,
-    metrics_csv,
-    search_figures,
-)
+from stereolag.io.results import curve_csv, lag_json, matches_csv, matches_json, metrics_csv, search_figures
 from stereolag.io.sources import npy
 from stereolag.signals.lag import aligned, mix
 from tests.programs import run_program
@@ -141,12 +134,7 @@ def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
     assert after.size == 3400
     assert before.var() == pytest.approx(2, rel=0.1)  # two sounds
     assert after[400:3000].var() == pytest.approx(4, rel=0.2)  # one, twice as loud
-
-
-@pytest.mark.parametrize("lag", [-400, 400])
-def test_of_long_recordings_one_hears_where_both_have_begun(lag: int) -> None:
-    first, second = apart(lag)
-    heard = mix(first, second, lag, 1000)
+    heard = mix(first, second, 400, 1000)  # of long ones, where both have begun
     assert heard.size == 1000
     assert heard.var() == pytest.approx(4, rel=0.01)
 
@@ -290,15 +278,8 @@ def test_metrics_come_back_from_the_table():
     nothing = sl.evaluate(np.full((1, 4), np.nan), truth, thresholds=(3.0,))
     rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM, 21 px": found, "none": nothing}))))
     assert [row["method"] for row in rows] == ["BM, 21 px", "none"]
-    assert list(rows[0])[:7] == [
-        "method",
-        "truth_pixels",
-        "density",
-        "epe_px",
-        "d1_all_percent",
-        "bad_0.5_percent",
-        "bad_1_percent",
-    ]
+    first = "method truth_pixels density epe_px d1_all_percent bad_0.5_percent bad_1_percent"
+    assert list(rows[0])[:7] == first.split()
     assert float(rows[0]["epe_px"]) == found.epe
     assert float(rows[0]["density"]) == 0.75
     assert float(rows[0]["bad_0.5_percent"]) == found.bad[0.5] == 75

@@ -53,22 +53,12 @@ def test_settings_left_out_keep_their_defaults():
     ("text", "message"),
     [
         (b"", "empty"),
-        (b"{", "not JSON"),
         (b'{"method": "Stereo*BM*", "settings": {}}', r"“Stereo\?BM\?”; known are CorrelationMatcher, StereoBM"),
         (b'{"method": "StereoBM", "settings": {"block_size": 8}}', "block_size is 8; OpenCV allows odd"),
-        (
-            b'{"method": "StereoBM", "settings": {"block_size": 3}}',
-            "block_size is 3; allowed are whole numbers from 5 to 255",
-        ),
-        (b'{"method": "StereoBM", "settings": {"[x](y)": 3}}', r"StereoBM has no setting '\?x\?\(y\)'"),
         (b'{"method": "StereoSGBM", "settings": {"p1": 9, "p2": 9}}', "p2 > p1"),
         (
             b'{"method": "CorrelationMatcher", "settings": {"search": {"kind": "<b>"}}}',
             r"search.kind is '\?b>'; allowed are 'centred', 'rectified'",
-        ),
-        (
-            b'{"method": "CorrelationMatcher", "settings": {"search": {"kind": "rectified", "num_disparities": 0}}}',
-            "num_disparities is 0; allowed are whole numbers from 1 to 1024",
         ),
     ],
 )

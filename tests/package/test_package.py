@@ -183,10 +183,7 @@ def test_the_command_serves_its_pages_from_any_folder(scripts: Path, tmp_path: P
     (tmp_path / ".streamlit").mkdir()
     (tmp_path / ".streamlit/config.toml").write_text('[server]\nbaseUrlPath = "another/app"\n')
     with served(scripts, tmp_path) as (address, printed):
-        for page, said in {
-            "": "50,082 samples",
-            "Sensor_lag": "378.17\N{NO-BREAK SPACE}m",
-        }.items():
+        for page, said in {"": "50,082 samples", "Sensor_lag": "378.17\N{NO-BREAK SPACE}m"}.items():
             messages = visit(address, page)
             assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
             shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
