@@ -10,12 +10,7 @@ from typing import Any
 
 import stereolag as sl
 from stereolag.commands.arguments import DONE, CommandParser, add_output, read, tell
-from stereolag.commands.pairs import (
-    MatcherFlags,
-    Wording,
-    add_calibration,
-    rectified_as_asked,
-)
+from stereolag.commands.pairs import MatcherFlags, add_calibration, rectified_as_asked
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
@@ -27,7 +22,7 @@ from stereolag.io.sources import npy, write_file
 from stereolag.pair import Pair, PairId, assemble_pair, truth_in_px
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
-WORDING = Wording("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
+WORDING = ("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
 
 FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels")
 """Figures of a map with ground truth."""
@@ -98,7 +93,7 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
     if options.calibration is not None:
         calibration = read(read_calibration, *options.calibration)
     pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
-    return rectified_as_asked(pair, options, WORDING)
+    return rectified_as_asked(pair, options, *WORDING)
 
 
 def _rectified_here(pair: Pair) -> bool:

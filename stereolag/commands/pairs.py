@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from stereolag.commands.arguments import CommandParser, SettingsFlags, read
 from stereolag.geometry.calibration import Calibration
@@ -18,14 +17,6 @@ RECTIFY = {"auto": Rows.DECIDE, "yes": Rows.RAW, "no": Rows.RECTIFIED}
 
 SHORTCUTS = {"search.num-disparities": "num-disparities", "search.min-disparity": "min-disparity"}
 """Short flags for the range, the same for every method."""
-
-
-class Wording(NamedTuple):
-    """How a command says that images are raw, were rectified, or are rectified already."""
-
-    raw: str
-    done: str
-    already: str
 
 
 def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
@@ -44,8 +35,17 @@ def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
     )
 
 
-def rectified_as_asked(pair: Pair, options: argparse.Namespace, wording: Wording) -> tuple[Pair, tuple[str, ...]]:
+def rectified_as_asked(
+    pair: Pair, options: argparse.Namespace, raw: str, done: str, already: str
+) -> tuple[Pair, tuple[str, ...]]:
     """Return a pair rectified as `add_calibration`'s flags say, and sentences about it.
+
+    Parameters
+    ----------
+    pair, options
+        The pair, and the arguments that were parsed.
+    raw, done, already
+        How the command says that images are raw, were rectified, or are rectified already.
 
     Raises
     ------
@@ -63,10 +63,10 @@ def rectified_as_asked(pair: Pair, options: argparse.Namespace, wording: Wording
     why = "as you said" if decision.chosen else why
     if decision.done and options.truth is not None:
         raise ValueError(
-            f"{wording.raw} ({why}) and the ground truth belongs to them before rectification: leave out --truth or "
+            f"{raw} ({why}) and the ground truth belongs to them before rectification: leave out --truth or "
             "--calibration, or give --rectify no."
         )
-    return pair, (f"{wording.done if decision.done else wording.already} ({why}).",)
+    return pair, (f"{done if decision.done else already} ({why}).",)
 
 
 class MatcherFlags(SettingsFlags[StereoMatcher]):

@@ -21,7 +21,6 @@ from stereolag.commands.arguments import (
 )
 from stereolag.commands.pairs import (
     MatcherFlags,
-    Wording,
     add_calibration,
     rectified_as_asked,
 )
@@ -35,9 +34,9 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
 if TYPE_CHECKING:
-    from stereolag.sequences import SequenceResult, SequenceState, StereoSequence
+    from stereolag.sequences import SequenceState, StereoSequence
 
-WORDING = Wording(
+WORDING = (
     "The frames are raw",
     "The frames are rectified with their calibration",
     "The frames are rectified already",
@@ -91,7 +90,20 @@ def run(arguments: Sequence[str]) -> int:
         return INTERRUPTED
     finally:
         bar.close()
-    figures = _figures(result, sequence, matchers, options)
+    figures = {
+        "command": "sequence",
+        "frames": result.total,
+        "matched": result.matched,
+        "finished_before": result.finished_before,
+        "damaged": result.damaged,
+        "methods": [*matchers],
+        "range_px": next(iter(matchers.values())).search_range(),
+        "rectified_here": sequence.rectified,
+        "elapsed_s": result.elapsed_s,
+        "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
+        "out": options.out,
+        "video": options.video,
+    }
     tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)
     for name, problem in result.damaged.items():
         print(f"stereolag sequence: {name}: {one_line(problem)}", file=sys.stderr)
@@ -165,7 +177,7 @@ def _read_sequence(
     if first is None:
         raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
     fitted = calibration_for(calibration, first.left.shape[1], first.left.shape[0])
-    pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, WORDING)
+    pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, *WORDING)
     if pair.rectification is not None and pair.rectification.done:
         sequence = rectified_sequence(sequence, calibration)
     return sequence, pair.calibration, said
@@ -221,25 +233,6 @@ class _Bar:
     def close(self) -> None:
         """Close the bar and leave its line as it is."""
         self._bar.close()
-
-
-def _figures(
-    result: SequenceResult, sequence: StereoSequence, matchers: dict[str, StereoMatcher], options: argparse.Namespace
-) -> dict[str, Any]:
-    return {
-        "command": "sequence",
-        "frames": result.total,
-        "matched": result.matched,
-        "finished_before": result.finished_before,
-        "damaged": result.damaged,
-        "methods": [*matchers],
-        "range_px": next(iter(matchers.values())).search_range(),
-        "rectified_here": sequence.rectified,
-        "elapsed_s": result.elapsed_s,
-        "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
-        "out": options.out,
-        "video": options.video,
-    }
 
 
 def _in_words(figures: dict[str, Any]) -> list[str]:

@@ -466,6 +466,9 @@ _OPENCV_DIRECTIVE = re.compile(r"\A\s*%YAML:[^\n]*")
 # base-60 numbers alone can take minutes). The loader in C is ten times as fast; every wheel of PyYAML has it.
 _LOADER: Any = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
 
+TOO_DEEP = f"The calibration is nested more than {MAX_DEPTH} levels deep."
+TOO_MANY = f"The calibration holds more than {MAX_VALUES:,} values, its aliases followed."
+
 
 def parse_entries(data: bytes) -> Entries:
     """Return the entries of the file, by name.
@@ -488,7 +491,7 @@ def parse_entries(data: bytes) -> Entries:
     try:
         values = _arrays(data) if packed else _values_of_text(_text(data))
     except RecursionError as error:
-        raise _too_deep() from error
+        raise ValueError(TOO_DEEP) from error
     _check_names(len(values))
     return Entries({name: Entry(name, value) for name, value in values.items() if name})
 
@@ -496,14 +499,6 @@ def parse_entries(data: bytes) -> Entries:
 def _check_names(count: int) -> None:
     if count > MAX_NAMES:
         raise ValueError(f"The calibration has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")
-
-
-def _too_deep() -> ValueError:
-    return ValueError(f"The calibration is nested more than {MAX_DEPTH} levels deep.")
-
-
-def _too_many() -> ValueError:
-    return ValueError(f"The calibration holds more than {MAX_VALUES:,} values, its aliases followed.")
 
 
 def _arrays(data: bytes) -> dict[str, Matrix | str]:
@@ -579,9 +574,9 @@ def _yaml(text: str) -> Any:
         for number, event in enumerate(yaml.parse(text, Loader=_LOADER)):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
-                raise _too_deep()
+                raise ValueError(TOO_DEEP)
             if number > 2 * MAX_VALUES:
-                raise _too_many()
+                raise ValueError(TOO_MANY)
             if isinstance(event, yaml.DocumentEndEvent):
                 break
         return next(yaml.load_all(text, Loader=_LOADER), None)
@@ -628,12 +623,12 @@ def _leaves(tree: Any) -> dict[str, Matrix | str]:
 def _count(tree: Any, depth: int = 0) -> int:
     """Return the number of values in a tree, its aliases followed; ValueError if they are too many, or too deep."""
     if depth > MAX_DEPTH:
-        raise _too_deep()
+        raise ValueError(TOO_DEEP)
     count = 1
     for value in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
         count += _count(value, depth + 1)
         if count > MAX_VALUES:
-            raise _too_many()
+            raise ValueError(TOO_MANY)
     return count
 
 

@@ -138,6 +138,7 @@ def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
 # ZIP archives.
 
 ZIP_MAGIC = b"PK\x03\x04"
+NO_ARCHIVE = "The archive is not a ZIP file, or it is damaged or cut short."
 MAX_FILES = 2000
 MAX_DIRECTORY_BYTES = 2**20
 MAX_NAME = 300
@@ -226,7 +227,7 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
         with zipfile.ZipFile(io.BytesIO(packed)) as whole:
             members = whole.infolist()
     except Exception as error:  # zipfile raises all kinds of errors on broken files
-        raise _damaged() from error
+        raise ValueError(NO_ARCHIVE) from error
     kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
     if not kept:
         raise ValueError("The archive holds no files.")
@@ -260,7 +261,7 @@ def _check_directory(packed: bytes) -> None:
     """Refuse a directory that is too long to parse: every entry takes ten times its bytes in memory."""
     end = packed.rfind(_END, max(0, len(packed) - _END_BYTES - _COMMENT_BYTES))
     if end < 0 or len(packed) - end < _END_BYTES:
-        raise _damaged()
+        raise ValueError(NO_ARCHIVE)
     if packed[max(0, end - _ZIP64_LOCATOR_BYTES) : end].startswith(_END_OF_ZIP64):
         raise ValueError("The archive is in the format for more than 4 GB (ZIP64); pack fewer files.")
     size = int.from_bytes(packed[end + 12 : end + 16], "little")
@@ -274,10 +275,6 @@ def _check_directory(packed: bytes) -> None:
 def _is_hidden(name: str) -> bool:
     parts = name.replace("\\", "/").split("/")
     return "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1].casefold() in ("thumbs.db", "desktop.ini")
-
-
-def _damaged() -> ValueError:
-    return ValueError("The archive is not a ZIP file, or it is damaged or cut short.")
 
 
 LONGEST_STEM, LONGEST_SUFFIX = 50, 10

@@ -24,6 +24,7 @@ from stereolag.io.sources import Source, check_pixels, quote, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
 WHAT = "video"
+DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
 VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
 
 CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo"])
@@ -134,7 +135,7 @@ class VideoFile:
         try:
             return av.open(file, "r", format=kind, options={"protocol_whitelist": "file"}, metadata_errors="replace")
         except av.FFmpegError as error:
-            raise _damaged() from error
+            raise ValueError(DAMAGED) from error
 
     @cached_property
     def _stream(self) -> VideoStream:
@@ -170,9 +171,9 @@ class VideoFile:
                     raise ValueError(f"The {WHAT} holds more than {most:,} frames, the most that is accepted.")
         except av.FFmpegError as error:
             if not shown:
-                raise _damaged() from error
+                raise ValueError(DAMAGED) from error
         if not shown or not keys:
-            raise _damaged()
+            raise ValueError(DAMAGED)
         seconds = (max(shown) - min(shown)) * float(self._stream.time_base or 0)
         if seconds > most_s:
             raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {most_s:,} s are accepted.")
@@ -239,7 +240,3 @@ def _facts(video: VideoFile) -> tuple[int, int, int, float]:
 def _opened_once(path: Path) -> VideoFile:
     """Return the video at a path, opened only once by a worker process that reads frame after frame."""
     return VideoFile(path)
-
-
-def _damaged() -> ValueError:
-    return ValueError(f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}.")
