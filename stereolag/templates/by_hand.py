@@ -15,9 +15,9 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
-from stereolag.templates.exact_pixels import AnchorStages, anchor_stages, rare_pixels
-from stereolag.templates.patterns import Pattern, opaque_pixels, pattern_of, same_channels
-from stereolag.templates.score_maps import Indices, scores_at
+from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
+from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
+from stereolag.templates.score_maps import Indices, best_position
 from stereolag.templates.search import match_template
 
 ScoreMap = npt.NDArray[np.float32]
@@ -270,6 +270,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
             continue
         kept = (stages.coloured, stages.agreeing, stages.scored)
         coloured, agreeing, scored = (len(rows) for rows, _ in kept)
+        few = scored * pattern.deviations.size <= MOST_PRODUCTS
         red, green, blue = (int(channel) for channel in shown[row, col])
         found.append(
             Anchor(
@@ -279,7 +280,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
                 (red, green, blue),
                 (pixels, coloured, agreeing, scored),
                 tuple(_dots(rows + row, cols + col) for rows, cols in kept),
-                _best(searched, pattern, stages),
+                best_position(searched, pattern, *stages.scored) if few else None,
             )
         )
     return found
@@ -288,14 +289,3 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
 def _dots(rows: Indices, cols: Indices) -> list[tuple[int, int]]:
     every = max(1, -(-len(rows) // MOST_DOTS))
     return list(zip(rows[::every].tolist(), cols[::every].tolist(), strict=True))
-
-
-def _best(image: Image, pattern: Pattern, stages: AnchorStages) -> tuple[int, int, float] | None:
-    rows, cols = stages.scored
-    if len(rows) == 0 or len(rows) * pattern.deviations.size > MOST_PRODUCTS:
-        return None
-    scores = scores_at(image, pattern.deviations, pattern.opaque, rows, cols)
-    if np.isnan(scores).all():
-        return None
-    best = int(np.nanargmax(scores))
-    return int(rows[best]), int(cols[best]), float(scores[best])

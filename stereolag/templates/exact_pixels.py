@@ -17,7 +17,16 @@ import numpy.typing as npt
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Estimate, Progress, check_memory, silent
 from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped
-from stereolag.templates.score_maps import Indices, Scores, elsewhere, fft_score_map, peaks, scores_at
+from stereolag.templates.score_maps import (
+    Indices,
+    Places,
+    Scores,
+    best_position,
+    fft_score_map,
+    peaks,
+    positions_near,
+    scores_at,
+)
 
 ATTEMPTS = 8
 """Anchors tried, each of another colour, before giving up: some may be covered in the image."""
@@ -33,26 +42,6 @@ HIT_BYTES = 64
 
 BATCH = 10_000_000
 """Pixel values compared between two progress calls."""
-
-
-@dataclass(frozen=True)
-class ExactPlacements:
-    """Positions that share exact pixels with the template.
-
-    Parameters
-    ----------
-    rows, cols
-        Top-left pixels, in reading order.
-    scores
-        -1..1, NaN where flat.
-    candidates
-        Number of positions scored on the way, including those of failed anchors.
-    """
-
-    rows: Indices
-    cols: Indices
-    scores: npt.NDArray[np.float64]
-    candidates: int
 
 
 @dataclass(frozen=True)
@@ -79,7 +68,7 @@ class AnchorStages:
 
 def exact_positions(
     image: Image, pattern: Pattern, min_score: float, seed: int | None, progress: Progress
-) -> ExactPlacements:
+) -> tuple[Places, int]:
     """Score the positions at which the image has three exact pixels of the template (Appendix B of the source report).
 
     The anchor is an opaque pixel of a colour that is rare in the image. Where the image has its value, and
@@ -99,12 +88,15 @@ def exact_positions(
         Seed of the image sample used to judge rarity, and of the order of equally rare colours.
     progress
         Called with the fraction done, as if all anchors were needed; 1 at the end.
+
+    Returns
+    -------
+    The positions, in reading order, and the number of positions scored on the way, including those of failed anchors.
     """
     image = np.ascontiguousarray(image)
     anchors = rare_pixels(image, pattern, seed)
     candidates, best = 0, -math.inf
-    nowhere = np.zeros(0, np.intp)
-    found = nowhere, nowhere, np.zeros(0)
+    found = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
     for attempt, (row, col) in enumerate(anchors):
         rows, cols = anchor_stages(image, pattern, row, col).scored
         candidates += len(rows)
@@ -121,7 +113,8 @@ def exact_positions(
             break
         progress((attempt + 1) / len(anchors))
     progress(1.0)
-    return ExactPlacements(*found, candidates)
+    scored = np.isfinite(found[2])
+    return Places(found[0][scored], found[1][scored], found[2][scored], pattern.shape), candidates
 
 
 def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = ATTEMPTS) -> list[tuple[int, int]]:
@@ -209,15 +202,10 @@ THINNED = 200
 """Least number of template pixels used to judge a place before all are compared."""
 
 
-def reduction(shape: tuple[int, int]) -> float:
-    """Return the factor by which an image may be reduced in the search for a template of that height and width."""
-    return max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
-
-
 def likely_places(
     image: Image, pattern: Pattern, count: int, least: float | None = None
-) -> tuple[Indices, Indices, Scores]:
-    """Return rows, columns and scores of about the `count` best places that share no pixel.
+) -> list[tuple[int, int, float]]:
+    """Return row, column and score of about the `count` best places that share no pixel.
 
     Parameters
     ----------
@@ -230,47 +218,33 @@ def likely_places(
     least
         Places that score less than this on some 200 of their pixels are left out; None: none are.
     """
-    nowhere = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), np.empty(0)
-    factor = reduction(pattern.shape)
+    shape = pattern.shape
+    factor = max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
     grey = grey_pattern(pattern)
     small = None if grey is None else warped(grey, 1 / factor, 0.0)
-    if small is None:
-        return nowhere
     flat = as_grey(image if image.shape[2] == 3 else image[:, :, 0])
     little = reduced(flat[:, :, np.newaxis], factor)
-    if little.shape[0] < small.shape[0] or little.shape[1] < small.shape[1]:
-        return nowhere
-    score_map = fft_score_map(little, small, silent)
-    rows, cols = peaks(score_map, -1.0)
-    kept = elsewhere(rows, cols, score_map[rows, cols], small.shape, [], count)
-    # The centre of a place is the centre of its reduced copy.
-    scaled = flat.shape[0] / little.shape[0], flat.shape[1] / little.shape[1]
+    if small is None or little.shape[0] < small.shape[0] or little.shape[1] < small.shape[1]:
+        return []
+    places = peaks(fft_score_map(little, small, silent), small.shape)
     reach = math.ceil(factor / 2) + 1 if factor > 1 else 0
     found = []
-    for row, col in zip(rows[kept], cols[kept], strict=True):
-        top = round((row + small.shape[0] / 2) * scaled[0] - pattern.shape[0] / 2)
-        left = round((col + small.shape[1] / 2) * scaled[1] - pattern.shape[1] / 2)
-        near_rows, near_cols = _grid_near(image, pattern, top, left, reach)
+    for one in places.best(count):
+        # The centre of a place is the centre of its reduced copy; the nearest place in the image.
+        row, col = (
+            min(max(round((at + part / 2) * length / less - side / 2), 0), length - side)
+            for at, part, length, less, side in zip(
+                (places.rows[one], places.cols[one]), small.shape, flat.shape, little.shape, shape, strict=False
+            )
+        )
+        rows, cols = positions_near(image, pattern, row, col, reach)
         if least is not None:
-            kept_near = _thinned_scores(image, pattern, near_rows, near_cols) >= least
-            near_rows, near_cols = near_rows[kept_near], near_cols[kept_near]
-        if near_rows.size:
-            found.append(_best_of(image, pattern, near_rows, near_cols))
-    places = [one for one in found if math.isfinite(one[2])]
-    if not places:
-        return nowhere
-    best_rows, best_cols, scores = zip(*places, strict=True)
-    return np.array(best_rows, dtype=np.intp), np.array(best_cols, dtype=np.intp), np.array(scores)
-
-
-def _grid_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:
-    """Return the rows and columns of all positions within `reach` px of one, or of the nearest one in the image."""
-    last_row, last_col = image.shape[0] - pattern.shape[0], image.shape[1] - pattern.shape[1]
-    row, col = min(max(row, 0), last_row), min(max(col, 0), last_col)
-    near_rows = np.arange(max(0, row - reach), min(last_row, row + reach) + 1)
-    near_cols = np.arange(max(0, col - reach), min(last_col, col + reach) + 1)
-    rows, cols = (grid.ravel() for grid in np.meshgrid(near_rows, near_cols, indexing="ij"))
-    return rows, cols
+            kept = _thinned_scores(image, pattern, rows, cols) >= least
+            rows, cols = rows[kept], cols[kept]
+        best = best_position(image, pattern, rows, cols)
+        if best is not None:
+            found.append(best)
+    return found
 
 
 def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> Scores:
@@ -284,12 +258,3 @@ def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices
     windows -= windows.mean(axis=1, keepdims=True)
     norms = np.linalg.norm(wanted) * np.linalg.norm(windows, axis=(1, 2))
     return np.asarray((windows * wanted).sum(axis=(1, 2)) / np.where(norms > 0, norms, np.inf))
-
-
-def _best_of(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float]:
-    """Return the best of these positions and its score, NaN if all are flat."""
-    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
-    if np.isnan(scores).all():
-        return int(rows[0]), int(cols[0]), float("nan")
-    best = int(np.nanargmax(scores))
-    return int(rows[best]), int(cols[best]), float(scores[best])

@@ -7,17 +7,16 @@ colour, in ever smaller steps of size and angle, on ever larger images.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress, silent
 from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped, warped_shape
-from stereolag.templates.score_maps import elsewhere, fft_score_map, in_threads, peaks, scores_at
-from stereolag.templates.verdict import Places
+from stereolag.templates.score_maps import Places, best_position, fft_score_map, in_threads, peaks, positions_near
 
 Range = tuple[float, float]
 
@@ -104,6 +103,9 @@ FINE_SIDE = 160
 PER_POSE, REFINED, FINAL = 10, 30, 10
 """Places kept per size and angle, refined once, and refined to the end."""
 
+SCORED_AROUND = 9 * 25
+"""About the number of positions scored to refine a pose once."""
+
 COARSE_SHARE = 0.6
 """Rough share of the time that the coarse search takes."""
 
@@ -161,7 +163,7 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     places = in_threads(
         [partial(fine.finished, pose, *steps) for pose in best], lambda done: progress(1 - share * (1 - done))
     )
-    scored = first.scored(len(coarse[:REFINED]), 1) + fine.scored(len(best), 3)
+    scored = (len(coarse[:REFINED]) + 3 * len(best)) * SCORED_AROUND
     return _as_places(places, image.shape, pattern), candidates + scored
 
 
@@ -180,17 +182,16 @@ def _coarse(
         if small is None or small.shape[0] > little.shape[0] or small.shape[1] > little.shape[1]:
             return [], 0
         score_map = fft_score_map(little, small, silent)
-        rows, cols = peaks(score_map, -1.0)
-        scores = score_map[rows, cols]
+        found = peaks(score_map, small.shape)
         places = [
             Pose(
-                (rows[one] + small.shape[0] / 2) * scaled[0],
-                (cols[one] + small.shape[1] / 2) * scaled[1],
+                (found.rows[one] + small.shape[0] / 2) * scaled[0],
+                (found.cols[one] + small.shape[1] / 2) * scaled[1],
                 scale,
                 rotation,
-                float(scores[one]),
+                float(found.scores[one]),
             )
-            for one in elsewhere(rows, cols, scores, small.shape, [], PER_POSE)
+            for one in found.best(PER_POSE)
         ]
         return places, score_map.size
 
@@ -207,17 +208,13 @@ class _Level:
         self._poses = poses
         self._scaled = full[0] / image.shape[0], full[1] / image.shape[1]
 
-    @staticmethod
-    def scored(poses: int, rounds: int) -> int:
-        """Return about how many positions this many poses and rounds of refinement scored."""
-        return poses * rounds * 9 * 25
-
     def refined(self, pose: Pose, log_scale: float, rotation: float, reach: int) -> Pose:
         """Return the best of the poses at most one step of size and angle away, within `reach` px."""
-        return max(
-            (self._near(pose, *around, reach) for around in self._around(pose, log_scale, rotation)),
-            key=lambda one: one.score,
+        poses = (
+            self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
+            for down, across in product((-1, 0, 1), repeat=2)
         )
+        return max((self._near(pose, *around, reach) for around in poses), key=lambda one: one.score)
 
     def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
         """Return a pose refined in ever smaller steps."""
@@ -227,34 +224,19 @@ class _Level:
         upright = self._near(pose, *self._poses.within(1.0, 0.0), 1)
         return max(pose, upright, key=lambda one: one.score)
 
-    def _around(self, pose: Pose, log_scale: float, rotation: float) -> Iterator[tuple[float, float]]:
-        for down in (-1, 0, 1):
-            for across in (-1, 0, 1):
-                yield self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
-
     def _near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
         """Return the best place of a size and angle around a pose; its score is -1 where the template does not fit."""
         tall, wide = self._scaled
         pattern = warped(self._pattern, scale / math.sqrt(tall * wide), rotation)
-        nowhere = replace(pose, scale=scale, rotation=rotation, score=-1.0)
-        if pattern is None:
-            return nowhere
-        (height, width), (rows, cols) = pattern.shape, self._image.shape[:2]
-        top, left = round(pose.row / tall - height / 2), round(pose.col / wide - width / 2)
-        near_rows = np.arange(max(0, top - reach), min(rows - height, top + reach) + 1)
-        near_cols = np.arange(max(0, left - reach), min(cols - width, left + reach) + 1)
-        if not near_rows.size or not near_cols.size:
-            return nowhere
-        grid_rows, grid_cols = (grid.ravel() for grid in np.meshgrid(near_rows, near_cols, indexing="ij"))
-        scores = scores_at(self._image, pattern.deviations, pattern.opaque, grid_rows, grid_cols)
-        best = int(np.argmax(np.nan_to_num(scores, nan=-1.0)))
-        return Pose(
-            (grid_rows[best] + height / 2) * tall,
-            (grid_cols[best] + width / 2) * wide,
-            scale,
-            rotation,
-            float(np.nan_to_num(scores[best], nan=-1.0)),
-        )
+        best = None
+        if pattern is not None:
+            height, width = pattern.shape
+            top, left = round(pose.row / tall - height / 2), round(pose.col / wide - width / 2)
+            best = best_position(self._image, pattern, *positions_near(self._image, pattern, top, left, reach))
+        if pattern is None or best is None:
+            return replace(pose, scale=scale, rotation=rotation, score=-1.0)
+        row, col, score = best
+        return Pose((row + height / 2) * tall, (col + width / 2) * wide, scale, rotation, score)
 
 
 def _apart(poses: list[Pose], shape: tuple[int, int], share: float) -> list[Pose]:

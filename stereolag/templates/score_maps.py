@@ -242,7 +242,10 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
-    spectra = _Spectra.of(pattern, (fft_rows, fft_cols))
+    shape = fft_rows, fft_cols
+    deviations = [_spectrum(plane, shape) for plane in pattern.deviations]
+    # Without a mask, running sums are faster.
+    mask = None if pattern.opaque.all() else _spectrum(pattern.opaque.astype(np.float64), shape)
     scores = np.empty(places, dtype=np.float32)
     tiles = [
         partial(
@@ -250,7 +253,8 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             scores[row : row + down, col : col + across],
             image[row : row + down + height - 1, col : col + across + width - 1],
             pattern,
-            spectra,
+            deviations,
+            mask,
         )
         for row in range(0, places[0], down)
         for col in range(0, places[1], across)
@@ -259,45 +263,32 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     return scores
 
 
-@dataclass(frozen=True)
-class _Spectra:
-    """Spectra of the template's deviations and of its mask, packed as by :func:`cv2.dft`.
+def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, deviations: list[Plane], mask: Plane | None) -> None:
+    """Write the scores of one tile.
 
-    A mask that is the full rectangle has none: running sums are faster then.
+    `block` is the part of the image that its positions cover; `deviations` and `mask` are packed spectra of the
+    template, the latter None if all of it counts.
     """
-
-    shape: tuple[int, int]
-    deviations: list[Plane]
-    mask: Plane | None
-
-    @classmethod
-    def of(cls, pattern: Pattern, shape: tuple[int, int]) -> _Spectra:
-        mask = None if pattern.opaque.all() else _spectrum(pattern.opaque.astype(np.float64), shape)
-        return cls(shape, [_spectrum(plane, shape) for plane in pattern.deviations], mask)
-
-
-def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spectra) -> None:
-    """Write the scores of one tile; `block` is the part of the image that its positions cover."""
     planes = _centred(block)
-    rows = len(scores)
+    rows, shape = len(scores), (deviations[0].shape[0], deviations[0].shape[1])
     # Masked sums of integers are integers: rounded to the nearest, they are exact.
     exact = np.rint if block.dtype.kind == "u" else np.positive
     energy: Plane = np.empty((0, 0))
-    if spectra.mask is not None:
-        squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
-        energy = exact(_positions(_times(squares, spectra.mask, out=squares), rows))
+    if mask is not None:
+        squares = _spectrum(np.square(planes).sum(axis=0), shape)
+        energy = exact(_positions(_times(squares, mask, out=squares), rows))
     total: Plane | None = None
     # One channel after the other, because the spectra take most of the memory.
-    for plane, template in zip(planes, spectra.deviations, strict=True):
-        channel = _spectrum(plane, spectra.shape)
-        if spectra.mask is not None:
-            energy -= np.square(exact(_positions(_times(channel, spectra.mask), rows))) / pattern.count
+    for plane, template in zip(planes, deviations, strict=True):
+        channel = _spectrum(plane, shape)
+        if mask is not None:
+            energy -= np.square(exact(_positions(_times(channel, mask), rows))) / pattern.count
         _times(channel, template, out=channel)
         total = channel if total is None else np.add(total, channel, out=total)
         del channel  # or it would still be there when the next is computed
     assert total is not None
     products = _positions(total, rows)
-    if spectra.mask is None:
+    if mask is None:
         energy = running_box_energy(planes, *pattern.shape)
     fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
 
@@ -374,93 +365,103 @@ ROWS_AT_ONCE = 256
 NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
 
 
-def peaks(score_map: npt.NDArray[np.float32], min_score: float) -> tuple[Indices, Indices]:
-    """Return rows and columns of the local maxima of at least `min_score`: no neighbour scores higher.
+@dataclass(frozen=True)
+class Places:
+    """Scored positions of a template.
+
+    Parameters
+    ----------
+    rows, cols, scores
+        One for each position, a top-left pixel; no score is NaN.
+    shape
+        Height and width of the template, px; arrays if the template is resized or rotated.
+    poses
+        Scale and rotation at each position, None if the template is searched only as given.
+    """
+
+    rows: Indices
+    cols: Indices
+    scores: Scores
+    shape: tuple[int | Indices, int | Indices]
+    poses: list[tuple[float, float]] | None = None
+
+    def best(
+        self, count: int, *, share: float = 0.0, taken: Sequence[int] = (), left: Indices | None = None
+    ) -> list[int]:
+        """Return the indices of up to `count` positions, best first: each removes those that overlap it.
+
+        Parameters
+        ----------
+        count
+            Number of positions.
+        share
+            Largest share of the smaller of two rectangles that may overlap.
+        taken
+            Positions that remove others before the first is chosen.
+        left
+            Positions to choose from; all by default. Of equal scores the first wins.
+        """
+        left = np.arange(len(self.rows)) if left is None else left
+        for one in taken:
+            left = self.apart(one, left, share)
+        found: list[int] = []
+        while left.size and len(found) < count:
+            found.append(int(left[np.argmax(self.scores[left])]))
+            left = self.apart(found[-1], left, share)
+        return found
+
+    def next_scores(self, kept: Sequence[int]) -> list[float]:
+        """Return, for each position kept, the best score elsewhere than it and those before it, -1 if there is none.
+
+        A position on the flank of a peak shares most of its pixels: only one that shares none is another place.
+        """
+        left = np.arange(len(self.rows))
+        found = []
+        for one in kept:
+            left = self.apart(one, left)
+            found.append(float(self.scores[left].max(initial=-1.0)))
+        return found
+
+    def apart(self, one: int, some: Indices, share: float = 0.0) -> Indices:
+        """Return those of `some` positions that share no more than that share of the smaller rectangle with one."""
+        heights, widths = (np.broadcast_to(side, self.rows.shape) for side in self.shape)
+        down = np.minimum(self.rows[some] + heights[some], self.rows[one] + heights[one])
+        right = np.minimum(self.cols[some] + widths[some], self.cols[one] + widths[one])
+        down -= np.maximum(self.rows[some], self.rows[one])
+        right -= np.maximum(self.cols[some], self.cols[one])
+        smaller = np.minimum(heights[some] * widths[some], heights[one] * widths[one])
+        return np.asarray(some[np.maximum(down, 0) * np.maximum(right, 0) <= share * smaller])
+
+
+def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
+    """Return the local maxima of the map of a template of that shape: no neighbour scores higher.
 
     The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
     NaN is never a peak.
     """
-    found = [
-        _peaks_of_rows(score_map, first, min(first + ROWS_AT_ONCE, len(score_map)), min_score)
-        for first in range(0, len(score_map), ROWS_AT_ONCE)
-    ]
-    return np.concatenate([rows for rows, _ in found]), np.concatenate([cols for _, cols in found])
-
-
-def _peaks_of_rows(
-    score_map: npt.NDArray[np.float32], first: int, end: int, min_score: float
-) -> tuple[Indices, Indices]:
-    """Return the peaks of the rows from `first` to `end`, compared with the adjacent rows too."""
-    start = max(0, first - 1)
-    part = np.nan_to_num(score_map[start : end + 1], nan=-2.0)
-    highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= max(min_score, -1.0))
-    rows, cols = np.divmod(np.flatnonzero(highest[first - start : end - start]), score_map.shape[1])
-    return rows + first, cols
-
-
-Shape = tuple[int | Indices, int | Indices]
-"""Height and width of the rectangles: one for all positions, or one each."""
-
-
-def suppress(rows: Indices, cols: Indices, scores: Scores, shape: Shape, max_matches: int) -> list[int]:
-    """Return the indices of the positions kept, best first: each removes those it overlaps by more than half.
-
-    Positions are rectangles of `shape` with their top-left pixel at (row, col). Half refers to the smaller of the two;
-    of equal scores the first listed wins.
-    """
-    boxes = _Boxes(rows, cols, shape)
-    left = np.arange(len(rows))
-    kept: list[int] = []
-    while left.size and len(kept) < max_matches:
-        best = int(left[np.argmax(scores[left])])
-        kept.append(best)
-        left = left[2 * boxes.shared(left, best) <= np.minimum(boxes.areas(left), boxes.areas(best))]
-    return kept
-
-
-def next_elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int]) -> list[float]:
-    """Return, for each position kept, the best score elsewhere than it and those before it, -1 if there is none.
-
-    A position on the flank of a peak shares most of its pixels: only one that shares none is another place.
-    """
-    boxes = _Boxes(rows, cols, shape)
-    left = np.arange(len(rows))
     found = []
-    for one in kept:
-        left = left[boxes.shared(left, one) == 0]
-        found.append(float(scores[left].max()) if left.size else -1.0)
-    return found
+    for first in range(0, len(score_map), ROWS_AT_ONCE):
+        start = max(0, first - 1)  # compared with the adjacent rows too
+        part = np.nan_to_num(score_map[start : first + ROWS_AT_ONCE + 1], nan=-2.0)
+        highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= -1.0)
+        found.append(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
+    rows, cols = np.divmod(np.concatenate(found), score_map.shape[1])
+    return Places(rows, cols, score_map[rows, cols], shape)
 
 
-def elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int], count: int) -> list[int]:
-    """Return the indices of the `count` best positions that share no pixel with those kept or with one another."""
-    boxes = _Boxes(rows, cols, shape)
-    left = np.arange(len(rows))
-    for one in kept:
-        left = left[boxes.shared(left, one) == 0]
-    found: list[int] = []
-    while left.size and len(found) < count:
-        best = int(left[np.argmax(scores[left])])
-        found.append(best)
-        left = left[boxes.shared(left, best) == 0]
-    return found
+def positions_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:
+    """Return the rows and columns of all positions in the image within `reach` px of one."""
+    rows, cols = (
+        np.arange(max(0, at - reach), min(length - side, at + reach) + 1)
+        for at, length, side in zip((row, col), image.shape, pattern.shape, strict=False)
+    )
+    return np.repeat(rows, cols.size), np.tile(cols, rows.size)
 
 
-class _Boxes:
-    """Rectangles at the positions."""
-
-    def __init__(self, rows: Indices, cols: Indices, shape: Shape) -> None:
-        self._rows, self._cols = rows, cols
-        self._heights, self._widths = (np.broadcast_to(side, rows.shape) for side in shape)
-
-    def shared(self, some: Indices, one: int) -> Indices:
-        """Return the number of pixels that each of some rectangles shares with one."""
-        down = np.minimum(self._rows[some] + self._heights[some], self._rows[one] + self._heights[one])
-        right = np.minimum(self._cols[some] + self._widths[some], self._cols[one] + self._widths[one])
-        down -= np.maximum(self._rows[some], self._rows[one])
-        right -= np.maximum(self._cols[some], self._cols[one])
-        return np.asarray(np.maximum(down, 0) * np.maximum(right, 0))
-
-    def areas(self, some: Indices | int) -> Indices:
-        """Return the number of pixels in each rectangle."""
-        return np.asarray(self._heights[some] * self._widths[some])
+def best_position(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float] | None:
+    """Return the best of these positions and its score; None if there are none or all are flat."""
+    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
+    if np.isnan(scores).all():
+        return None
+    best = int(np.nanargmax(scores))
+    return int(rows[best]), int(cols[best]), float(scores[best])

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from stereolag.core.inputs import Image, as_image, as_images
 from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, silent
 from stereolag.core.searches import TemplateMethod
-from stereolag.templates.exact_pixels import ExactPlacements, exact_positions, likely_places
+from stereolag.templates.exact_pixels import exact_positions, likely_places
 from stereolag.templates.patterns import Pattern, opaque_pixels, pattern_of, same_channels
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
-from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling
-from stereolag.templates.verdict import Places, TemplateSearch, judged, reject_variants
+from stereolag.templates.score_maps import Places, direct_score_map, fft_score_map, peaks, tiling
+from stereolag.templates.verdict import TemplateSearch, judged, reject_variants
 
 Shape = tuple[int, ...]
 
@@ -242,35 +242,34 @@ def match_template(
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None
     if method == "sampled":
-        _check_same_type(searched, pattern)
-        positions = exact_positions(searched, pattern, min_score, seed, report)
-        places, own = _with_rivals(searched, pattern, positions, min_score)
-        score_map, candidates = None, positions.candidates
+        if searched.dtype != pattern.colours.dtype:
+            raise ValueError(
+                f"image holds {searched.dtype} and template {pattern.colours.dtype} pixels; "
+                "the method 'sampled' compares exact values and needs one type (or use 'fft')."
+            )
+        places, candidates = exact_positions(searched, pattern, min_score, seed, report)
+        score_map, own = None, len(places.rows)
+        if own and (best := places.scores.max()) >= min_score:
+            # An exact copy can also have rivals of another brightness or contrast, which share none of its pixels; only
+            # those that score close to it count.
+            rivals = likely_places(searched, pattern, LIKELY, NEAR_EXACT if best >= EXACT else None)
+            rows, cols, scores = zip(*rivals, strict=True) if rivals else ((), (), ())
+            places = Places(
+                np.append(places.rows, rows).astype(np.intp),
+                np.append(places.cols, cols).astype(np.intp),
+                np.append(places.scores, scores),
+                pattern.shape,
+            )
     elif poses is not None:
         places, candidates = posed_places(searched, pattern, poses, report)
         score_map, own = None, len(places.rows)
     else:
         score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
-        rows, cols = peaks(score_map, -1.0)
-        places, own = Places(rows, cols, score_map[rows, cols], pattern.shape), len(rows)
-        candidates = score_map.size
+        places, candidates = peaks(score_map, pattern.shape), score_map.size
+        own = len(places.rows)
     search = judged(places, max_matches, min_score, score_map=score_map, candidates=candidates, matchable=own)
     search = reject_variants(search, searched, pattern)
     return replace(search, elapsed_s=time.perf_counter() - started)
-
-
-def _with_rivals(image: Image, pattern: Pattern, positions: ExactPlacements, min_score: float) -> tuple[Places, int]:
-    """Return the positions that share exact pixels, followed by likely places elsewhere, and the number of the former.
-
-    An exact copy can also have rivals of another brightness or contrast, which share none of its pixels; only those
-    that score close to it count.
-    """
-    scored = np.isfinite(positions.scores)
-    places = Places(positions.rows[scored], positions.cols[scored], positions.scores[scored], pattern.shape)
-    own = len(places.rows)
-    if own and (best := places.scores.max()) >= min_score:
-        places = places.joined(*likely_places(image, pattern, LIKELY, NEAR_EXACT if best >= EXACT else None))
-    return places, own
 
 
 def _check_options(method: str, max_matches: int, min_score: float) -> None:
@@ -311,11 +310,3 @@ def _checked(
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     large, colours = same_channels(large, small)
     return large, pattern_of(colours, opaque)
-
-
-def _check_same_type(large: Image, pattern: Pattern) -> None:
-    if large.dtype != pattern.colours.dtype:
-        raise ValueError(
-            f"image holds {large.dtype} and template {pattern.colours.dtype} pixels; "
-            "the method 'sampled' compares exact values and needs one type (or use 'fft')."
-        )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import cv2
 import numpy as np
@@ -18,6 +17,7 @@ from stereolag.core.jobs import COSTS, Estimate, check_memory
 from stereolag.core.settings import Settings
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 from stereolag.templates.search import match_template
+from stereolag.templates.verdict import TemplateMatch
 
 LEAST_ROWS, LEAST_COLS = 480, 640
 """The part is at least this large, px, and at least twice as large as the template, unless the image is smaller."""
@@ -329,7 +329,7 @@ def try_methods(
 
     def judged(method: TrialMethod) -> Trial:
         try:
-            row, col, score, elapsed_s = SEARCHES[method](image, template, mask, min_score)
+            row, col, score, elapsed_s = _best_place(method, image, template, mask, min_score)
         except ValueError as error:
             return Trial(method, "refused", None, None, math.nan, 0.0, str(error))
         if row is None or col is None or not score >= min_score:
@@ -337,39 +337,20 @@ def try_methods(
         near = math.hypot(row - place[0], col - place[1]) <= tolerance
         return Trial(method, "right" if near else "elsewhere", row, col, score, elapsed_s)
 
-    return tuple(judged(method) for method in SEARCHES)
+    return tuple(judged(method) for method in get_args(TrialMethod))
 
 
-Answer = tuple[int | None, int | None, float, float]
-"""Row, column, score and seconds of the best place."""
-
-
-def _fft(image: Image, template: Image, mask: Image | None, min_score: float) -> Answer:
-    result = match_template(image, template, method="fft", mask=mask, min_score=min_score)
-    scores = result.score_map
-    if scores is None or np.isnan(scores).all():
-        return None, None, math.nan, result.elapsed_s
-    row, col = divmod(int(np.nanargmax(scores)), scores.shape[1])
-    return row, col, float(scores[row, col]), result.elapsed_s
-
-
-def _sampled(image: Image, template: Image, mask: Image | None, min_score: float) -> Answer:
-    result = match_template(image, template, method="sampled", mask=mask, min_score=min_score, seed=0)
-    if not result.matches:
-        return None, None, math.nan, result.elapsed_s
-    best = result.matches[0]
-    return best.row, best.col, best.score, result.elapsed_s
-
-
-def _opencv(image: Image, template: Image, mask: Image | None, min_score: float) -> Answer:
-    result = opencv_search(image, template, mask=mask)
-    if result.row < 0:
-        return None, None, math.nan, result.elapsed_s
-    return result.row, result.col, result.score, result.elapsed_s
-
-
-SEARCHES: Final[dict[TrialMethod, Callable[[Image, Image, Image | None, float], Answer]]] = {
-    "fft": _fft,
-    "sampled": _sampled,
-    "opencv": _opencv,
-}
+def _best_place(
+    method: TrialMethod, image: Image, template: Image, mask: Image | None, min_score: float
+) -> tuple[int | None, int | None, float, float]:
+    """Return row, column, score and seconds of the best place; None and NaN if no place has a score."""
+    if method == "opencv":
+        theirs = opencv_search(image, template, mask=mask)
+        place: OpenCVSearch | TemplateMatch | None = theirs if theirs.row >= 0 else None
+        elapsed_s = theirs.elapsed_s
+    else:
+        result = match_template(image, template, method=method, mask=mask, min_score=min_score, seed=0)
+        # Rivals of exact pixels are no places of "sampled".
+        place = result.best if method == "fft" else next(iter(result.matches), None)
+        elapsed_s = result.elapsed_s
+    return (None, None, math.nan, elapsed_s) if place is None else (place.row, place.col, place.score, elapsed_s)

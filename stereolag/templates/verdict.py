@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,16 +13,7 @@ import numpy.typing as npt
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.templates.patterns import Pattern, warped
-from stereolag.templates.score_maps import (
-    Indices,
-    Scores,
-    Shape,
-    elsewhere,
-    fft_score_map,
-    next_elsewhere,
-    score_at,
-    suppress,
-)
+from stereolag.templates.score_maps import Places, fft_score_map, score_at
 
 Reason: TypeAlias = Literal["clear", "look_alikes", "low_score", "other_colours", "mirrored"]
 """Reason of a verdict: one or more places lead all others clearly; others fit as well; no place scores high enough;
@@ -171,41 +162,6 @@ class TemplateSearch:
         return [best, *(rival for rival in self.rivals if not leads(best.score, rival.score))]
 
 
-@dataclass(frozen=True)
-class Places:
-    """Scored positions of a template.
-
-    Parameters
-    ----------
-    rows, cols, scores
-        One for each position; no score is NaN.
-    shape
-        Height and width of the template, px; arrays if the template is resized or rotated.
-    poses
-        Scale and rotation at each position, None if the template is searched only as given.
-    """
-
-    rows: Indices
-    cols: Indices
-    scores: Scores
-    shape: Shape
-    poses: list[tuple[float, float]] | None = None
-
-    def match(self, index: int) -> TemplateMatch:
-        """Return one position as a match."""
-        height, width = (int(side if isinstance(side, int) else side[index]) for side in self.shape)
-        scale, rotation = (1.0, 0.0) if self.poses is None else self.poses[index]
-        row, col, score = int(self.rows[index]), int(self.cols[index]), float(self.scores[index])
-        return TemplateMatch(row, col, height, width, score, scale, rotation)
-
-    def joined(self, rows: Indices, cols: Indices, scores: Scores) -> Places:
-        """Return these positions followed by others."""
-        joined: list[npt.NDArray[Any]] = [
-            np.concatenate(pair) for pair in ((self.rows, rows), (self.cols, cols), (self.scores, scores))
-        ]
-        return Places(joined[0], joined[1], joined[2], self.shape)
-
-
 def judged(
     places: Places,
     max_matches: int,
@@ -228,25 +184,28 @@ def judged(
     matchable
         Number of places, from the first on, that may be matches; all of them by default.
     """
-    rows, cols, scores, shape = places.rows, places.cols, places.scores, places.shape
-    enough = np.flatnonzero(scores[:matchable] >= min_score)
-    height, width = (side if isinstance(side, int) else side[enough] for side in shape)
-    kept = [
-        int(enough[one]) for one in suppress(rows[enough], cols[enough], scores[enough], (height, width), max_matches)
-    ]
-    clear, reason = verdict([float(scores[one]) for one in kept], next_elsewhere(rows, cols, scores, shape, kept))
-    best = int(np.argmax(scores)) if scores.size else None
-    sure = kept[:clear] or ([] if best is None else [best])
+    enough = np.flatnonzero(places.scores[:matchable] >= min_score)
+    kept = places.best(max_matches, share=0.5, left=enough)
+    clear, reason = verdict([float(places.scores[one]) for one in kept], places.next_scores(kept))
+    best = [int(np.argmax(places.scores))] if places.scores.size else []
     return TemplateSearch(
-        matches=[places.match(one) for one in kept],
+        matches=[_match(places, one) for one in kept],
         score_map=score_map,
         candidates=candidates,
         elapsed_s=0.0,
-        best=None if best is None else places.match(best),
-        rivals=[places.match(one) for one in elsewhere(rows, cols, scores, shape, sure, MOST_RIVALS)],
+        best=_match(places, best[0]) if best else None,
+        rivals=[_match(places, one) for one in places.best(MOST_RIVALS, taken=kept[:clear] or best)],
         clear=clear,
         reason=reason,
     )
+
+
+def _match(places: Places, index: int) -> TemplateMatch:
+    """Return one of the positions as a match."""
+    height, width = (int(side if isinstance(side, int) else side[index]) for side in places.shape)
+    scale, rotation = (1.0, 0.0) if places.poses is None else places.poses[index]
+    row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
+    return TemplateMatch(row, col, height, width, score, scale, rotation)
 
 
 MOVED = 4
@@ -280,15 +239,12 @@ def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Rea
     own = score_at(image, posed.deviations, posed.opaque, match.row, match.col)
     if not leads(1.0, own):
         return None
-    if pattern.colours.shape[2] == 3 and leads(_in_other_colours(image, posed, match), own):
-        return "other_colours"
+    if pattern.colours.shape[2] == 3:
+        orders = [list(order) for order in permutations(range(3))][1:]
+        swapped = (score_at(image, posed.deviations[order], posed.opaque, match.row, match.col) for order in orders)
+        if leads(max(swapped), own):
+            return "other_colours"
     return "mirrored" if leads(_mirrored(image, posed, match), own) else None
-
-
-def _in_other_colours(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
-    """Return the best score of a place with the channels in another order."""
-    orders = [list(order) for order in permutations(range(3))][1:]
-    return max(score_at(image, pattern.deviations[order], pattern.opaque, match.row, match.col) for order in orders)
 
 
 def _mirrored(image: Image, pattern: Pattern, match: TemplateMatch) -> float:

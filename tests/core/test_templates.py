@@ -16,6 +16,7 @@ from skimage.feature import match_template as skimage_match_template
 
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 from stereolag.templates.score_maps import (
+    Places,
     fill_pearson,
     peaks,
     pearson,
@@ -23,7 +24,6 @@ from stereolag.templates.score_maps import (
     running_box_energy_reference,
     score_at,
     scores_at,
-    suppress,
 )
 
 Array = npt.NDArray[Any]
@@ -438,25 +438,27 @@ def test_every_copy_is_found_once(method: str) -> None:
     assert len(match_template(image, template, method=method, max_matches=3).matches) == 3
 
 
-def test_copies_that_overlap_by_exactly_half_are_both_kept() -> None:
-    rows, cols = np.array([3, 3, 3]), np.array([0, 5, 9])
-    assert suppress(rows, cols, np.array([0.8, 0.9, 0.7]), (4, 10), 9) == [1, 0]
-    assert suppress(rows, cols, np.array([0.9, 0.7, 0.8]), (4, 10), 9) == [0, 2]
+@pytest.mark.parametrize(
+    ("rows", "cols", "scores", "shape", "kept"),
+    [
+        ([3, 3, 3], [0, 5, 9], [0.8, 0.9, 0.7], (4, 10), [1, 0]),
+        ([3, 3, 3], [0, 5, 9], [0.9, 0.7, 0.8], (4, 10), [0, 2]),
+        ([0, 0, 9], [0, 1, 0], [0.9, 0.9, 0.9], (4, 4), [0, 2]),
+    ],
+)
+def test_copies_that_overlap_by_exactly_half_are_kept_and_of_equal_scores_the_first(
+    rows: list[int], cols: list[int], scores: list[float], shape: tuple[int, int], kept: list[int]
+) -> None:
+    assert Places(np.array(rows), np.array(cols), np.array(scores), shape).best(9, share=0.5) == kept
 
 
-def test_of_equal_scores_the_first_wins() -> None:
-    assert suppress(np.array([0, 0, 9]), np.array([0, 1, 0]), np.array([0.9, 0.9, 0.9]), (4, 4), 9) == [0, 2]
-
-
-def test_the_slope_of_a_peak_is_no_peak() -> None:
-    rows, cols = np.mgrid[:30, :40]
-    score_map = np.exp(-((rows - 12) ** 2 + (cols - 20) ** 2) / 200).astype(np.float32)
-    score_map[0, 0] = np.nan
-    assert [index.tolist() for index in peaks(score_map, 0.1)] == [[12], [20]]
-
-
-def test_a_map_without_scores_has_no_peak() -> None:
-    assert all(index.size == 0 for index in peaks(np.full((3, 4), np.nan, dtype=np.float32), -1))
+def test_the_slope_of_a_peak_is_no_peak_and_a_map_without_scores_has_none() -> None:
+    rows, cols = np.mgrid[:600, :40]
+    score_map = np.exp(-((rows - 256) ** 2 + (cols - 20) ** 2) / 200).astype(np.float32)
+    score_map[score_map < 0.1] = np.nan
+    found = peaks(score_map, (5, 6))
+    assert (found.rows.tolist(), found.cols.tolist(), found.scores.tolist()) == ([256], [20], [1.0])
+    assert peaks(np.full((3, 4), np.nan, dtype=np.float32), (5, 6)).rows.size == 0
 
 
 def busy_picture(seed: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:

@@ -254,8 +254,8 @@ def test_without_a_find_the_anchor_that_came_closest_tells_the_best(monkeypatch:
 
     def best_of(anchors: list[tuple[int, int]]) -> float:
         monkeypatch.setattr(exact_pixels, "rare_pixels", lambda *_: anchors)
-        found = exact_pixels.exact_positions(searched, pattern, 1.0, 0, lambda _: None)
-        return float(np.fmax.reduce(found.scores, initial=-1.0))
+        places, _ = exact_pixels.exact_positions(searched, pattern, 1.0, 0, lambda _: None)
+        return float(places.scores.max(initial=-1.0))
 
     alone = [best_of([anchor]) for anchor in every]
     assert max(alone) < 1 and alone[-1] < max(alone)

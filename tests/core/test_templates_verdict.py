@@ -18,7 +18,7 @@ from stereolag import samples
 from stereolag.core.inputs import Image
 from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
-from stereolag.templates.score_maps import elsewhere, next_elsewhere
+from stereolag.templates.score_maps import Places
 from stereolag.templates.trials import (
     Degradation,
     DegradedPart,
@@ -92,15 +92,15 @@ def test_places_elsewhere_share_no_pixel_and_none_better_is_left_out(seed: int, 
         return {(rows[one] + down, cols[one] + right) for down in range(height) for right in range(width)}
 
     taken = [int(np.argmax(scores))]
-    found = elsewhere(rows, cols, scores, (height, width), taken, 4)
+    places = Places(rows, cols, scores, (height, width))
+    found = places.best(4, taken=taken)
     expected, used = [], covered(taken[0])
     for one in np.argsort(-scores):
         if len(expected) < 4 and not covered(int(one)) & used:
             expected.append(int(one))
             used |= covered(int(one))
     assert found == expected
-    following = next_elsewhere(rows, cols, scores, (height, width), taken)
-    assert following == [scores[found[0]] if found else -1.0]
+    assert places.next_scores(taken) == [scores[found[0]] if found else -1.0]
 
 
 @pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
