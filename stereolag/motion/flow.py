@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.settings import Settings
-from stereolag.motion.levels import Flow
-from stereolag.stereo.matcher import Reason
-
-if TYPE_CHECKING:
-    from stereolag.core.settings import Settings
-import time
-from typing import Annotated, NamedTuple
-
-from pydantic import field_validator
-
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
+from stereolag.core.inputs import as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.motion.levels import (
     NO_SCORE,
     Candidates,
+    Flow,
     ForwardBackwardCheck,
     Frame,
     MedianTest,
@@ -38,11 +29,11 @@ from stereolag.motion.levels import (
     leaves_frame,
     match_level,
     median_residual,
-    pyramid,
     return_error,
 )
 from stereolag.stereo.finishing.checks import TextureTest, least_texture
 from stereolag.stereo.finishing.stages import MedianFilter, weighted_median
+from stereolag.stereo.matcher import Reason
 
 
 class VariationalRefinement(Settings):
@@ -172,91 +163,6 @@ class View(NamedTuple):
     """(H, W) return error of the flow there and back, px."""
 
 
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """Solver for the levels of two pyramids, one after the other.
-
-    Attributes
-    ----------
-    window, search
-        Side of the window, and reach at full size, px.
-    median, refinement
-        Smoothing of the flow between levels; None disables it.
-    grey_level
-        One grey level of 255 in the units of the frames.
-    """
-
-    window: int
-    search: int
-    median: MedianFilter | None
-    refinement: VariationalRefinement | None
-    grey_level: float
-
-    def descend(self, firsts: list[Frame], seconds: list[Frame], progress: Progress) -> View:
-        """Return the solution at the finest level.
-
-        Parameters
-        ----------
-        firsts, seconds
-            The pyramids of both frames, finest first.
-        progress
-            Called with the fraction done.
-        """
-        flows: tuple[Flow | None, Flow | None] = (None, None)
-        for level in range(len(firsts) - 1, -1, -1):
-            first, second = firsts[level], seconds[level]
-            there, back = (None if flow is None else doubled(flow, first.shape) for flow in flows)
-            view, back = self._solve(level, first, second, there, back)
-            flows = view.flow, back
-            progress(1 / 4**level)
-        return view
-
-    def _solve(
-        self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
-    ) -> tuple[View, Flow]:
-        """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
-        both_ways = level > 0 or back is None
-        for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
-            candidates = self._match(level, first, second, there)
-            returning = self._match(level, second, first, back) if both_ways else None
-            returned = back if returning is None else returning.flow
-            assert returned is not None
-            error = return_error(candidates.flow, returned)
-            there = self._carried_over(level, first, candidates, error)
-            back = returned
-            if returning is not None:
-                back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
-        assert there is not None and back is not None
-        if self.refinement is not None:
-            there = refined(there, first.guide, second.guide, self.refinement)
-            if level > 0:
-                back = refined(back, second.guide, first.guide, self.refinement)
-        return View(there, candidates, return_error(there, back)), back
-
-    def _match(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
-        reach = RESIDUAL
-        if flow is None:
-            # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
-            reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
-        found = match_level(first.grey, second.grey, flow, self.window, reach)
-        return best_of_neighbours(found, max(1, self.window // 5))
-
-    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
-        """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
-        sure = np.maximum(candidates.score, 0)
-        trusted = np.float32(TRUSTED_TEXTURE * self.grey_level)
-        weight = sure * sure * np.minimum(1, np.square(candidates.texture / trusted))
-        weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
-        flow = edge_aware_mean(candidates.flow, weight, frame.guide)
-        # At full size the refinement does as well, and the median takes as long as the matching.
-        if self.median is not None and (level > 0 or self.refinement is None):
-            guide, radius = frame.guide[:, :, None], self.median.radius
-            for part in flow:
-                # Nine neighbours: twenty-five are no better here and take three times as long.
-                part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
-        return flow
-
-
 WINDOW, SEARCH = 7, 128
 """Defaults, px."""
 
@@ -352,7 +258,20 @@ class FlowMatcher(Settings):
             )
         check_memory(self.estimate(images[0].shape, images[0].dtype))
         start = time.perf_counter()
-        flow, score, reason = self._match(*images, progress or silent)
+        grey = rescale_extreme_floats(*map(as_grey, images))
+        count = count_levels((rows, cols), self.window_size, self.search, self.levels)
+        firsts, seconds = (
+            Frame(one, guide, grey_level(*grey)).pyramid(count)
+            for one, guide in zip(grey, as_eight_bit(*grey), strict=True)
+        )
+        flows: tuple[Flow | None, Flow | None] = (None, None)
+        for level in range(count - 1, -1, -1):
+            first_frame, second_frame = firsts[level], seconds[level]
+            there, back = (None if flow is None else doubled(flow, first_frame.shape) for flow in flows)
+            view, back = self._solve(level, first_frame, second_frame, there, back)
+            flows = view.flow, back
+            (progress or silent)(1 / 4**level)
+        flow, score, reason = self._judged(view, least_texture(self.texture, *grey))
         return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
@@ -360,15 +279,50 @@ class FlowMatcher(Settings):
         pixels = shape[0] * shape[1]
         return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
 
-    def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
-        grey = rescale_extreme_floats(as_grey(first), as_grey(second))
-        guides = as_eight_bit(*grey)
-        shape = grey[0].shape[0], grey[0].shape[1]
-        levels = count_levels(shape, self.window_size, self.search, self.levels)
-        frames = [pyramid(Frame(*one), levels) for one in zip(grey, guides, strict=True)]
-        descent = Descent(self.window_size, self.search, self.median, self.refinement, grey_level(*grey))
-        view = descent.descend(frames[0], frames[1], progress)
-        return self._judged(view, least_texture(self.texture, *grey))
+    def _solve(
+        self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
+    ) -> tuple[View, Flow]:
+        """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
+        both_ways = level > 0 or back is None
+        for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
+            candidates = self._candidates(level, first, second, there)
+            returning = self._candidates(level, second, first, back) if both_ways else None
+            returned = back if returning is None else returning.flow
+            assert returned is not None
+            error = return_error(candidates.flow, returned)
+            there = self._carried_over(level, first, candidates, error)
+            back = returned
+            if returning is not None:
+                back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
+        assert there is not None and back is not None
+        if self.refinement is not None:
+            there = refined(there, first.guide, second.guide, self.refinement)
+            if level > 0:
+                back = refined(back, second.guide, first.guide, self.refinement)
+        return View(there, candidates, return_error(there, back)), back
+
+    def _candidates(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
+        reach = RESIDUAL
+        if flow is None:
+            # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
+            reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
+        found = match_level(first.grey, second.grey, flow, self.window_size, reach)
+        return best_of_neighbours(found, max(1, self.window_size // 5))
+
+    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
+        """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
+        sure = np.maximum(candidates.score, 0)
+        trusted = np.float32(TRUSTED_TEXTURE * frame.grey_level)
+        weight = sure * sure * np.minimum(1, np.square(candidates.texture / trusted))
+        weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
+        flow = edge_aware_mean(candidates.flow, weight, frame.guide)
+        # At full size the refinement does as well, and the median takes as long as the matching.
+        if self.median is not None and (level > 0 or self.refinement is None):
+            guide, radius = frame.guide[:, :, None], self.median.radius
+            for part in flow:
+                # Nine neighbours: twenty-five are no better here and take three times as long.
+                part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
+        return flow
 
     def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
         """Return the flow without unreliable displacements, its scores, and the reasons."""

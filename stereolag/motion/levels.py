@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import cv2
@@ -38,29 +39,28 @@ class Frame:
         (H, W) image to correlate.
     guide
         (H, W) uint8 image whose edges bound the smoothing.
+    grey_level
+        One grey level of 255 in the units of `grey`.
     """
 
     grey: Image
     guide: Guide
+    grey_level: float
 
     @property
     def shape(self) -> tuple[int, int]:
         """Return (rows, cols)."""
         return self.guide.shape[0], self.guide.shape[1]
 
-    @property
-    def halved(self) -> Frame:
-        """Return the frame at half size."""
-        guide: Guide = np.asarray(cv2.pyrDown(self.guide), np.uint8)
-        return Frame(guide if self.grey is self.guide else cv2.pyrDown(self.grey), guide)
-
-
-def pyramid(frame: Frame, levels: int) -> list[Frame]:
-    """Return the pyramid of a frame, finest level first."""
-    frames = [frame]
-    for _ in range(levels - 1):
-        frames.append(frames[-1].halved)
-    return frames
+    def pyramid(self, levels: int) -> list[Frame]:
+        """Return the frame at each level, finest first, each half as large as the one before."""
+        frames = [self]
+        for _ in range(levels - 1):
+            last = frames[-1]
+            guide: Guide = np.asarray(cv2.pyrDown(last.guide), np.uint8)
+            grey = guide if last.grey is last.guide else cv2.pyrDown(last.grey)
+            frames.append(Frame(grey, guide, self.grey_level))
+        return frames
 
 
 def count_levels(shape: tuple[int, int], window: int, search: int, most: int) -> int:
@@ -128,8 +128,8 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
     planes = np.empty((3, *guide.shape), np.float32)
     np.multiply(flow, sure, out=planes[:2])
     planes[2] = sure
-    over_bands(lambda first, end: _along_rows(planes, guide, ramp, first, end), guide.shape[0])
-    over_bands(lambda first, end: _along_columns(planes, guide, ramp, first, end), guide.shape[1])
+    over_bands(partial(_along_rows, planes, guide, ramp), guide.shape[0])
+    over_bands(partial(_along_columns, planes, guide, ramp), guide.shape[1])
     return np.asarray(planes[:2] / planes[2])
 
 
@@ -231,7 +231,9 @@ def match_level(first: Image, second: Image, flow: Flow | None, window: int, rea
         The flow so far plus the residual, with sub-pixel precision.
     """
     aligned = second if flow is None else fetched(second, flow)
-    framed = [_framed(image, window // 2) for image in (first, aligned)]
+    # Mirrored at the border, so that every pixel has a window.
+    border = (window // 2, window // 2, window // 2, window // 2)
+    framed = [np.asarray(cv2.copyMakeBorder(image, *border, cv2.BORDER_REFLECT_101)) for image in (first, aligned)]
     best: _Best | None = None
     for first_dy, last_dy in _strips(reach):
         matches = match_windows(
@@ -305,10 +307,7 @@ def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:
     score = cv2.copyMakeBorder(candidates.score, *border, cv2.BORDER_CONSTANT, value=float(NO_SCORE))
     parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REPLICATE) for part in candidates.flow]
     flow, best = np.empty_like(candidates.flow), np.empty_like(candidates.score)
-    over_bands(
-        lambda first, end: _take_best(parts[0], parts[1], score, spacing, first, end, flow[0], flow[1], best),
-        best.shape[0],
-    )
+    over_bands(partial(_take_best, parts[0], parts[1], score, spacing, flow[0], flow[1], best), best.shape[0])
     return Candidates(flow, best, candidates.texture)
 
 
@@ -318,11 +317,11 @@ def _take_best(
     dx: Array,
     score: Array,
     spacing: int,
-    first: int,
-    end: int,
     best_dy: Array,
     best_dx: Array,
     best: Array,
+    first: int,
+    end: int,
 ) -> None:
     """Set rows `first` to `end` from maps padded by `spacing` px; a pixel's own window wins ties."""
     for row in range(first, end):
@@ -353,11 +352,6 @@ def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candid
                     best[row, col] = candidates.score[y, x]
                     flow[:, row, col] = candidates.flow[:, y, x]
     return Candidates(flow, best, candidates.texture)
-
-
-def _framed(image: Image, margin: int) -> Image:
-    """Return the image padded by mirroring, so that every pixel has a window."""
-    return np.asarray(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REFLECT_101))
 
 
 FAR_OFF = 1e4
@@ -443,15 +437,11 @@ def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
     mirrored at its borders.
     """
     border = (spacing, spacing, spacing, spacing)
-    parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REFLECT_101) for part in flow]
+    parts: list[Array] = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REFLECT_101) for part in flow]
     out = np.zeros(flow.shape[1:], np.float32)
     for part in parts:
-        _add_residuals(part, spacing, np.float32(noise), out)
+        over_bands(partial(_add_squares, part, spacing, np.float32(noise), out), len(out))
     return np.asarray(np.sqrt(out))
-
-
-def _add_residuals(part: Array, spacing: int, noise: Any, out: Array) -> None:
-    over_bands(lambda first, end: _add_squares(part, spacing, noise, first, end, out), out.shape[0])
 
 
 @compiled
@@ -477,7 +467,7 @@ def _middle(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> A
 
 
 @compiled
-def _add_squares(part: Array, spacing: int, noise: Any, first: int, end: int, out: Array) -> None:
+def _add_squares(part: Array, spacing: int, noise: Any, out: Array, first: int, end: int) -> None:
     """Add the squared residuals of one component to rows `first` to `end`."""
     for row in range(first, end):
         above, own, below = part[row], part[row + spacing], part[row + 2 * spacing]

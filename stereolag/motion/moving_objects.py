@@ -17,13 +17,15 @@ from stereolag.core.settings import Settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import ground_of
 from stereolag.motion.levels import Flow, edge_aware_mean, fetched, places
-from stereolag.motion.own_motion import Points, projected, seen_points
 
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns."""
 
 Vector: TypeAlias = npt.NDArray[np.float64]
 """(3,) metres: to the right, down, forward."""
+
+Points: TypeAlias = npt.NDArray[np.float64]
+"""(..., 3) metres: X to the right, Y down, Z forward; NaN = none."""
 
 KMH = 3.6
 """km/h per m/s."""
@@ -39,6 +41,38 @@ WINDOW = 9
 
 LEAST_VARIANCE = 0.25
 """Added to every variance, grey levels squared, so that without texture neither flow is better."""
+
+
+class Camera(NamedTuple):
+    """The rectified left camera, and its (3, 3) matrix for the images at hand."""
+
+    calibration: Calibration
+    matrix: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, calibration: Calibration, shape: tuple[int, ...]) -> Camera:
+        """Return the camera for images of (rows, cols)."""
+        focal, (cx, cy) = calibration.focal_px, calibration.centre(shape[1], shape[0])
+        return cls(calibration, np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1]]))
+
+    def points(self, disparity: FloatMap, places: FloatMap) -> Points:
+        """Return the points (..., 3) with a disparity, px, at (2, ...) rows and columns."""
+        depth = self.calibration.depth(disparity).astype(np.float64)
+        x, y = (places[1] - self.matrix[0, 2]) * depth, (places[0] - self.matrix[1, 2]) * depth
+        return np.stack([x / self.calibration.focal_px, y / self.calibration.focal_px, depth], axis=-1)
+
+    def projected(self, points: Points) -> DoubleMap:
+        """Return the (2, ...) row and column, px, at which points (..., 3) are seen; NaN behind the camera."""
+        depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+        row = self.matrix[1, 2] + self.matrix[1, 1] * points[..., 1] / depth
+        col = self.matrix[0, 2] + self.matrix[0, 0] * points[..., 0] / depth
+        return np.stack([row, col])
+
+    def seen(self, points: Points) -> DoubleMap:
+        """Return the (3, ...) row, column and disparity, px, of points (..., 3); NaN behind the camera."""
+        depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+        disparity = self.calibration.focal_px * self.calibration.baseline_m / depth - self.calibration.doffs_px
+        return np.stack([*self.projected(points), disparity])
 
 
 class RigidShift(NamedTuple):
@@ -159,8 +193,8 @@ def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain:
     """
     first, second = (as_grey(image).astype(np.float32) for image in images)
     known = _within(flow) & _within(other)
-    least = flat_variance(grey_level(*images))
-    scores = [correlation(first, fetched(second, np.where(known, one, np.float32(0))), least) for one in (flow, other)]
+    level = grey_level(*images)
+    scores = [correlation(first, fetched(second, np.where(known, one, np.float32(0))), level) for one in (flow, other)]
     return np.asarray(known & (scores[0] - scores[1] > gain))
 
 
@@ -172,14 +206,9 @@ def _within(flow: Flow) -> Mask:
     return np.asarray((row >= margin) & (row < rows - margin) & (col >= margin) & (col < cols - margin))
 
 
-def flat_variance(level: float) -> float:
-    """Return the value added to every variance; `level` is one grey level of 255 in image units."""
-    return LEAST_VARIANCE * level**2
-
-
-def correlation(one: Image, other: Image, least: float) -> FloatMap:
-    """Return the Pearson correlation of the windows around every pixel, with `least` added to the variances."""
-    size = (WINDOW, WINDOW)
+def correlation(one: Image, other: Image, level: float) -> FloatMap:
+    """Return the Pearson correlation of the windows around every pixel; `level` is one grey level of 255 in units."""
+    size, least = (WINDOW, WINDOW), LEAST_VARIANCE * level**2
     one, other = one - one.mean(), other - other.mean()
     mean, other_mean = cv2.blur(one, size), cv2.blur(other, size)
     both = cv2.blur(one * other, size) - mean * other_mean
@@ -216,15 +245,13 @@ def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -
     return before > settings.threshold and before > settings.coherence * after
 
 
-def region_of(
-    box: Box, mask: Mask, distance_m: float, shift: RigidShift, own: float, frame_rate: float | None
-) -> MovingRegion:
+def region_of(thing: Thing, distance_m: float, own: float, frame_rate: float | None) -> MovingRegion:
     """Return the moving region of a thing; `own` is the distance travelled by the camera, metres."""
-    rows, cols = box
-    row, col = np.nonzero(mask)
-    length = float(np.linalg.norm(shift.motion))
-    along = shift.motion / max(length, 1e-9)
-    error = float(np.sqrt(along @ shift.covariance @ along + (OWN_ERROR * own) ** 2))
+    (rows, cols), motion = thing.box, thing.shift.motion
+    row, col = np.nonzero(thing.mask)
+    length = float(np.linalg.norm(motion))
+    along = motion / max(length, 1e-9)
+    error = float(np.sqrt(along @ thing.shift.covariance @ along + (OWN_ERROR * own) ** 2))
     speed, speed_error = (None, None) if frame_rate is None else (KMH * frame_rate * length, KMH * frame_rate * error)
     return MovingRegion(
         row=int(rows.start + row.min()),
@@ -233,7 +260,7 @@ def region_of(
         width=int(np.ptp(col) + 1),
         pixels=int(row.size),
         distance_m=distance_m,
-        motion_m=(float(shift.motion[0]), float(shift.motion[1]), float(shift.motion[2])),
+        motion_m=(float(motion[0]), float(motion[1]), float(motion[2])),
         speed_kmh=speed,
         speed_error_kmh=speed_error,
     )
@@ -311,8 +338,7 @@ class Views:
     standing: Mask
     origin: Vector
     """Position of the camera at the first frame in its coordinates at the second, metres."""
-    calibration: Calibration
-    matrix: npt.NDArray[np.float64]
+    camera: Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,16 +349,13 @@ class Sight:
     ----------
     static
         (H, W, 3) metres, its position in the second frame if it stood still; NaN = none.
-    row, col, disparity
-        (H, W) px, as seen in the second frame; NaN = none.
+    seen
+        (3, H, W) px, its row, column and disparity in the second frame; NaN = none.
     """
 
     static: Points
-    row: FloatMap
-    col: FloatMap
-    disparity: FloatMap
-    calibration: Calibration
-    matrix: npt.NDArray[np.float64]
+    seen: FloatMap
+    camera: Camera
 
 
 class Thing(NamedTuple):
@@ -345,7 +368,7 @@ class Thing(NamedTuple):
 
 def whole_things(seeds: Sequence[tuple[Box, Mask]], sight: Sight, views: Views | None, smallest: int) -> list[Thing]:
     """Return the distinct things that regions are part of, without those that the frames contradict."""
-    taken = np.zeros(sight.row.shape, np.bool_)
+    taken = np.zeros(sight.seen.shape[1:], np.bool_)
     found = []
     for box, seed in sorted(seeds, key=lambda one: -np.count_nonzero(one[1])):
         if 2 * np.count_nonzero(seed & taken[box]) > np.count_nonzero(seed):
@@ -380,24 +403,21 @@ def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
     Gauss-Newton with Geman-McClure weights; each coordinate's scatter is estimated from its median absolute residual.
     """
     static = sight.static[box][mask]
-    row, col, disparity = (part[box][mask] for part in (sight.row, sight.col, sight.disparity))
-    known = np.isfinite(static).all(axis=1) & np.isfinite(row) & np.isfinite(col)
-    static, row, col, disparity = static[known], row[known], col[known], disparity[known]
-    with_disparity = np.isfinite(disparity)
+    seen = sight.seen[:, *box][:, mask].T
+    known = np.isfinite(static).all(axis=1) & np.isfinite(seen[:, :2]).all(axis=1)
+    static, seen = static[known], seen[known].astype(np.float64)
+    with_disparity = np.isfinite(seen[:, 2])
     if np.count_nonzero(with_disparity) < FEWEST:
         return None
-    after = seen_points(
-        sight.calibration, disparity[with_disparity], row[with_disparity], col[with_disparity], sight.matrix
-    )
-    start = np.median(after - static[with_disparity], axis=0)
-    focal, scale = sight.calibration.focal_px, sight.calibration.focal_px * sight.calibration.baseline_m
-    motion: Vector = start.astype(np.float64)
+    after = sight.camera.points(seen[with_disparity, 2], seen[with_disparity, :2].T)
+    motion: Vector = np.median(after - static[with_disparity], axis=0).astype(np.float64)
+    calibration = sight.camera.calibration
+    focal, scale = calibration.focal_px, calibration.focal_px * calibration.baseline_m
     normal = np.eye(3)
-    seen = np.stack([row, col, np.where(with_disparity, disparity, 0)], axis=1).astype(np.float64)
     for _ in range(STEPS):
         moved = static + motion
         depth = np.maximum(moved[:, 2], 0.1)
-        expected = np.stack([*projected(moved, sight.matrix), scale / depth - sight.calibration.doffs_px], axis=1)
+        expected = np.stack([*sight.camera.projected(moved), scale / depth - calibration.doffs_px], axis=1)
         residual = np.nan_to_num(seen - expected)
         residual[~with_disparity, 2] = 0
         slopes = np.zeros((len(static), 3, 3))
@@ -413,36 +433,27 @@ def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
         step = np.linalg.solve(normal, np.einsum("nki,nk,nk->i", slopes, weight, residual))
         motion = np.asarray(motion + step, np.float64)
     witnesses = min(max(len(static) / ALIKE, 1.0), MOST_WITNESSES)
-    return RigidShift(
-        np.asarray(motion, np.float64), np.asarray(np.linalg.inv(normal) * (len(static) / witnesses), np.float64)
-    )
+    return RigidShift(motion, np.asarray(np.linalg.inv(normal) * (len(static) / witnesses), np.float64))
 
 
 def explained(views: Views, box: Box, motion: Vector) -> FloatMap:
     """Return the gain in correlation of the windows in a box if their content moves by `motion` over standing still."""
     points = views.points[box]
-    scale = views.calibration.focal_px * views.calibration.baseline_m
+    calibration = views.camera.calibration
+    scale = calibration.focal_px * calibration.baseline_m
     standing = np.full(points.shape[:2], -1, np.float32)
-    own = views.disparity[box] + views.calibration.doffs_px
+    own = views.disparity[box] + calibration.doffs_px
     for slack in SLACK:
-        # A point with a slightly larger disparity is nearer along its ray, by this factor.
+        # A point with a slightly larger disparity is nearer along its ray, by this factor. The camera's motion is a
+        # rotation and a shift, so its distance from `origin`, the position at depth 0, shrinks by the same factor.
         factor = own / np.maximum(own + slack, scale / 1e4)
-        shifted = _moved_along(points, views, box, factor)
+        shifted = views.origin + factor[..., None] * (points - views.origin)
         standing = np.maximum(standing, _correlated(views, box, shifted))
     return np.asarray(_correlated(views, box, points + motion) - standing)
 
 
-def _moved_along(points: Points, views: Views, box: Box, factor: FloatMap) -> Points:
-    """Return the positions of static points in the second frame if their depth in the first were `factor` times theirs.
-
-    The camera's motion is a rotation and a shift, so a change of depth scales the distance from `origin`, which is the
-    position at depth 0.
-    """
-    return np.asarray(views.origin + factor[..., None] * (points - views.origin))
-
-
 def _correlated(views: Views, box: Box, points: Points) -> FloatMap:
-    row, col = (part.astype(np.float32) for part in projected(points, views.matrix))
+    row, col = views.camera.projected(points).astype(np.float32)
     rows, cols = views.first.shape
     inside = (row > -0.5) & (row < rows - 0.5) & (col > -0.5) & (col < cols - 0.5)
     there = cv2.remap(
@@ -452,7 +463,7 @@ def _correlated(views: Views, box: Box, points: Points) -> FloatMap:
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    found = correlation(views.first[box], there, flat_variance(views.level))
+    found = correlation(views.first[box], there, views.level)
     return np.where(inside, found, np.float32(-1))
 
 
@@ -468,8 +479,9 @@ def extent(views: Views, box: Box, seed: Mask, motion: Vector) -> tuple[Box, Mas
     known = known[wide]
     disparity = views.disparity[wide]
     middle = float(np.median(disparity[known & np.isfinite(disparity)]))
-    depth, own = views.calibration.depth(disparity), float(views.calibration.depth(middle))
-    reach = LENGTH + 2 * float(views.calibration.depth_uncertainty(middle, 0.5))
+    calibration = views.camera.calibration
+    depth, own = calibration.depth(disparity), float(calibration.depth(middle))
+    reach = LENGTH + 2 * float(calibration.depth_uncertainty(middle, 0.5))
     near = (np.abs(depth - own) < reach) & views.standing[wide]
     gain = np.nan_to_num(explained(views, wide, motion))
     weight = np.abs(gain).astype(np.float32)

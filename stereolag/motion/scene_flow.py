@@ -14,8 +14,10 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import FlowMap
 from stereolag.motion.moving_objects import (
     KMH,
+    Camera,
     MovingRegion,
     MovingTest,
+    Points,
     Sight,
     Views,
     above_ground,
@@ -26,22 +28,56 @@ from stereolag.motion.moving_objects import (
     region_of,
     whole_things,
 )
-from stereolag.motion.own_motion import (
-    LEAST_DISPARITY,
-    OwnMotion,
-    Points,
-    camera_matrix,
-    estimate_own_motion,
-    projected,
-    seen_points,
-)
 from stereolag.stereo.matcher import DisparityMap
+
+MOST_POINTS = 4000
+"""Most points used, taken evenly over the image; more do not improve the motion."""
+
+CELL = 8
+"""Side of the image cells that contribute their best pixel each, if the image is given, px."""
+
+FLAT_SHARE = 0.3
+"""Share of the cells left out, those with the least structure: flow is least accurate without texture."""
+
+LEAST_DISPARITY = 2.0
+"""Least disparity used, px: farther points agree with any translation and would outvote near ones."""
+
+FEWEST_POINTS = 20
+TRIALS, CONFIDENCE = 500, 0.9999
 
 BLUR = 1.0
 """Standard deviation of the blur before the extent of things is found, px: windows are not shifted in finer steps."""
 
 PROBE = 0.5
 """Step in disparity for the numerical derivative of a static point's flow, px."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnMotion:
+    """Motion of the static world in camera coordinates: ``X2 = rotation @ X1 + translation``.
+
+    Attributes
+    ----------
+    rotation
+        (3, 3).
+    translation
+        (3,) metres.
+    inliers
+        Share of the pixels used that agree, 0..1.
+    """
+
+    rotation: npt.NDArray[np.float64]
+    translation: npt.NDArray[np.float64]
+    inliers: float
+
+    @property
+    def travelled(self) -> npt.NDArray[np.float64]:
+        """Return the camera's displacement in first-frame coordinates, (3,) metres: X right, Y down, Z forward."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    def moved(self, points: Points) -> Points:
+        """Return the positions of static points in camera coordinates at the second frame."""
+        return np.asarray(points @ self.rotation.T + self.translation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +200,12 @@ def scene_flow(
     if len({here.shape, there.shape, dy.shape, dx.shape}) != 1 or here.ndim != 2:
         shapes = f"{here.shape}, {there.shape}, {dy.shape} and {dx.shape}"
         raise ValueError(f"Both disparities, dy and dx have the shapes {shapes}; all must be one (H, W).")
-    matrix = camera_matrix(calibration, here.shape)
-    row, col = places_of(here.shape)
-    row_2, col_2 = row + dy, col + dx
-    arrived = disparity_at(there, row_2, col_2)
-    before = seen_points(calibration, here, row, col)
-    after = seen_points(calibration, arrived, row_2, col_2)
+    camera = Camera.of(calibration, here.shape)
+    places = np.indices(here.shape, dtype=np.float32)
+    arrival = places + np.stack([dy, dx])
+    arrived = disparity_at(there, arrival)
+    seen = np.concatenate([arrival, arrived[None]])
+    before, after = camera.points(here, places), camera.points(arrived, arrival)
     images = None if frames is None else as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
     if images is not None and images[0].shape[:2] != here.shape:
         raise ValueError(
@@ -178,50 +214,60 @@ def scene_flow(
         )
     own = estimate_own_motion(
         before,
-        row_2,
-        col_2,
-        matrix,
+        arrival,
+        camera,
         tolerance=3 * settings.flow_error,
         farthest=calibration.focal_px * calibration.baseline_m / LEAST_DISPARITY,
         image=images and images[0],
     )
     static = own.moved(before)
-    errors = _expected_errors(own, before, here, calibration, settings)
-    deviations = (np.stack([row_2, col_2, arrived]) - expected_sight(static, calibration, matrix)) / errors
-    sight = Sight(static, row_2, col_2, arrived, calibration, matrix)
+    expected = camera.seen(static)
+    errors = _expected_errors(own, expected, here, camera, settings)
+    deviations = (seen - expected) / errors
+    sight = Sight(static, seen, camera)
     # Without a disparity in the second frame, a pixel is judged by its flow alone.
     squares = np.square(deviations)
     significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
-    against_world = (after - static).astype(np.float32)
     moving = significance > settings.threshold
+    views = None
     if images is not None:
-        stay = np.stack(projected(static, matrix)) - np.stack([row, col])
-        moving &= better_explained(images, np.stack([dy, dx]), stay.astype(np.float32), settings.gain)
-        moving &= above_ground(with_gaps_filled(first))
+        whole = first.disparity if isinstance(first, DisparityMap) else here
+        grey = [as_grey(image) for image in images]
+        blurred = [np.asarray(cv2.GaussianBlur(one.astype(np.float32), (0, 0), BLUR), np.float32) for one in grey]
+        views = Views(
+            first=blurred[0],
+            second=blurred[1],
+            guide=as_eight_bit(*grey)[0],
+            level=grey_level(*grey),
+            points=own.moved(camera.points(whole, places)),
+            disparity=whole,
+            standing=above_ground(whole),
+            origin=own.translation,
+            camera=camera,
+        )
+        stay = (expected[:2] - places).astype(np.float32)
+        moving &= better_explained(images, np.stack([dy, dx]), stay, settings.gain) & views.standing
     seeds = []
     for box, mask in connected(moving, settings):
-        known = mask & np.isfinite(deviations[(slice(None), *box)]).all(axis=0)
+        known = mask & np.isfinite(deviations[:, *box]).all(axis=0)
         shift = fitted_shift(sight, box, known)
         if shift is None:
             continue
-        expected = expected_sight(static[box][known] + shift.motion, calibration, matrix)
-        seen = np.stack([part[box][known] for part in (row_2, col_2, arrived)])
-        at = (slice(None), *box)
-        if moves_as_one(deviations[at][:, known], (seen - expected) / errors[at][:, known], settings):
+        along = (seen[:, *box][:, known] - camera.seen(static[box][known] + shift.motion)) / errors[:, *box][:, known]
+        if moves_as_one(deviations[:, *box][:, known], along, settings):
             seeds.append((box, mask))
-    views = None if images is None else _views(images, own, with_gaps_filled(first), calibration, matrix)
     travelled = float(np.linalg.norm(own.travelled))
     found = []
     for thing in whole_things(seeds, sight, views, settings.smallest):
         distance = float(np.nanmedian(before[thing.box][thing.mask][:, 2]))
-        found.append((region_of(thing.box, thing.mask, distance, thing.shift, travelled, frame_rate), thing))
+        found.append((region_of(thing, distance, travelled, frame_rate), thing))
     found.sort(key=lambda one: one[0].distance_m)
     labels = np.zeros(here.shape, np.int32)
     for number, (_, thing) in enumerate(found, start=1):
         labels[thing.box][thing.mask] = number
     return SceneFlow(
         motion=(after - before).astype(np.float32),
-        against_world=against_world,
+        against_world=(after - static).astype(np.float32),
         significance=significance.astype(np.float32),
         moving=labels > 0,
         labels=labels,
@@ -238,69 +284,115 @@ def measured(disparity: DisparityMap | FloatMap) -> FloatMap:
     return np.asarray(disparity, np.float32)
 
 
-def with_gaps_filled(disparity: DisparityMap | FloatMap) -> FloatMap:
-    """Return the disparities of a map, including filled-in ones."""
-    return disparity.disparity if isinstance(disparity, DisparityMap) else np.asarray(disparity, np.float32)
-
-
-def places_of(shape: tuple[int, ...]) -> tuple[FloatMap, FloatMap]:
-    """Return the (row, col) of every pixel, each (H, W) float32."""
-    row, col = np.indices(shape, dtype=np.float32)
-    return row, col
-
-
-def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
-    """Return the disparity at sub-pixel positions, of the nearest pixel: a mean across an edge would be on no surface.
+def disparity_at(disparity: FloatMap, places: FloatMap) -> FloatMap:
+    """Return the disparity at sub-pixel (2, H, W) places, of the nearest pixel: a mean across an edge is on no surface.
 
     NaN where the position is unknown, outside the frame or without a disparity.
     """
     rows, cols = disparity.shape
-    inside = np.isfinite(row) & np.isfinite(col)
-    y, x = (np.rint(np.where(inside, place, -1)).astype(np.intp) for place in (row, col))
+    inside = np.isfinite(places).all(axis=0)
+    y, x = (np.rint(np.where(inside, place, -1)).astype(np.intp) for place in places)
     inside &= (y >= 0) & (y < rows) & (x >= 0) & (x < cols)
     return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
 
 
-def expected_sight(points: Points, calibration: Calibration, matrix: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return the (3, ...) row, column and disparity, px, of points (..., 3); NaN behind the camera."""
-    depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
-    disparity = calibration.focal_px * calibration.baseline_m / depth - calibration.doffs_px
-    return np.stack([*projected(points, matrix), disparity])
-
-
 def _expected_errors(
-    own: OwnMotion, before: Points, disparity: FloatMap, calibration: Calibration, settings: MovingTest
+    own: OwnMotion, expected: DoubleMap, disparity: FloatMap, camera: Camera, settings: MovingTest
 ) -> DoubleMap:
     """Return the (3, H, W) expected errors of a static point's row, column and disparity in the second frame, px."""
-    matrix = camera_matrix(calibration, disparity.shape)
-    row, col = places_of(disparity.shape)
-    static = expected_sight(own.moved(before), calibration, matrix)
-    varied = own.moved(seen_points(calibration, disparity + np.float32(PROBE), row, col))
-    slope = (expected_sight(varied, calibration, matrix) - static) / PROBE
-    flow_error = settings.flow_error + settings.relative_error * np.hypot(static[0] - row, static[1] - col)
+    places = np.indices(disparity.shape, dtype=np.float32)
+    varied = own.moved(camera.points(disparity + np.float32(PROBE), places))
+    slope = (camera.seen(varied) - expected) / PROBE
+    flow_error = settings.flow_error + settings.relative_error * np.hypot(*(expected[:2] - places))
     own_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
     return np.asarray(np.hypot(own_error, slope * settings.disparity_error))
 
 
-def _views(
-    images: tuple[Image, Image],
-    own: OwnMotion,
-    disparity: FloatMap,
-    calibration: Calibration,
-    matrix: npt.NDArray[np.float64],
-) -> Views:
-    """Return the data from which the extent of things is found."""
-    grey = [as_grey(image) for image in images]
-    row, col = places_of(disparity.shape)
-    return Views(
-        first=np.asarray(cv2.GaussianBlur(grey[0].astype(np.float32), (0, 0), BLUR), np.float32),
-        second=np.asarray(cv2.GaussianBlur(grey[1].astype(np.float32), (0, 0), BLUR), np.float32),
-        guide=as_eight_bit(*grey)[0],
-        level=grey_level(*grey),
-        points=own.moved(seen_points(calibration, disparity, row, col, matrix)),
-        disparity=disparity,
-        standing=above_ground(disparity),
-        origin=own.translation,
-        calibration=calibration,
-        matrix=matrix,
+def estimate_own_motion(
+    points: Points,
+    places: FloatMap,
+    camera: Camera,
+    *,
+    tolerance: float,
+    farthest: float = np.inf,
+    image: Image | None = None,
+) -> OwnMotion:
+    """Return the rigid motion that takes most points to their positions in the second frame.
+
+    Parameters
+    ----------
+    points
+        (H, W, 3) metres, seen in the first frame; NaN = none.
+    places
+        (2, H, W) rows and columns of the same points in the second frame, px; NaN = none.
+    camera
+        The left camera.
+    tolerance
+        Largest reprojection error of a static point, px.
+    farthest
+        Largest depth used, metres.
+    image
+        (H, W) or (H, W, 3 | 4), the first frame: if given, its corners are used, otherwise evenly spread pixels.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 20 points, or not enough of them agree on a motion.
+
+    Notes
+    -----
+    Perspective-n-point by RANSAC, refined with Levenberg-Marquardt on all inliers (OpenCV's ``solvePnPRansac`` and
+    ``solvePnPRefineLM``). OpenCV seeds its random numbers anew in each call, so the result is deterministic.
+    """
+    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(places).all(axis=0) & (points[..., 2] < farthest)
+    usable = np.flatnonzero(known) if image is None else corners(image, known)
+    if usable.size < FEWEST_POINTS:
+        raise ValueError(f"Only {usable.size} pixels have both depth and motion; at least {FEWEST_POINTS} are needed.")
+    chosen = usable[np.linspace(0, usable.size - 1, min(usable.size, MOST_POINTS)).astype(np.intp)]
+    world = points.reshape(-1, 3)[chosen]
+    seen = np.ascontiguousarray(places.reshape(2, -1)[::-1, chosen].T).astype(np.float64)
+    found, turn, shift, agreeing = cv2.solvePnPRansac(
+        world,
+        seen,
+        camera.matrix,
+        None,
+        iterationsCount=TRIALS,
+        reprojectionError=tolerance,
+        confidence=CONFIDENCE,
+        flags=cv2.SOLVEPNP_P3P,
     )
+    if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
+        raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
+    for _ in range(3):
+        turn, shift = cv2.solvePnPRefineLM(
+            world[agreeing[:, 0]], seen[agreeing[:, 0]], camera.matrix, None, turn, shift
+        )
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
+        expected = camera.projected(world @ rotation.T + shift[:, 0])
+        error = np.hypot(expected[1] - seen[:, 0], expected[0] - seen[:, 1])
+        agreeing = np.flatnonzero(error < tolerance)[:, None]
+        if len(agreeing) < FEWEST_POINTS:
+            raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
+    return OwnMotion(rotation, np.asarray(shift[:, 0], np.float64), len(agreeing) / len(chosen))
+
+
+def corners(image: Image, known: Mask) -> npt.NDArray[np.intp]:
+    """Return the flat indices of the best corner of every cell among the known pixels.
+
+    The smaller eigenvalue of the structure tensor measures how distinct a window is from its neighbours (Shi & Tomasi,
+    "Good features to track", CVPR 1994).
+    """
+    grey = cv2.GaussianBlur(as_grey(image).astype(np.float32), (0, 0), 1.0)
+    strength = np.where(known, cv2.cornerMinEigenVal(grey, 7), np.float32(-1))
+    rows, cols = (side // CELL for side in strength.shape)
+    cells = strength[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL).swapaxes(1, 2)
+    flat = cells.reshape(rows, cols, CELL * CELL)
+    best, strongest = flat.argmax(axis=2), flat.max(axis=2)
+    there = strongest >= 0
+    if not there.any():
+        return np.empty(0, np.intp)
+    there &= strongest >= np.quantile(strongest[there], FLAT_SHARE)
+    row, col = np.nonzero(there)
+    inside = best[there]
+    found = (row * CELL + inside // CELL) * known.shape[1] + col * CELL + inside % CELL
+    return np.asarray(found, np.intp)

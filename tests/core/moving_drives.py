@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 from pairs import texture
+from small_drives import zipped
 
 from stereolag import Calibration
 from stereolag.io.images import image_png
@@ -41,13 +39,9 @@ def car_mask(number: int) -> npt.NDArray[np.bool_]:
 
 def archive(count: int) -> bytes:
     """Return a ZIP with left/ and right/."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as whole:
-        for number in range(count):
-            seen = frame(number)
-            for side, picture in (("left", seen.left), ("right", seen.right)):
-                whole.writestr(f"{side}/{number:03d}.png", image_png(picture))
-    return stream.getvalue()
+    views = [frame(number) for number in range(count)]
+    sides = ("left", "right")
+    return zipped({f"{side}/{n:03d}.png": image_png(getattr(views[n], side)) for n in range(count) for side in sides})
 
 
 def _surfaces(number: int, aside: float, finer: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:

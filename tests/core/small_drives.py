@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import av
@@ -12,7 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from pairs import texture
 
+from stereolag import StereoBM
+from stereolag.core.inputs import Image
+from stereolag.core.jobs import Progress
 from stereolag.io.images import image_png, kitti_png
+from stereolag.stereo.matcher import PixelMatches
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS = 80, 120
@@ -42,14 +46,36 @@ def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tup
     return folders
 
 
-def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
-    """Return a ZIP with left/ and right/."""
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return files as a ZIP."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as whole:
-        for number, both in enumerate(pairs_of(disparities)):
-            for side, picture in zip(("left", "right"), both, strict=True):
-                whole.writestr(f"{side}/{number:03d}.png", image_png(picture))
+        for name, data in files.items():
+            whole.writestr(name, data)
     return stream.getvalue()
+
+
+def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
+    """Return a ZIP with left/ and right/."""
+    pairs = enumerate(pairs_of(disparities))
+    sides = ("left", "right")
+    return zipped({f"{side}/{n:03d}.png": image_png(both[i]) for n, both in pairs for i, side in enumerate(sides)})
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """Return the maps in an output folder."""
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*.png")}
+
+
+matched: list[int] = []
+
+
+class Counting(StereoBM):
+    """A matcher that records every frame it matches."""
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        matched.append(1)
+        return super().match(left, right, progress)
 
 
 def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:

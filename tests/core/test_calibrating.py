@@ -79,20 +79,15 @@ def test_the_rig_that_drew_the_pictures_is_found(pairs: Pictures) -> None:
     told: list[float] = []
     calibration = sl.calibrate(iter(pairs[:6]), square_m=SQUARE_M, progress=told.append)
     check_rig(calibration, rig())
-    assert calibration.rms is not None
-    assert calibration.rms < 0.08
-    assert told[-1] == 1
-    assert told == sorted(told)
+    assert calibration.rms is not None and calibration.rms < 0.08
+    assert told[-1] == 1 and told == sorted(told)
     assert calibration.baseline_m == pytest.approx(0.1, rel=3e-3)
 
 
 def test_rows_match_and_depth_is_right_after_rectification(plain: StereoCalibration, pairs: Pictures) -> None:
     assert plain.row_error < 0.06
-    left, right, _ = sl.rectify(*pairs[0], plain.calibration)
-    again = find_boards([(left, right)], CHESSBOARD)
-    assert again.left[0] is not None
-    assert again.right[0] is not None
-    assert np.abs(again.left[0].points[:, 1] - again.right[0].points[:, 1]).mean() < 0.1
+    again = find_boards([sl.rectify(*pairs[0], plain.calibration)[:2]], CHESSBOARD).both[0]
+    assert np.abs(again[0].points[:, 1] - again[1].points[:, 1]).mean() < 0.1
 
 
 @pytest.mark.parametrize(
@@ -106,20 +101,16 @@ def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     # The legacy layout differs if the number of rows of squares is even.
     pairs = list(drawn_pairs(rig(1.1), board, 3, square_m=SQUARE_M, seed=1, partly=True))
     views = find_boards(pairs)
-    known = views.board
-    assert known.markers is not None
-    assert (known.columns, known.rows) == (board.columns, board.rows)
-    assert board.markers is not None
-    assert (known.markers.dictionary, known.markers.legacy) == (board.markers.dictionary, board.markers.legacy)
-    assert known.markers.share == pytest.approx(board.markers.share, abs=0.04)
+    assert views.board.markers is not None and board.markers is not None
+    assert views.board.markers.share == pytest.approx(board.markers.share, abs=0.04)
+    assert replace(views.board, markers=replace(views.board.markers, share=board.markers.share)) == board
     assert any(len(one) < board.corners for one in (*views.left, *views.right) if one is not None)
     check_rig(calibrate_boards(views, SQUARE_M).calibration, rig(1.1), px=8, turn=3e-3)
 
 
 @pytest.mark.parametrize("size", [(7, 7), (11, 8), (6, 4)])
 def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
-    pairs = list(drawn_pairs(rig(0.6), Board(*size), 3, square_m=SQUARE_M, seed=2))
-    assert guess_board(pairs) == Board(*size)
+    assert guess_board(list(drawn_pairs(rig(0.6), Board(*size), 3, square_m=SQUARE_M, seed=2))) == Board(*size)
 
 
 def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
@@ -128,22 +119,8 @@ def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
     monkeypatch.setattr(boards, "LARGEST_SIDE", 240)
     deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in pairs[:2]]
     found = find_boards(deep, (9, 6))
-    for large, small in zip((*found.left, *found.right), (*views.left[:2], *views.right[:2]), strict=True):
-        assert large is not None
-        assert small is not None
-        np.testing.assert_allclose(large.points, small.points, atol=0.03)
-
-
-def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> None:
-    """The reference is the projection by the known cameras of a board at the best-fitting pose."""
-    true = rig()
-    errors = []
-    for corners in views.left:
-        assert corners is not None
-        _, turn, place = cv2.solvePnP(CHESSBOARD.points(), corners.points, true.left_matrix, true.left_distortion)
-        places = cv2.projectPoints(CHESSBOARD.points(), turn, place, true.left_matrix, true.left_distortion)[0][:, 0]
-        errors.append(np.linalg.norm(places - corners.points, axis=1))
-    assert np.sqrt(np.mean(np.square(errors))) < 0.06
+    for number, side in np.ndindex(2, 2):
+        np.testing.assert_allclose(found.both[number][side].points, views.both[number][side].points, atol=0.03)
 
 
 @pytest.mark.parametrize("count", [4, 8])

@@ -46,9 +46,8 @@ def test_uncertainty_is_the_slope_of_the_depth():
     disparity = np.array([10.0, 40.0, 90.0])
     step = 1e-3
     slope = (calibration.depth(disparity - step) - calibration.depth(disparity + step)) / (2 * step)
-    np.testing.assert_allclose(calibration.depth_uncertainty(disparity, 0.25), slope * 0.25, rtol=2e-3)
-    errors = [0.0, 0.25, 0.5]
-    np.testing.assert_allclose(calibration.depth_uncertainty(disparity, errors), slope * errors, rtol=2e-3)
+    for error in (0.25, np.array([0.0, 0.25, 0.5])):
+        np.testing.assert_allclose(calibration.depth_uncertainty(disparity, error), slope * error, rtol=2e-3)
 
 
 def test_point_cloud_agrees_with_opencv():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from straight_and_raw import D1, D2, M1, M2, P1, P2, R1, R2, SIZE, R, T
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import (
@@ -24,23 +25,14 @@ from stereolag.geometry.rectification import (
 )
 from stereolag.io.calibrations import read_calibration
 
-WIDTH, HEIGHT = 480, 360
+WIDTH, HEIGHT = SIZE
 MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)
 MARK_RADIUS = 0.018
 
 
 @pytest.fixture(scope="module")
 def rig() -> StereoRig:
-    return StereoRig(
-        left_matrix=[[420, 0, 236], [0, 424, 184], [0, 0, 1]],
-        left_distortion=[-0.25, 0.08, 0.001, -0.0008, 0],
-        right_matrix=[[426, 0, 247], [0, 425, 175], [0, 0, 1]],
-        right_distortion=[-0.22, 0.06, -0.0006, 0.0012, 0.002],
-        rotation=cv2.Rodrigues(np.array([0.012, -0.03, 0.015]))[0],
-        translation=[-0.12, 0.004, -0.003],
-        width=WIDTH,
-        height=HEIGHT,
-    )
+    return StereoRig(M1, D1, M2, D2, R, T, *SIZE)
 
 
 def unrectified(rig: StereoRig) -> Calibration:
@@ -96,11 +88,7 @@ def test_rows_align_and_depths_are_right(rig, pair, dtype):
     assert left.shape == right.shape == (HEIGHT, WIDTH)
 
     marks = np.column_stack([MARKS, board_depth(*MARKS.T)])
-    rotation = cv2.stereoRectify(
-        rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, (WIDTH, HEIGHT),
-        rig.rotation, rig.translation[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
-    )[0]  # fmt: skip
-    marks = marks @ rotation.T
+    marks = marks @ R1.T
     expected = calibration.focal_px * marks[:, :2] / marks[:, 2:] + [calibration.cx, calibration.cy]
     shift = calibration.focal_px * calibration.baseline_m / marks[:, 2]
     inside = (np.abs(expected[:, 1] - HEIGHT / 2) < HEIGHT / 2 - 13) & (expected[:, 0] < WIDTH - 13)
@@ -183,7 +171,7 @@ def test_how_its_maker_rectified_the_pair_is_used_unless_alpha_is_given(rig, pai
 
 
 def test_resized_images_scale_how_its_maker_rectified_the_pair(rig, pair):
-    known = replace(rig, rectification=Rectification(*by_hand(rig, pair, 0.6)[1][:4]))
+    known = replace(rig, rectification=Rectification(R1, R2, P1, P2))
     small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
     full, half = rectify(*pair, unrectified(known)), rectify(*small, unrectified(known))
     assert half.calibration.focal_px == pytest.approx(full.calibration.focal_px / 2)

@@ -10,9 +10,8 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration
-from stereolag.motion.moving_objects import MovingTest, better_explained
-from stereolag.motion.own_motion import seen_points
-from stereolag.motion.scene_flow import disparity_at, places_of, scene_flow
+from stereolag.motion.moving_objects import Camera, MovingTest, better_explained
+from stereolag.motion.scene_flow import disparity_at, scene_flow
 
 CAMERA = Calibration(focal_px=300.0, baseline_m=0.5)
 SHAPE = (150, 240)
@@ -60,13 +59,13 @@ def scene(*, turn=0.01, travelled=(0.05, 0.0, 1.0), car_moves=(0.6, 0.0, 0.9), n
     moved_car = (CAR[0] + car_moves[0], CAR[1] + car_moves[0], CAR[2] + car_moves[2])
     depth_2, kind_2 = cast(rotation, position, moved_car)
     scale = CAMERA.focal_px * CAMERA.baseline_m
-    row, col = places_of(SHAPE)
-    points = seen_points(CAMERA, (scale / depth).astype(np.float32), row, col)
+    row, col = places = np.indices(SHAPE, dtype=np.float32)
+    points = Camera.of(CAMERA, SHAPE).points((scale / depth).astype(np.float32), places)
     points = np.where((kind == 2)[..., None], points + car_moves, points)
     seen = (points - position) @ rotation
     rng = np.random.default_rng(3)
     there = 74.5 + 300 * seen[..., 1] / seen[..., 2], 119.5 + 300 * seen[..., 0] / seen[..., 2]
-    hidden = disparity_at(kind_2.astype(np.float32), *there) != kind
+    hidden = disparity_at(kind_2.astype(np.float32), np.stack(there)) != kind
     seen[hidden] = np.nan
     dy = 74.5 + 300 * seen[..., 1] / seen[..., 2] - row + rng.normal(0, noise, SHAPE)
     dx = 119.5 + 300 * seen[..., 0] / seen[..., 2] - col + rng.normal(0, noise, SHAPE)
@@ -162,25 +161,22 @@ def test_a_disparity_is_taken_of_the_nearest_pixel():
     disparity = np.array([[1.0, 2.0], [3.0, np.nan]], np.float32)
     row = np.array([[0.4, 0.0], [0.6, 1.2], [np.nan, 0.0]], np.float32)
     col = np.array([[0.4, 1.4], [0.4, 0.8], [0.0, 1.6]], np.float32)
-    np.testing.assert_array_equal(disparity_at(disparity, row, col), [[1, 2], [3, np.nan], [np.nan, np.nan]])
+    np.testing.assert_array_equal(
+        disparity_at(disparity, np.stack([row, col])), [[1, 2], [3, np.nan], [np.nan, np.nan]]
+    )
 
 
 def test_what_is_refused_is_named():
     known = scene()
-    with pytest.raises(ValueError, match="frame_rate is 0"):
-        scene_flow(known.first, known.second, known.flow, CAMERA, frame_rate=0)
-    with pytest.raises(ValueError, match=r"\(150, 239\)"):
-        scene_flow(known.first[:, :-1], known.second, known.flow, CAMERA)
-    with pytest.raises(ValueError, match="Only 0 pixels"):
-        scene_flow(np.full_like(known.first, np.nan), known.second, known.flow, CAMERA)
-    rng = np.random.default_rng(0)
-    wild = tuple(rng.uniform(-300, 300, SHAPE).astype(np.float32) for _ in range(2))
-    with pytest.raises(ValueError, match="nothing static"):
-        scene_flow(known.first, known.second, wild, CAMERA)
-
-
-def test_frames_of_another_size_than_the_disparities_are_refused():
-    known = scene()
+    wild = tuple(np.random.default_rng(0).uniform(-300, 300, (2, *SHAPE)).astype(np.float32))
     picture = np.zeros((8, 9), np.uint8)
-    with pytest.raises(ValueError, match=r"The frames have the shape \(8, 9\) and the disparities"):
-        scene_flow(known.first, known.second, known.flow, CAMERA, frames=(picture, picture))
+    for changes, message in (
+        ({"frame_rate": 0}, "frame_rate is 0"),
+        ({"first": known.first[:, :-1]}, r"\(150, 239\)"),
+        ({"first": np.full_like(known.first, np.nan)}, "Only 0 pixels"),
+        ({"flow": wild}, "nothing static"),
+        ({"frames": (picture, picture)}, r"The frames have the shape \(8, 9\) and the disparities"),
+    ):
+        given = {"first": known.first, "second": known.second, "flow": known.flow} | changes
+        with pytest.raises(ValueError, match=message):
+            scene_flow(**given, calibration=CAMERA)

@@ -13,11 +13,9 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from small_drives import pair, write_folders
+from small_drives import archive, write_folders
 
 from stereolag import preset
-from stereolag.io.images import image_png
-from stereolag.io.sources import Source
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, running
 
 distributed = pytest.importorskip("distributed")
@@ -109,15 +107,14 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
-    out, done = tmp_path / "out", 0
+    out, states = tmp_path / "out", list[SequenceState]()
 
-    def note(state: SequenceState) -> None:
-        nonlocal done
-        done = state.done
+    def cancelled() -> bool:
+        return bool(states) and states[-1].done >= 3
 
     sequence, address = open_sequence(*folders), cluster.scheduler_address
     result = run_sequence(
-        sequence, {"maps": ACCURATE}, out, scheduler=address, progress=note, cancelled=lambda: done >= 3
+        sequence, {"maps": ACCURATE}, out, scheduler=address, progress=states.append, cancelled=cancelled
     )
     assert result.cancelled and result.matched == 3
     away = contents(out)
@@ -148,17 +145,8 @@ def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
 
 @pytest.mark.filterwarnings("ignore")
 def test_workers_read_an_archive_from_its_bytes(cluster: Any, tmp_path: Path) -> None:
-    import io
-    import zipfile
-
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for side, picture in zip(("left", "right"), pair(5, 0), strict=True):
-            archive.writestr(f"{side}/0.png", image_png(picture))
-    source: Source = stream.getvalue()
-    result = run_sequence(
-        open_sequence(source), {"maps": ACCURATE}, tmp_path / "out", scheduler=cluster.scheduler_address
-    )
+    drive, address = open_sequence(archive([5])), cluster.scheduler_address
+    result = run_sequence(drive, {"maps": ACCURATE}, tmp_path / "out", scheduler=address)
     assert result.matched == 1
 
 

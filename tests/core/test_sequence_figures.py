@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 from pairs import texture
 
-from stereolag import Calibration, StereoBM, StereoSGBM
+from stereolag import Calibration, StereoSGBM
 from stereolag.geometry.scene import ground_of
 from stereolag.io.images import kitti_png, pfm, read_disparity
 from stereolag.sequences.frames import (
@@ -79,18 +79,20 @@ def test_the_ground_is_found_and_is_no_obstacle() -> None:
     assert nearest_obstacle(road()) < 3
 
 
-def test_the_nearest_of_two_cars_is_found() -> None:
+@pytest.mark.parametrize(
+    ("things", "nearest", "within"),
+    [
+        # Two cars, whose wheels touch the ground at rows 114 and 126.
+        ([(np.s_[90:115, 50:90], 12.0), (np.s_[80:127, 180:230], 16.1)], 16.1, 0.6),
+        # A bridge, three times as high as the camera, and a few wrong matches: the far wall is left.
+        ([(np.s_[:12], 12.0), (np.s_[100:105, 100:110], 60.0)], 1.5, 1.5),
+    ],
+)
+def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, within: float) -> None:
     disparity = road()
-    disparity[90:115, 50:90] = 12.0  # their wheels touch the ground at rows 114 and 126
-    disparity[80:127, 180:230] = 16.1
-    assert nearest_obstacle(disparity) == pytest.approx(16.1, abs=0.6)
-
-
-def test_a_bridge_and_a_few_wrong_matches_are_no_obstacle() -> None:
-    disparity = road()
-    disparity[:12] = 12.0  # three times as high as the camera
-    disparity[100:105, 100:110] = 60.0
-    assert nearest_obstacle(disparity) < 3
+    for place, near in things:
+        disparity[place] = near
+    assert nearest_obstacle(disparity) == pytest.approx(nearest, abs=within)
 
 
 def test_without_a_ground_everything_counts() -> None:
@@ -156,9 +158,3 @@ def test_a_table_is_read_back_up_to_where_it_was_cut(tmp_path: Path) -> None:
         assert list(map(repr, read_records(table))) == list(map(repr, records[: text[:cut].count("\n") - 1]))
     table.write_text("another,table\n1,2\n")
     assert read_records(table) == []
-
-
-def test_a_matcher_of_opencv_has_no_filled_pixels() -> None:
-    wide = np.rint(np.clip(texture(80, 152), 0, 255)).astype(np.uint8)
-    result = StereoBM(num_disparities=16).compute(wide[:, :120].copy(), wide[:, 5:125].copy())
-    assert figures_of(result, None, None)["nearest_px"] == pytest.approx(5, abs=0.3)

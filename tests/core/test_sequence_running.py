@@ -15,7 +15,17 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, write_folders
+from small_drives import (
+    COLS,
+    DISPARITIES,
+    ROWS,
+    Counting,
+    archive,
+    contents,
+    matched,
+    numbered,
+    write_folders,
+)
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.core.inputs import Image
@@ -31,21 +41,12 @@ from stereolag.sequences import (
 from stereolag.sequences.frames import FrameMap, FrameTask, MatchedFrame
 from stereolag.sequences.running import in_order
 from stereolag.sequences.sources import FrameReader
-from stereolag.sequences.video import VideoWriter, common_range, panels
+from stereolag.sequences.video import VideoPieces, VideoWriter, common_range, panels, whole_video
 from stereolag.stereo.matcher import PixelMatches
 
 FAST = preset("fast", num_disparities=16)
 BOTH = {"fast": FAST, "bm": StereoBM(num_disparities=16, block_size=9)}
 CALIBRATION = Calibration(focal_px=100.0, baseline_m=0.5)
-matched: list[int] = []
-
-
-class Counting(StereoBM):
-    """A matcher that records every frame it matches."""
-
-    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        matched.append(1)
-        return super().match(left, right, progress)
 
 
 class Slow(StereoBM):
@@ -72,10 +73,6 @@ def drive(tmp_path: Path) -> StereoSequence:
 def rows_of(out: Path) -> list[dict[str, str]]:
     with (out / "frames.csv").open(newline="") as file:
         return list(csv.DictReader(file))
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*.png")}
 
 
 def untimed(out: Path) -> list[dict[str, str]]:
@@ -117,17 +114,14 @@ def test_flicker_of_a_still_picture_is_what_its_noise_makes(tmp_path: Path) -> N
 
 def test_finished_frames_are_not_matched_again(drive: StereoSequence, tmp_path: Path) -> None:
     out, matcher = tmp_path / "out", Counting(num_disparities=16, block_size=9)
-    calls = 0
 
     def after_three(state: SequenceState) -> None:
-        nonlocal calls
-        calls = state.done
         if state.done >= 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_sequence(drive, {"bm": matcher}, out, progress=after_three)
-    assert len(rows_of(out)) == calls == 3
+    assert len(rows_of(out)) == 3
     matched.clear()
     result = run_sequence(drive, {"bm": matcher}, out)
     assert (result.finished_before, result.matched, len(matched)) == (3, 3, 3)
@@ -204,14 +198,15 @@ def test_it_ends_within_a_second_when_called_off(drive: StereoSequence, tmp_path
 
 
 def test_what_was_done_when_it_was_called_off_can_be_watched(drive: StereoSequence, tmp_path: Path) -> None:
-    done = 0
-
-    def note(state: SequenceState) -> None:
-        nonlocal done
-        done = state.done
-
-    path = tmp_path / "part.mp4"
-    result = run_sequence(drive, FAST, tmp_path / "out", video=path, progress=note, cancelled=lambda: done >= 2)
+    path, states = tmp_path / "part.mp4", list[SequenceState]()
+    result = run_sequence(
+        drive,
+        FAST,
+        tmp_path / "out",
+        video=path,
+        progress=states.append,
+        cancelled=lambda: bool(states) and states[-1].done >= 2,
+    )
     assert result.cancelled and result.matched == 2
     with av.open(str(path)) as container:
         assert len(list(container.decode(video=0))) == 2
@@ -221,24 +216,16 @@ def test_what_was_done_when_it_was_called_off_can_be_watched(drive: StereoSequen
 
 
 def test_only_so_many_frames_are_held_at_once(tmp_path: Path) -> None:
-    count, asked, done = 60, 0, 0
-    ahead: list[int] = []
-    left, right, _ = write_folders(tmp_path / "drive", [5])
-    one = open_sequence(left, right)
+    count, ahead, states = 60, list[int](), list[SequenceState]()
+    one = open_sequence(*write_folders(tmp_path / "drive", [5])[:2])
 
     def reader(number: int) -> FrameReader:
-        nonlocal asked
-        asked += 1
-        ahead.append(asked - done)
+        ahead.append(len(ahead) + 1 - (states[-1].done if states else 0))
         return one.reader(0)
 
-    def note(state: SequenceState) -> None:
-        nonlocal done
-        done = state.done
-
     long = StereoSequence(tuple(map(str, range(count))), 10.0, reader)
-    run_sequence(long, StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=note)
-    assert asked == count and max(ahead) < 12
+    run_sequence(long, StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=states.append)
+    assert len(ahead) == count and max(ahead) < 12
 
 
 def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: StereoSequence, tmp_path: Path) -> None:
@@ -297,6 +284,40 @@ def test_a_video_has_a_key_every_second_and_its_index_first() -> None:
     assert all(other - one <= 1 for one, other in pairwise(keys)) and len(keys) >= 3
 
 
+def levels(data: bytes) -> list[float]:
+    with av.open(io.BytesIO(data)) as video:
+        return [float(frame.to_ndarray(format="gray").mean()) for frame in video.decode(video=0)]
+
+
+def test_every_piece_adds_a_second_that_can_be_shown_and_all_make_one_file() -> None:
+    """The first piece is the header for decoders; the file has its index first."""
+    rate, video = 5, VideoPieces(5)
+    for number in range(13):
+        video.write(np.full((64, 96, 3), 20 + 8 * number, np.uint8))
+        assert video.collected == number // rate * rate
+    assert len(video.pieces) == 3 and len(levels(b"".join(video.pieces))) == 2 * rate
+    video.close()
+    shown, file = levels(b"".join(video.pieces)), whole_video(video.pieces)
+    assert video.collected == 13
+    np.testing.assert_allclose(np.diff(shown), 8, atol=2.5)
+    assert file.index(b"moov") < file.index(b"mdat") and b"moof" not in file
+    assert levels(file) == shown
+    with av.open(io.BytesIO(file)) as container:
+        stream = container.streams.video[0]
+        assert (stream.frames, stream.average_rate) == (13, rate)
+
+
+def test_the_job_draws_into_pieces(drive: StereoSequence) -> None:
+    video, kept = VideoPieces(10.0), SequenceMemory()
+    run_sequence(drive, StereoBM(num_disparities=16, block_size=9), kept, video=SequenceVideo(video))
+    video.close()
+    assert [number for number, _ in kept.records] == [*range(len(DISPARITIES))]
+    assert video.frames == video.collected == len(DISPARITIES)
+    assert kept.colours is not None
+    with av.open(io.BytesIO(b"".join(video.pieces))) as container:
+        assert (container.streams.video[0].width, container.streams.video[0].height) == (2 * COLS, ROWS)
+
+
 def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Path) -> None:
     target = io.BytesIO()
     with VideoWriter(target, 10, 2) as writer:
@@ -330,17 +351,6 @@ def test_memory_keeps_the_same_and_touches_no_disk(
     assert film.getvalue() == (tmp_path / "drive.mp4").read_bytes()
     assert [(one.number, one.method) for one in kept.records.values()] == [(n, m) for n in range(6) for m in BOTH]
     assert run_sequence(uploaded, BOTH, kept).finished_before == 6
-
-
-def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:
-    left, right, _ = write_folders(tmp_path / "drive")
-    drive = open_sequence(left, right)
-    both = [np.concatenate([frame.left, frame.right], axis=1) for frame in map(drive.frame, range(6))]
-    data = video(both, codec="ffv1", kind="matroska", pixels="gray")
-    run_sequence(open_sequence(data), FAST, tmp_path / "of_video")
-    run_sequence(drive, FAST, tmp_path / "of_files")
-    of_video = [value for _, value in sorted(contents(tmp_path / "of_video").items())]
-    assert of_video == [value for _, value in sorted(contents(tmp_path / "of_files").items())]
 
 
 def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:

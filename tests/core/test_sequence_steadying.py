@@ -12,17 +12,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from pairs import texture
+from small_drives import Counting, contents, matched
 
-from stereolag import StereoBM, StereoSGBM, evaluate, preset
+from stereolag import StereoBM, StereoSGBM, preset
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import Image
-from stereolag.core.jobs import Progress
 from stereolag.core.settings import SettingsError
 from stereolag.io.images import image_png, kitti_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import FrameTask, encoded_frame, match_frame
-from stereolag.sequences.motion import flicker, motion_since, steadied, still_pixels
-from stereolag.stereo.matcher import DisparityMap, PixelMatches, Reason
+from stereolag.sequences.motion import motion_since, steadied
+from stereolag.stereo.matcher import DisparityMap, Reason
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS, FRAMES = 96, 160, 6
@@ -35,15 +34,6 @@ METHODS = {
     "bm": StereoBM(num_disparities=16, block_size=9),
     "sgbm": StereoSGBM(num_disparities=16),
 }
-matched: list[int] = []
-
-
-class Counting(StereoBM):
-    """A matcher that records every frame it matches."""
-
-    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        matched.append(1)
-        return super().match(left, right, progress)
 
 
 def scene(number: int, *, step: int) -> tuple[Grey, Grey, FloatMap]:
@@ -68,10 +58,6 @@ def drive(folder: Path, *, step: int, count: int = FRAMES) -> StereoSequence:
         for name, data in files.items():
             (folder / name / f"{number:03d}.png").write_bytes(data)
     return open_sequence(folder / "left", folder / "right", truth=folder / "truth")
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*.png")}
 
 
 def mean_of(out: Path, column: str, method: str) -> float:
@@ -182,13 +168,12 @@ def test_a_run_that_is_resumed_and_a_frame_alone_are_the_same(tmp_path: Path) ->
     matched.clear()
     run_sequence(sequence, matchers, tmp_path / "whole", settings=steady, video=tmp_path / "drive.mp4")
     assert len(matched) == FRAMES, "each once, also those that choose the colours"
-    whole, out, done = contents(tmp_path / "whole"), tmp_path / "parts", 0
+    whole, out, states = contents(tmp_path / "whole"), tmp_path / "parts", list[SequenceState]()
 
-    def note(state: SequenceState) -> None:
-        nonlocal done
-        done = state.done
+    def cancelled() -> bool:
+        return bool(states) and states[-1].done >= 3
 
-    run_sequence(sequence, matchers, out, settings=steady, progress=note, cancelled=lambda: done >= 3)
+    run_sequence(sequence, matchers, out, settings=steady, progress=states.append, cancelled=cancelled)
     matched.clear()
     assert run_sequence(sequence, matchers, out, settings=steady).finished_before == 3
     assert len(matched) == FRAMES - 3 + 1
@@ -225,18 +210,3 @@ def test_without_it_nothing_changes_and_a_damaged_frame_takes_no_part(tmp_path: 
 def test_limits_that_make_no_sense_are_refused(limit: float) -> None:
     with pytest.raises(SettingsError, match=f"limit is {limit}; allowed are numbers above 0 to 16"):
         Steadiness(limit=limit)
-
-
-def test_a_still_scene_gets_steadier_pixel_by_pixel() -> None:
-    frames = [scene(number, step=0) for number in range(3)]
-    own = [METHODS["fast"].compute(left, right) for left, right, _ in frames]
-    steady = []
-    for number in (1, 2):
-        motion = motion_since(frames[number - 1][0], frames[number][0])
-        assert motion is not None
-        steady.append(steadied(own[number - 1], own[number], motion, Steadiness()))
-    still = still_pixels(frames[1][0], frames[2][0])
-    assert flicker(*steady, still) < 0.8 * flicker(own[1].disparity, own[2].disparity, still)
-    truth = frames[2][2]
-    errors = [evaluate(one.disparity, truth).epe for one in own[1:]]
-    assert evaluate(steady[1], truth).epe < sum(errors) / 2
