@@ -17,7 +17,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.jobs import Estimate, Progress, part, silent
-from stereolag.core.settings import Bounds, Number, Settings, changed, setting
+from stereolag.core.settings import Bounds, Number, Settings, changed
 from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
@@ -51,17 +51,7 @@ class Judgement:
 
     @classmethod
     def of(cls, disparity: FloatMap, reference: FloatMap) -> Judgement:
-        """Judge a map against a reference, (H, W) px, NaN = not judged.
-
-        Raises
-        ------
-        ValueError
-            If the shapes differ.
-        """
-        if disparity.shape != reference.shape:
-            raise ValueError(
-                f"disparity has shape {disparity.shape} and reference {reference.shape}; both must be the same (H, W)."
-            )
+        """Judge a map against a reference of the same shape, (H, W) px, NaN = not judged."""
         known = np.isfinite(reference)
         wrong = known & ~(np.abs(disparity - reference) <= BAD_PX)
         rows, cols = (np.arange(side) * BLOCKS // side for side in known.shape)
@@ -471,25 +461,12 @@ def sweep(
         range, a reference measured in place of ground truth must cover the :func:`widest_range` of
         :func:`combinations`.
     rows, cols
-        (name, values), named as in :func:`stereolag.core.settings.changed`.
+        (name, values) of two parameters, named as in :func:`stereolag.core.settings.changed`; at least one value each.
     progress
         Called with the fraction done.
     cancelled
         Called before every cell; True ends the sweep with the cells so far.
-
-    Raises
-    ------
-    ValueError
-        If there are no pairs, a parameter does not exist or is given twice, or it has no values.
     """
-    if not pairs:
-        raise ValueError("pairs is empty; give at least one.")
-    if rows[0] == cols[0]:
-        raise ValueError(f"both parameters are {rows[0]!r}; choose two different ones.")
-    for name, values in (rows, cols):
-        setting(matcher, name)
-        if not values:
-            raise ValueError(f"no values to try for {name!r}; give at least one.")
     report = progress or silent
     grid, (height, width) = (len(rows[1]), len(cols[1])), pairs[0].reference.shape
     small = min(SMALL_WIDTH, width)

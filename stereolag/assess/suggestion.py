@@ -498,15 +498,13 @@ def suggest_for_all(
     Raises
     ------
     ValueError
-        If there are no pairs, or the initial settings do not fit the images.
+        If the initial settings do not fit the images.
     """
     search = _Search(matcher, budget_s, progress, found, cancelled)
     made = []
     for pair in pairs:
         made.append(pair)
         search.tick()
-    if not made:
-        raise ValueError("pairs is empty; give at least one.")
     return search.suggestion(made)
 
 
