@@ -1,25 +1,18 @@
-"""``stereolag calibrate``: the calibration of a stereo camera from pictures of a board.
-
-The pictures are two patterns, a folder, a ZIP, or files matched by their names.
-"""
+"""``stereolag calibrate``: the calibration of a stereo camera from pictures of a board."""
 
 from __future__ import annotations
 
 import argparse
-import glob
 import re
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.arguments import DONE, CommandParser, add_output, tell
-from stereolag.io.sources import Archive, is_archive, read_archive, read_bytes
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board
     from stereolag.geometry.calibrating import StereoCalibration
-    from stereolag.io.pairing import PairFiles, PicturesOfFiles
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -58,6 +51,7 @@ def run(arguments: Sequence[str]) -> int:
     # Imported only now, so that --help does not wait for them.
     from stereolag.geometry.boards import find_boards
     from stereolag.geometry.calibrating import calibrate_boards
+    from stereolag.io.pairing import board_pictures
 
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
@@ -142,82 +136,3 @@ def _in_words(figures: dict[str, Any]) -> str:
     if "files" in figures:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")
     return "\n".join(lines)
-
-
-# The pictures
-
-
-def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
-    """Return the names of the pairs, and the pairs, decoded on demand.
-
-    Raises
-    ------
-    ValueError
-        No pairs, too many, patterns that match nothing or different numbers of files, or a damaged ZIP.
-    OSError
-        A file or folder that cannot be read.
-    """
-    from stereolag.geometry.boards import MOST_PAIRS
-    from stereolag.io.pairing import PicturesOfFiles, matched_pairs
-
-    read: Callable[[str], bytes] = partial(read_bytes, what="picture")
-    if len(given) == 2 and all(glob.has_magic(text) and not Path(text).exists() for text in given):
-        pairs = _in_order(*given)
-    else:
-        names = [one for text in given for one in _files(text)]
-        if len(given) == 1 and Path(given[0]).is_file():
-            archive = _archive(given[0])
-            names, read = [*archive.names], archive.read
-        pairs = matched_pairs(names)
-        if not pairs:
-            raise ValueError(
-                f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
-                "or give two patterns in quotes."
-            )
-    if len(pairs) > MOST_PAIRS:
-        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
-    return [pair.name for pair in pairs], PicturesOfFiles(pairs, read)
-
-
-def _in_order(left: str, right: str) -> list[PairFiles]:
-    """Return the files of two patterns in pairs, in the order of their numbers."""
-    from stereolag.io.pairing import PairFiles
-
-    files = [_matching(pattern) for pattern in (left, right)]
-    for pattern, found in zip((left, right), files, strict=True):
-        if not found:
-            raise ValueError(f"{pattern}: no file matches.")
-    if len(files[0]) != len(files[1]):
-        raise ValueError(
-            f"{left} matches {len(files[0])} files and {right} {len(files[1])}; the numbers must be equal."
-        )
-    return [PairFiles(Path(one).stem, one, other) for one, other in zip(*files, strict=True)]
-
-
-def _archive(path: str) -> Archive:
-    data = read_bytes(path, "archive")
-    if not is_archive(data):
-        raise ValueError(f"{path} is one file but not a ZIP; give a folder, a ZIP, or the files of both cameras.")
-    return read_archive(data)
-
-
-def _files(text: str) -> list[str]:
-    """Return a file, the pictures in a folder and below it, or the files that match a pattern."""
-    from stereolag.io.pairing import PICTURE_ENDINGS
-
-    path = Path(text)
-    if path.is_dir():
-        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)
-        return sorted(str(one) for one in found)
-    if path.exists():
-        return [text]
-    if not (found_by_pattern := _matching(text)):
-        raise ValueError(f"{text}: there is no such file or folder.")
-    return found_by_pattern
-
-
-def _matching(pattern: str) -> list[str]:
-    """Return the files that match a pattern, in the order of their numbers."""
-    from stereolag.io.pairing import natural_order
-
-    return sorted(glob.glob(pattern, recursive=True), key=natural_order)  # noqa: PTH207 (Path's takes none from the root)

@@ -1,18 +1,21 @@
-"""Matching of files by their names: left and right images, ground truths and calibrations."""
+"""Files that belong together: left and right images, ground truths and calibrations, matched by their names."""
 
 from __future__ import annotations
 
+import glob
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePosixPath
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereolag.core.inputs import Image
+from stereolag.geometry.boards import MOST_PAIRS
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, read_image
-from stereolag.io.sources import quote
+from stereolag.io.sources import is_archive, quote, read_archive, read_bytes
 
 K = TypeVar("K", bound=Hashable)
 
@@ -299,3 +302,76 @@ class PicturesOfFiles:
             return self.decode(self.read(name))
         except ValueError as error:
             raise ValueError(f"{quote(name)}: {error}") from error
+
+
+# Pictures of a board, as they are given to a command.
+
+
+def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
+    """Return the names of pairs of pictures, and the pairs, decoded on demand.
+
+    Parameters
+    ----------
+    given
+        Two patterns, a folder, a ZIP, or files matched by their names.
+
+    Raises
+    ------
+    ValueError
+        No pairs, too many, patterns that match nothing or different numbers of files, or a damaged ZIP.
+    OSError
+        A file or folder that cannot be read.
+    """
+    read: Callable[[str], bytes] = partial(read_bytes, what="picture")
+    if len(given) == 2 and all(glob.has_magic(text) and not Path(text).exists() for text in given):
+        pairs = _in_order(*given)
+    else:
+        names = [one for text in given for one in _files(text)]
+        if len(given) == 1 and Path(given[0]).is_file():
+            data = read(given[0])
+            if not is_archive(data):
+                raise ValueError(
+                    f"{given[0]} is one file but not a ZIP; give a folder, a ZIP, or the files of both cameras."
+                )
+            archive = read_archive(data)
+            names, read = [*archive.names], archive.read
+        pairs = matched_pairs(names)
+        if not pairs:
+            raise ValueError(
+                f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
+                "or give two patterns in quotes."
+            )
+    if len(pairs) > MOST_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    return [pair.name for pair in pairs], PicturesOfFiles(pairs, read)
+
+
+def _in_order(left: str, right: str) -> list[PairFiles]:
+    """Return the files of two patterns in pairs, in the order of their numbers."""
+    files = [_matching(pattern) for pattern in (left, right)]
+    for pattern, found in zip((left, right), files, strict=True):
+        if not found:
+            raise ValueError(f"{pattern}: no file matches.")
+    if len(files[0]) != len(files[1]):
+        raise ValueError(
+            f"{left} matches {len(files[0])} files and {right} {len(files[1])}; the numbers must be equal."
+        )
+    return [PairFiles(Path(one).stem, one, other) for one, other in zip(*files, strict=True)]
+
+
+def _files(text: str) -> list[str]:
+    """Return a file, the pictures in a folder and below it, or the files that match a pattern."""
+    path = Path(text)
+    if path.is_dir():
+        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)
+        return sorted(str(one) for one in found)
+    if path.exists():
+        return [text]
+    if not (found_by_pattern := _matching(text)):
+        raise ValueError(f"{text}: there is no such file or folder.")
+    return found_by_pattern
+
+
+def _matching(pattern: str) -> list[str]:
+    """Return the files that match a pattern, in the order of their numbers."""
+    return sorted(glob.glob(pattern, recursive=True), key=natural_order)  # noqa: PTH207 (Path's takes none from the root)

@@ -19,11 +19,11 @@ from scipy.signal import resample_poly
 import stereolag as sl
 from stereolag import samples
 from stereolag.commands import MEASURING
-from stereolag.commands.calibrate import board_pictures
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.io.images import image_png
+from stereolag.io.pairing import board_pictures
 
 PROJECT = Path(__file__).resolve().parents[2]
 SQUARE_M, PAIRS = 0.03, 11
