@@ -70,3 +70,31 @@ def part_of_page(
     app.run()
     assert not app.exception
     return app
+
+
+def own_files(script: Callable[[], None], arrangement: str = "files", **state: Any) -> AppTest:
+    """Return a page that chooses a pair, after its first run, with the visitor's own files asked for."""
+    app = AppTest.from_function(script, default_timeout=120)
+    given = {"pairs": "own", "pairs.arrangement": arrangement, "depth.head": True}
+    for key, value in (given | state).items():
+        app.session_state[key] = value
+    return app.run()
+
+
+def _part_on_a_set() -> None:
+    import streamlit as st
+
+    from stereolag import StereoBM
+    from stereolag.figures.legends import Colours
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.maps import DepthView
+
+    pair = choose_pair()
+    matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))
+    view = DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16))
+    st.session_state["show"](view)
+
+
+def part_on_a_set(show: Callable[[DepthView], None]) -> AppTest:
+    """Return a part of the depth page that asks for several pairs, and shows an example until they are there."""
+    return own_files(_part_on_a_set, "several", show=show)

@@ -12,6 +12,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.core.typography import typeset
 from stereolag.pair import Pair
 from tests.app import keys, uploads
+from tests.app.depth_view import own_files
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
@@ -57,10 +58,7 @@ def inputs() -> None:
 
 
 def opened(arrangement: str = "files") -> AppTest:
-    app = AppTest.from_function(inputs, default_timeout=60)
-    app.session_state["pairs"] = "own"
-    app.session_state["pairs.arrangement"] = arrangement
-    return app.run()
+    return own_files(inputs, arrangement)
 
 
 def given(app: AppTest, **files: tuple[str, bytes]) -> AppTest:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
@@ -18,8 +18,11 @@ from stereolag.io.images import image_png, pfm
 from stereolag.io.settings import settings_json
 from stereolag.pair import Pair, PairSet, Preparation, read_bundle
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.comparing import table_of
+from stereolag.ui.depth.comparing import show_all_pairs, table_of
+from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.tuning import JudgedPairs
 from tests.app import keys, uploads
+from tests.app.depth_view import own_files, part_on_a_set
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
@@ -46,12 +49,8 @@ def page() -> None:
     st.session_state["taken"] = archive(Download(view, next(iter(results))), PAIR_EXPORTS)
 
 
-def opened(script: Callable[[], None] = page, arrangement: str = "files") -> AppTest:
-    app = AppTest.from_function(script, default_timeout=120)
-    app.session_state["pairs"] = "own"
-    app.session_state["pairs.arrangement"] = arrangement
-    app.session_state["depth.head"] = True
-    return app.run()
+def opened(arrangement: str = "files") -> AppTest:
+    return own_files(page, arrangement)
 
 
 def stepping(files: dict[str, bytes]) -> AppTest:
@@ -228,18 +227,13 @@ def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     assert told[-1] == 1
 
 
-def judging_page() -> None:
-    import streamlit as st
-
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.tuning import JudgedPairs
-
-    judged = JudgedPairs.of(choose_pair())
+def judge(view: DepthView) -> None:
+    judged = JudgedPairs.of(view.pair)
     st.session_state["judged"] = [float(pair.truth.max()) for pair in judged], judged.sentence
 
 
 def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> None:
-    app = opened(judging_page, "several")
+    app = part_on_a_set(judge)
     assert app.session_state["judged"][1] == ""
     files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
     given(app, "several", ("pairs.zip", packed(files)))
@@ -248,22 +242,8 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
     assert app.session_state["judged"][0] == [9, 5, 7]
 
 
-def table_page() -> None:
-    import streamlit as st
-
-    from stereolag import StereoBM
-    from stereolag.figures.legends import Colours
-    from stereolag.ui.depth.comparing import show_all_pairs
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.maps import DepthView
-
-    pair = choose_pair()
-    matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))
-    show_all_pairs(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
-
-
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
-    app = opened(table_page, "several")
+    app = part_on_a_set(show_all_pairs)
     assert "several pairs at once" in app.info[-1].value
     given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe

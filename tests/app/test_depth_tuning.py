@@ -31,7 +31,7 @@ from stereolag.ui.depth.state import ADOPTED
 from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
 from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.results import Job
-from tests.app.depth_view import part_of_page, small_view
+from tests.app.depth_view import part_of_page, part_on_a_set, small_view
 from tests.app.test_depth_restoring import given, packed, pair_of
 
 LIGHT = Estimate(0, 0.0)
@@ -268,25 +268,9 @@ def test_a_search_on_another_pair_is_called_off() -> None:
 # On a set of pairs
 
 
-def sweeping_on_a_set() -> None:
-    from stereolag import StereoBM
-    from stereolag.figures.legends import Colours
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.maps import DepthView
-    from stereolag.ui.depth.tuning import show_sweep
-
-    pair = choose_pair()
-    matcher = StereoBM(num_disparities=16, block_size=9)
-    show_sweep(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
-
-
 def swept_on_a_set() -> AppTest:
     """Return the page after a sweep on the first of two pairs."""
-    app = AppTest.from_function(sweeping_on_a_set, default_timeout=120)
-    app.session_state["pairs"] = "own"
-    app.session_state["pairs.arrangement"] = "several"
-    app.session_state["depth.head"] = True
-    app.run()
+    app = part_on_a_set(show_sweep)
     given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
     for box, values in zip(app.text_input, ("16", "9, 15"), strict=True):
         box.set_value(values)

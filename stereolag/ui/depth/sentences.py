@@ -243,8 +243,7 @@ def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None =
 @typesets
 def photograph_in_words(image: Image) -> str:
     """Return the size of a photograph in words."""
-    rows, cols = image.shape[:2]
-    return f"photograph, {cols:,} by {rows:,} pixels"
+    return f"photograph, {image.shape[1]:,} by {image.shape[0]:,} pixels"
 
 
 @typesets

@@ -198,9 +198,9 @@ def _set_to_session(pair: Pair, width: int, matchers: Iterable[StereoMatcher], c
     factor = pair.left.shape[1] / width
     for matcher in matchers:
         scaled, refusal = for_size(matcher, factor)
-        if scaled is None:
-            show_refused(f"The settings of {matcher.title} could not be scaled with the images. {refusal}")
-        else:
+        if scaled is not None:
             set_controls(scaled, pair)
+        else:
+            show_refused(f"The settings of {matcher.title} could not be scaled with the images. {refusal}")
     if colours.low is not None and colours.high is not None:
         st.session_state[range_key(pair.digest)] = colours.low * factor, colours.high * factor

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import partial, reduce
 from operator import getitem
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -107,10 +107,6 @@ class JudgedPairs:
         which = f"all {count} pairs" if judged == count else f"{judged} of the {count} pairs, spread evenly,"
         said = f"They are judged on **{which} together**, by the mean. "
         return cls(pair, tuple(others), preparation_of_sets(), said)
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return 1 + len(self.others)
 
     def __iter__(self) -> Iterator[Pair]:
         """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
@@ -250,7 +246,8 @@ def _follow_job(
 # Two parameters in all combinations
 
 
-class Axis(NamedTuple):
+@dataclass(frozen=True)
+class Axis:
     """A parameter and the values to try."""
 
     parameter: Parameter
@@ -354,7 +351,7 @@ def _begin_sweep(pairs: JudgedPairs, matcher: StereoMatcher, axes: tuple[Axis, A
         judging = [about] if unjudged else list(pairs.tuning(searched, job))
         return sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
 
-    estimate = estimate_sweep(matcher, [about] * len(pairs), rows=rows, cols=cols)
+    estimate = estimate_sweep(matcher, [about] * (1 + len(pairs.others)), rows=rows, cols=cols)
     if known_truth(pair) is None:
         reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
         estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)
