@@ -1,13 +1,15 @@
-"""Recordings small enough to slide and to disturb by hand: every product can be seen, and the browser can mix them."""
+"""Recordings small enough to slide by hand, where every product can be seen, and a sound disturbed as one likes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import Field
+from scipy import ndimage
 
 from stereolag.core.arrays import Vector
+from stereolag.core.settings import Settings
 
 CUT_SAMPLES = 40
 SLID_OVER = 240
@@ -107,55 +109,83 @@ SAMPLES = 8192
 LAG = 640
 ECHO_DELAY = 300
 MAX_LAG = 2000
-"""Largest lag searched, samples."""
+"""Largest lag searched in disturbed recordings, samples."""
 
-LONGEST_PERIOD = 800
-MOST_DRIFT = 20
-"""Largest change of the lag from the first sample to the last, samples."""
+_LONGEST_PERIOD, _MOST_DRIFT = 800, 20
 
-SOFTNESS = 0.7
-"""Share of each sample of the sound that remains in the next: real sounds are not as sharp as white noise."""
+_SOFTNESS = 0.7 ** np.arange(128)
+"""What is left of each sample in the next ones: real sounds are not as sharp as white noise."""
 
-SETTLING = 128
-"""Samples until the initial silence has no effect any more: 0.7 ** 128 is 1e-20."""
-
-BEFORE = LAG + ECHO_DELAY + MOST_DRIFT + 64
+_BEFORE = LAG + ECHO_DELAY + _MOST_DRIFT + 64
 """Samples of the sound before the recordings begin, which reach sensor 2 late."""
 
-UNIT = 28
-"""One standard deviation, in 8-bit integers."""
 
+class Disturbances(Settings):
+    """What disturbs two recordings of one sound; `draw` is the number of the noise."""
 
-@dataclass(frozen=True, eq=False)
-class Ingredients:
-    """White, mutually independent signals to mix; int8, with a standard deviation of ``UNIT``.
-
-    Attributes
-    ----------
-    fresh
-        (SETTLING + BEFORE + SAMPLES,): the part of the sound that never repeats.
-    pattern
-        (LONGEST_PERIOD,): the repeating part; only its beginning is used for shorter periods.
-    noise_1, noise_2
-        (SAMPLES,): the noise of each sensor.
-    """
-
-    fresh: npt.NDArray[np.int8]
-    pattern: npt.NDArray[np.int8]
-    noise_1: npt.NDArray[np.int8]
-    noise_2: npt.NDArray[np.int8]
-
-
-def ingredients() -> Ingredients:
-    """Return the sound and the noises, the same each time."""
-    random = np.random.default_rng(5)
-
-    def white(size: int) -> npt.NDArray[np.int8]:
-        return np.clip(np.rint(UNIT * random.normal(size=size)), -127, 127).astype(np.int8)
-
-    return Ingredients(
-        fresh=white(SETTLING + BEFORE + SAMPLES),
-        pattern=white(LONGEST_PERIOD),
-        noise_1=white(SAMPLES),
-        noise_2=white(SAMPLES),
+    noise: int = Field(
+        default=-10,
+        title="Noise",
+        description="At each sensor: 0 dB is as loud as the sound",
+        ge=-30,
+        le=30,
+        json_schema_extra={"unit": "dB"},
     )
+    repetition: int = Field(
+        default=0,
+        title="Repetition",
+        description="The share of the sound’s energy that repeats",
+        ge=0,
+        le=100,
+        multiple_of=10,
+        json_schema_extra={"unit": "%"},
+    )
+    period: int = Field(
+        default=400,
+        title="Period",
+        description="Samples until it repeats",
+        ge=20,
+        le=_LONGEST_PERIOD,
+        multiple_of=20,
+        json_schema_extra={"unit": "samples"},
+    )
+    echo: int = Field(
+        default=0,
+        title="Echo",
+        description="Loudness of the late copy at sensor 2, relative to the direct sound",
+        ge=0,
+        le=150,
+        multiple_of=5,
+        json_schema_extra={"unit": "%"},
+    )
+    drift: int = Field(
+        default=0,
+        title="Drift",
+        description="Growth of the lag from the first sample to the last",
+        ge=0,
+        le=_MOST_DRIFT,
+        json_schema_extra={"unit": "samples"},
+    )
+    draw: int = Field(default=0, ge=0)
+
+
+def disturbed(settings: Disturbances) -> tuple[Vector, Vector]:
+    """Return two recordings of one sound, which reaches sensor 2 ``LAG`` samples later; the same each time.
+
+    Parameters
+    ----------
+    settings
+        The noise of each sensor; how much of the sound repeats, and after how many samples; how loud it arrives once
+        more, ``ECHO_DELAY`` samples later; and how much the lag grows in the ``SAMPLES`` samples.
+    """
+    random = np.random.default_rng(5)
+    fresh = random.normal(size=_SOFTNESS.size - 1 + _BEFORE + SAMPLES)
+    repeated = np.resize(random.normal(size=_LONGEST_PERIOD)[: settings.period], fresh.size)
+    share = settings.repetition / 100
+    sound = np.convolve(np.sqrt(1 - share) * fresh + np.sqrt(share) * repeated, _SOFTNESS, mode="valid")
+    sound = (sound - sound.mean()) / sound.std()
+    time = np.arange(-ECHO_DELAY, SAMPLES)
+    late = ndimage.map_coordinates(sound, [_BEFORE + time - LAG - settings.drift * (time / SAMPLES - 0.5)], order=5)
+    noises = 10 ** (settings.noise / 20) * np.random.default_rng((6, settings.draw)).normal(size=(2, SAMPLES))
+    echo = settings.echo / 100 * late[:-ECHO_DELAY]
+    return sound[_BEFORE:] + noises[0], late[ECHO_DELAY:] + echo + noises[1]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import string
 import time
 from collections.abc import Callable
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -17,14 +15,15 @@ from streamlit.testing.v1 import AppTest
 
 from benchmarks.verdict import coloured, tones, unrelated
 from stereolag.core.typography import typeset
-from stereolag.signals import by_hand
+from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.phasors import LAG, SIZE
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag import comparison
-from stereolag.ui.lag.panels import SLIDERS, START
-from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBANCE_WORDS
+from stereolag.ui.lag.panels import judged
+from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import uploads
 from tests.packed import told
+from tests.snapshots import Snapshot
 
 OpenPage = Callable[..., AppTest]
 Sound = npt.NDArray[np.float64]
@@ -174,12 +173,6 @@ def test_the_panels_show_the_same_whatever_is_measured(open_page: OpenPage) -> N
     coast = arrows[1]
     assert coast["offset"] + LAG * coast["step"] == 50_082
     assert f"mean of {coast['step']} samples" in coast["try"] and f"{coast['offset']:,} samples later" in coast["try"]
-    (mixed,) = panels["disturbances"]
-    parts, expected = mixed["parts"], by_hand.ingredients()
-    arrays = (expected.fresh, expected.pattern, expected.noise_1, expected.noise_2)
-    for text, array in zip((parts["fresh"], parts["pattern"], *parts["noises"]), arrays, strict=True):
-        np.testing.assert_array_equal(np.frombuffer(base64.b64decode(text), dtype=np.int8), array)
-    assert parts["lag"] == by_hand.LAG and mixed["reach"] == by_hand.MAX_LAG
     app.button_group(key="recordings").set_value("harbour").run()
     assert {name: told(app, name) for name in names} == panels  # painted values stay in the browser
 
@@ -196,22 +189,11 @@ def test_ones_own_arrows_come_first_once_their_lag_is_found(open_page: OpenPage)
     assert [one["name"] for one in told(app, "phasors")[0]["examples"]] == PANELS["phasors"][0]
 
 
-def test_every_example_can_be_set_with_the_sliders() -> None:
-    names = [slider["name"] for slider in SLIDERS]
-    assert list(START) == names and set(DISTURBANCE_WORDS["sliders"]) == set(names)
-    for example in DISTURBANCE_EXAMPLES:
-        settings: dict[str, Any] = START | example["settings"]
-        assert list(settings) == names
-        for slider in SLIDERS:
-            value = settings[slider["name"]]
-            assert slider["low"] <= value <= slider["high"]
-            assert (value - slider["low"]) % slider["step"] == 0
-
-
-def test_every_verdict_on_disturbed_recordings_has_its_words() -> None:
-    words = DISTURBANCE_WORDS
-    reasons = {*get_args(Reason), "wrong"} - {"few_votes"}  # this method has no votes
-    assert set(words["verdicts"]) == set(words["lessons"]) == reasons
-    known = {"lag", "true", "delay", "period", "spacing", "rivals", "from", "to", "searched", "evidence", "needed"}
-    texts = [*words["verdicts"].values(), *words["lessons"].values(), *words["notes"].values(), words["numbers"]]
-    assert {name for text in texts for _, name, _, _ in string.Formatter().parse(text) if name} <= known
+def test_what_is_said_of_every_disturbance(snapshot: Snapshot) -> None:
+    examples = {one["title"]: judged(Disturbances(**one["settings"])) for one in DISTURBANCE_EXAMPLES}
+    others = ({"noise": 30}, {"echo": 100}, {"echo": 150}, {"repetition": 50, "echo": 60})
+    found = examples | {str(one): judged(Disturbances(**one)) for one in others}
+    snapshot({name: list(one["said"].values()) for name, one in found.items()})
+    noisy = examples["Noise"]
+    assert len(noisy["curve"]) == 2 * MAX_LAG + 1 and [len(part) for part in noisy["recordings"]] == [240, 240]
+    assert set(DISTURBED_VERDICTS) == set(DISTURBED_LESSONS) == {*get_args(Reason), "wrong"} - {"few_votes"}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from itertools import pairwise
 
 import numpy as np
@@ -151,7 +151,7 @@ def _through_the_panels(page: Page, audit: Audit) -> None:
         control, result, place = keys[tab]
         if here:
             turn_to(page, here, tab)
-        with without_a_run(page):
+        with nullcontext() if tab == "Fool it" else without_a_run(page):
             page.locator(control).press("End")
             expect(page.locator(place)).to_contain_text(re.compile(result.replace(" m", r"\sm")))
         expect_at_home(page, control.split()[0])

@@ -92,9 +92,12 @@ class Parts:
     def answer(self) -> None:
         """Pass the new messages to Python one at a time, and show its answers."""
         for one in self.sent()[self._answered :]:
-            assert one["kind"] == "trigger"
-            value = json.dumps([{"event": one["event"], "value": one["value"]}])
-            self._run(WidgetStates(widgets=[WidgetState(id=TRIGGER.format(one["id"]), json_trigger_value=value)]))
+            if one["kind"] == "state":
+                told = WidgetState(id=one["id"], json_value=json.dumps({one["event"]: one["value"]}))
+            else:
+                value = json.dumps([{"event": one["event"], "value": one["value"]}])
+                told = WidgetState(id=TRIGGER.format(one["id"]), json_trigger_value=value)
+            self._run(WidgetStates(widgets=[told]))
             self._answered += 1
 
     def said(self) -> str:

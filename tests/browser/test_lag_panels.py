@@ -1,4 +1,4 @@
-"""The panels of the page Sensor lag alone, used with mouse and keyboard; what they compute is in ``tests/web``."""
+"""The panels of the page Sensor lag alone, used with mouse and keyboard."""
 
 from __future__ import annotations
 
@@ -159,67 +159,50 @@ def test_the_arrows_read_in_dark_and_on_a_phone_without_motion(arrows_page: Page
 # Recordings disturbed
 
 
-@pytest.fixture(scope="module")
-def fooling_page(show_parts: ShowParts) -> Page:
-    return show_parts(lambda: fool_it(key="lag.fooling")).page
+def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: ShowParts) -> None:
+    parts = show_parts(lambda: fool_it(key="lag.fooling"))
+    page, root = parts.page, parts.page.locator(".disturbances")
+    verdict, said = root.locator(".verdict"), root.locator(".said")
 
+    def slider(name: str) -> Locator:
+        return root.locator(f"input[name={name}]")
 
-def slider(page: Page, name: str) -> Locator:
-    return page.locator(f".disturbances input[name={name}]")
+    def answered(**asked: int) -> None:
+        taken = "asked => Object.entries(asked).every(([name, value]) => sent.at(-1)?.value[name] === value)"
+        page.wait_for_function(taken, arg=asked)
+        parts.answer()
 
-
-def start(page: Page, name: str) -> None:
-    page.locator(".disturbances .examples").get_by_role("button", name=name, exact=True).click()
-
-
-def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) -> None:
-    page = fooling_page
-    verdict, said = page.locator(".disturbances .verdict"), page.locator(".disturbances .said")
-    numbers = page.locator(".disturbances .numbers")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
     expect(said).to_contain_text("The peak is at 640 because")
-    drag_in(slider(page, "noise"), (0.33, 0.5), (0.7, 0.5), (0.98, 0.5))
+    drag_in(slider("noise"), (0.33, 0.5), (0.5, 0.5), (0.7, 0.5), (0.99, 0.5))
+    answered(noise=30)
+    assert len(parts.sent()) < 10
     expect(verdict).to_have_text("Nothing in common found: the highest point is at chance level.")
-    expect(said).to_contain_text("Noise never lines up")
-    expect(page.locator(".disturbances svg .peak.doubtful")).to_have_count(2)
-    expect(page.locator(".disturbances svg .curve").first).to_have_css("fill", "none")
-    found = numbers.inner_text()
-    page.locator(".disturbances .other").press("Enter")
-    expect(numbers).not_to_have_text(found)
-    slider(page, "noise").press("Home")
-    expect(slider(page, "noise")).to_have_attribute("aria-valuetext", "−30\N{NO-BREAK SPACE}dB")
-    expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
-
-    expect(slider(page, "period")).to_be_disabled()
-    slider(page, "repetition").press("End")
-    expect(verdict).to_have_text("Cannot tell: it repeats every 400 samples.")
-    expect(slider(page, "period")).to_be_enabled()
-    expect(said).to_contain_text("A tone is nothing but repetition")
-    expect(page.locator(".disturbances svg .rival").nth(5)).to_be_attached()
-    slider(page, "period").press("Home")
+    expect(root.locator("svg .peak.doubtful")).to_have_count(2)
+    expect(root.locator("svg .curve").first).to_have_css("fill", "none")
+    found = root.locator(".numbers").inner_text()
+    root.locator(".other").press("Enter")
+    answered(draw=1)
+    expect(root.locator(".numbers")).not_to_have_text(found)
+    slider("noise").press("Home")
+    expect(slider("noise")).to_have_attribute("aria-valuetext", "−30\N{NO-BREAK SPACE}dB")
+    expect(slider("period")).to_be_disabled()
+    slider("repetition").press("End")
+    slider("period").press("Home")
+    answered(noise=-30, repetition=100, period=20)
     expect(verdict).to_have_text("Cannot tell: it repeats every 20 samples.")
-    expect(said).to_contain_text("The grey band follows")
+    expect(root.locator("svg .rival").nth(5)).to_be_attached()
 
-    start(page, "Echo")
-    expect(said).to_contain_text("The smaller peak 300 samples later is the echo.")
-    slider(page, "echo").press("End")
-    expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
-    slider(page, "echo").fill("105")
-    slider(page, "echo").press("ArrowLeft")
-    expect(slider(page, "echo")).to_have_attribute("aria-valuetext", "100\N{NO-BREAK SPACE}%")
-    expect(verdict).to_have_text("Cannot tell: 940 samples fits as well.")
-    start(page, "Drift")
-    expect(verdict).to_have_text(re.compile(r"^Sure, with drift: the lag goes from 63\d\.\d to 64\d\.\d samples\.$"))
-    assert sent(page) == []
-
-
-def test_the_verdict_reads_in_dark_and_on_a_phone(fooling_page: Page) -> None:
-    page = fooling_page
     turned_dark(page, width=420)
-    start(page, "Repetition")
-    expect(page.locator(".disturbances .verdict")).to_have_text("Cannot tell: it repeats every 400 samples.")
+    root.get_by_role("button", name="Echo", exact=True).click()
+    slider("echo").press("End")
+    answered(echo=150, repetition=0)
+    expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
     expect_fitting(page, 420)
     screenshot(page, "sensor-lag-disturbances-phone")
+    page.evaluate("sent.push({ ...sent.at(-1), value: { noise: 99 } })")
+    parts.answer()
+    expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
 
 
 # The plan of the sensors and the source

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from stereolag import samples, signal_lag
 from stereolag.io.recordings import read_signal
 from stereolag.signals import by_hand, phasors
-from stereolag.signals.by_hand import Ingredients, ingredients
+from stereolag.signals.by_hand import Disturbances, disturbed
 from stereolag.signals.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
 
 
@@ -88,25 +86,58 @@ def test_an_excerpt_that_is_not_there_is_refused(changed: dict[str, int]) -> Non
 
 # Disturbed by hand
 
+DISTURBED = {
+    "clean": ({"noise": -30}, "clear"),
+    "as loud": ({"noise": 0}, "clear"),
+    "sunk": ({"noise": 12}, "chance"),
+    "drowned": ({"noise": 30, "draw": 3}, "chance"),
+    "low teeth": ({"repetition": 50}, "clear"),
+    "high teeth": ({"repetition": 90}, "repeats"),
+    "noisy teeth": ({"repetition": 80, "noise": 8}, "repeats"),
+    "nothing but teeth": ({"repetition": 100, "noise": -30}, "repeats"),
+    "tone": ({"repetition": 100, "period": 20}, "repeats"),
+    "noisy tone": ({"repetition": 100, "period": 20, "noise": 8}, "rivals"),
+    "drowned tone": ({"repetition": 100, "period": 20, "noise": 20}, "chance"),
+    "not only a tone": ({"repetition": 90, "period": 20}, "clear"),
+    "echo": ({"echo": 60}, "clear"),
+    "as loud an echo": ({"echo": 100}, "rivals"),
+    "little drift": ({"drift": 1}, "clear"),
+    "drift": ({"drift": 6}, "drift"),
+    "most drift": ({"drift": 20, "noise": 0}, "drift"),
+    "drift in noise": ({"drift": 12, "noise": 6}, "chance"),
+    "everything": ({"drift": 3, "noise": 0, "repetition": 90, "echo": 60}, "repeats"),
+}
 
-def arrays(parts: Ingredients) -> dict[str, np.ndarray]:
-    return {name: getattr(parts, name) for name in ("fresh", "pattern", "noise_1", "noise_2")}
+
+@pytest.mark.parametrize("name", DISTURBED)
+def test_each_disturbance_spoils_the_lag_in_its_own_way(name: str) -> None:
+    settings, reason = DISTURBED[name]
+    found = signal_lag(*disturbed(Disturbances(**settings)), max_lag=by_hand.MAX_LAG)
+    assert found.judgement is not None and found.judgement.reason == reason
+    assert reason != "clear" or found.lag == by_hand.LAG
 
 
-def test_what_is_mixed_is_the_same_each_time_long_enough_and_nothing_in_it_resembles_anything_else() -> None:
-    parts, again = ingredients(), arrays(ingredients())
-    for name, values in arrays(parts).items():
-        assert values.dtype == np.int8
-        np.testing.assert_array_equal(values, again[name])
-        assert abs(values.std() / by_hand.UNIT - 1) < 0.06
-        assert np.mean(np.abs(values) == 127) < 1e-4  # hardly anything is clipped
-    # Sensor 2 hears the sound from the first sample to the last.
-    assert by_hand.LAG + by_hand.ECHO_DELAY + by_hand.MOST_DRIFT < by_hand.BEFORE
-    assert parts.fresh.size == by_hand.SETTLING + by_hand.BEFORE + by_hand.SAMPLES
-    assert by_hand.SOFTNESS**by_hand.SETTLING < 1e-15
-    assert by_hand.LAG + by_hand.ECHO_DELAY < by_hand.MAX_LAG
-    for one, other in combinations(again.values(), 2):
-        assert signal_lag(one, other).verdict == "nothing"
+def test_what_is_mixed_is_what_the_settings_say() -> None:
+    def mixed(**changed: int) -> tuple[np.ndarray, np.ndarray]:
+        return disturbed(Disturbances(**({"noise": -30} | changed)))
+
+    (first, second), lag, delay = mixed(), by_hand.LAG, by_hand.ECHO_DELAY
+    assert first.size == second.size == by_hand.SAMPLES
+    np.testing.assert_array_equal(mixed(), (first, second))
+    assert np.std(second[lag:] - first[:-lag]) == pytest.approx(np.sqrt(2) * 10**-1.5, rel=0.05)
+    assert first.std() == pytest.approx(1.0, abs=0.02)
+    noisy, other = mixed(noise=6)[0], mixed(noise=6, draw=1)[0]
+    assert 20 * np.log10((noisy - first).std()) == pytest.approx(6.0, abs=0.3)
+    assert abs(np.corrcoef(noisy - first, other - first)[0, 1]) < 0.05
+    echo = mixed(echo=50)[1] - second
+    assert np.corrcoef(echo[delay:], second[:-delay])[0, 1] > 0.99 and echo.std() == pytest.approx(0.5, abs=0.02)
+    repeated = mixed(repetition=100, period=40)[0]
+    assert np.corrcoef(repeated[40:], repeated[:-40])[0, 1] > 0.99
+    half = mixed(repetition=50)[0]
+    assert np.corrcoef(half[400:], half[:-400])[0, 1] == pytest.approx(0.5, abs=0.07)
+    drifting = mixed(drift=10)[1]
+    lags = [signal_lag(first[part], drifting[part], max_lag=660).lag for part in (slice(2192), slice(-2192, None))]
+    assert lags[1] - lags[0] == pytest.approx(10 * 6000 / by_hand.SAMPLES, abs=1.1)
 
 
 # Turned by hand

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag import samples, signal_lag
+from stereolag import samples
 from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.core.typography import typeset
@@ -21,11 +21,9 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates.by_hand import ReducedSearch, reduced_search
 from stereolag.ui.depth.explaining import browser_settings
 from stereolag.ui.inputs import example_pictures
-from stereolag.ui.lag.panels import START, described_parts, described_phasors
+from stereolag.ui.lag.panels import described_phasors
 from stereolag.ui.search.hand_marks import packed_mask, read_packed_mask
 from tests.web.node import Node
-
-Pair = tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -96,108 +94,6 @@ def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, 
     np.testing.assert_allclose(np.hypot(*arrows.T), np.tile(lengths, (97, 1)).T, atol=1e-9)
     if whiten:
         np.testing.assert_allclose(lengths[lengths > 0], 1 / np.count_nonzero(lengths))
-
-
-# Recordings disturbed
-
-MIX = "({ mixed, withSamples }, [parts, settings]) => mixed(withSamples(parts), settings)"
-JUDGE = "({ judged }, [one, other, reach]) => judged(Float64Array.from(one), Float64Array.from(other), reach)"
-
-GRID = {
-    "clean": ({"noise": -30}, "clear"),
-    "as loud": ({"noise": 0}, "clear"),
-    "just": ({"noise": 10}, "clear"),
-    "sunk": ({"noise": 12}, "chance"),
-    "drowned": ({"noise": 30, "draw": 3}, "chance"),
-    "low teeth": ({"repetition": 50}, "clear"),
-    "high teeth": ({"repetition": 90}, "repeats"),
-    "noisy teeth": ({"repetition": 80, "noise": 8}, "repeats"),
-    "nothing but teeth": ({"repetition": 100, "noise": -30}, "repeats"),
-    "tone": ({"repetition": 100, "period": 20}, "repeats"),
-    "noisy tone": ({"repetition": 100, "period": 20, "noise": 8}, "rivals"),
-    "drowned tone": ({"repetition": 100, "period": 20, "noise": 20}, "chance"),
-    "not only a tone": ({"repetition": 90, "period": 20}, "clear"),
-    "echo": ({"echo": 60}, "clear"),
-    "as loud an echo": ({"echo": 100}, "rivals"),
-    "louder echo": ({"echo": 130, "noise": 6}, "clear"),
-    "little drift": ({"drift": 1}, "clear"),
-    "drift": ({"drift": 6}, "drift"),
-    "most drift": ({"drift": 20, "noise": 0}, "drift"),
-    "drift in noise": ({"drift": 12, "noise": 6}, "chance"),
-    "everything": ({"drift": 3, "noise": 0, "repetition": 90, "echo": 60}, "repeats"),
-}
-
-
-def mixed(node: Node, **changed: float) -> Pair:
-    settings = START | {"draw": 0} | changed
-    shares = {name: settings[name] / 100 for name in ("repetition", "echo")}
-    first, second = node.call("disturbances/mixing.js", MIX, [described_parts(), settings | shares])
-    return np.array(first), np.array(second)
-
-
-def check_verdict(node: Node, first: np.ndarray, second: np.ndarray, reach: int = by_hand.MAX_LAG) -> str:
-    """Compare the browser's verdict with the library's answer for the same arrays; return the reason."""
-    found = node.call("disturbances/verdict.js", JUDGE, [first.tolist(), second.tolist(), reach])
-    expected = signal_lag(first, second, max_lag=reach)
-    judgement = expected.judgement
-    assert judgement is not None
-    assert (found["verdict"], found["reason"]) == (expected.verdict, judgement.reason)
-    assert found["lag"] == expected.lag
-    assert tuple(found["rivals"]) == expected.rivals
-    assert found["spacing"] == (None if judgement.spacing is None else pytest.approx(judgement.spacing))
-    assert found["opposite"] == judgement.opposite_lag
-    np.testing.assert_allclose(found["curve"], expected.correlation, atol=1e-9)
-    for name in ("evidence", "needed", "chance", "height", "ribbon"):
-        assert found[name] == pytest.approx(getattr(judgement, name), rel=1e-6), name
-    drift = judgement.drift
-    assert (found["drift"] is None) == (drift is None)
-    for name in ("start", "ppm", "error_ppm", "span", "blocks") if drift else ():
-        assert found["drift"][name] == pytest.approx(getattr(drift, name), rel=1e-6), name
-    return judgement.reason
-
-
-@pytest.mark.parametrize("name", GRID)
-def test_the_browser_judges_what_it_mixes_as_the_library_does(node: Node, name: str) -> None:
-    settings, reason = GRID[name]
-    assert check_verdict(node, *mixed(node, **settings)) == reason
-
-
-def test_the_browser_judges_other_recordings_as_the_library_does(node: Node) -> None:
-    random = np.random.default_rng(0)
-    white = random.normal(size=3000)
-    clicks = np.zeros((2, 3000))
-    clicks[0, 700], clicks[1, 900] = 1.0, 1.0
-    hum = np.sin(2 * np.pi * np.arange(6000) / 37.3)
-    reasons = [
-        check_verdict(node, white[:2000], -white[300:2500], 1500),
-        check_verdict(node, *(clicks + 1e-3 * random.normal(size=clicks.shape)), reach=2999),
-        check_verdict(node, *random.normal(size=(2, 1500)).cumsum(axis=1), reach=1000),
-        check_verdict(node, *(hum + 2 * random.normal(size=(2, 6000))), reach=3000),
-    ]
-    assert reasons[:2] == ["opposite_sign", "too_little"]
-    assert reasons[3] == "repeats"
-
-
-def test_what_is_mixed_is_what_the_sliders_say(node: Node) -> None:
-    first, second = mixed(node, noise=-200)
-    lag = by_hand.LAG
-    np.testing.assert_allclose(second[lag:], first[:-lag], atol=1e-6)
-    assert first.std() == pytest.approx(1.0, abs=0.02)
-    noisy, _ = mixed(node, noise=6)
-    assert 20 * np.log10((noisy - first).std()) == pytest.approx(6.0, abs=0.2)
-    other, _ = mixed(node, noise=6, draw=1)
-    assert abs(np.corrcoef(noisy - first, other - first)[0, 1]) < 0.05
-    _, echoed = mixed(node, noise=-200, echo=50)
-    delay = by_hand.ECHO_DELAY
-    np.testing.assert_allclose(echoed[delay:], second[delay:] + 0.5 * second[:-delay], atol=1e-6)
-    repeated, _ = mixed(node, noise=-200, repetition=100, period=40)
-    np.testing.assert_allclose(repeated[40:], repeated[:-40], atol=1e-6)
-    half, _ = mixed(node, noise=-200, repetition=50)
-    assert np.corrcoef(half[400:], half[:-400])[0, 1] == pytest.approx(0.5, abs=0.07)
-    _, drifting = mixed(node, noise=-200, drift=10)
-    begin, end = slice(2192), slice(-2192, None)
-    lags = [signal_lag(first[part], drifting[part], max_lag=lag + 20).lag for part in (begin, end)]
-    assert lags[1] - lags[0] == pytest.approx(10 * 6000 / by_hand.SAMPLES, abs=1.1)
 
 
 # A template dragged over an image

@@ -1,24 +1,23 @@
 """Panels in which recordings are slid, disturbed, turned and laid out by hand.
 
-The interactive counterparts of Figs. 1.1, 1.3b, A.2 and C.1 to C.3 of the report. Everything runs in the browser, the
-verdict on disturbed recordings too, by the rule of :mod:`stereolag.signals.verdict`; nothing is sent back.
+The interactive counterparts of Figs. 1.1, 1.3b, A.2 and C.1 to C.3 of the report. All but the disturbed recordings run
+in the browser; those are mixed and measured here whenever a slider moves.
 """
 
 from __future__ import annotations
 
-import base64
-from functools import cache
-from typing import Any, Final
+from dataclasses import asdict
+from functools import cache, lru_cache
+from typing import Any, Final, cast
 
-import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
 from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
+from stereolag.core.settings import Bounds
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
-from stereolag.signals import SignalLag, by_hand, phasors
+from stereolag.signals import SignalLag, by_hand, phasors, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.inputs import RecordingPair, example_recordings
@@ -32,9 +31,11 @@ from stereolag.ui.lag.sentences import (
     PLAN_INTRODUCTION,
     SLIDING_EXAMPLES,
     SLIDING_WORDS,
+    disturbed_in_words,
     excerpt_in_words,
     own_in_words,
 )
+from stereolag.ui.navigation import fragment
 
 COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
 
@@ -93,66 +94,68 @@ def described_slide(slide: by_hand.Slide) -> dict[str, Any]:
 
 # Fool it
 
-SLIDERS: Final[tuple[dict[str, Any], ...]] = (
-    {"name": "noise", "title": "Noise", "low": -30, "high": 30, "step": 1, "unit": "dB", "signed": True},
-    {"name": "repetition", "title": "Repetition", "low": 0, "high": 100, "step": 10, "unit": "%"},
+SLIDERS: Final = [
     {
-        "name": "period",
-        "title": "Period",
-        "low": 20,
-        "high": by_hand.LONGEST_PERIOD,
-        "step": 20,
-        "unit": "samples",
-    },
-    {"name": "echo", "title": "Echo", "low": 0, "high": 150, "step": 5, "unit": "%"},
-    {"name": "drift", "title": "Drift", "low": 0, "high": by_hand.MOST_DRIFT, "step": 1, "unit": "samples"},
-)
+        "name": name,
+        "title": field.title,
+        "meaning": field.description,
+        **asdict(Bounds.of(field)),
+        **cast("dict[str, str]", field.json_schema_extra),
+    }
+    for name, field in by_hand.Disturbances.model_fields.items()
+    if field.title
+]
 
-START: Final[dict[str, float]] = {"noise": -10, "repetition": 0, "period": 400, "echo": 0, "drift": 0}
+SHOWN: Final = slice(3000, 3240)
+"""The samples of recording 1 shown above those of recording 2 that line up with them."""
 
 
+@fragment
 def fool_it(*, key: str) -> None:
-    """Show the disturbance sliders and their effect on the peak.
+    """Show the disturbance sliders and their effect on the peak, which the library measures whenever one moves.
 
     Parameters
     ----------
     key
         Key of the component.
     """
+    try:
+        asked = by_hand.Disturbances.model_validate(dict(st.session_state.get(key) or {}).get("settings") or {})
+    except ValueError:
+        asked = by_hand.Disturbances()
     _disturbances(
         key=key,
         data={
-            "parts": described_parts(),
-            "reach": by_hand.MAX_LAG,
             "sliders": SLIDERS,
-            "start": START,
+            "start": by_hand.Disturbances().model_dump(),
             "examples": DISTURBANCE_EXAMPLES,
             "colours": COLOURS,
             "words": DISTURBANCE_WORDS,
+            "lag": by_hand.LAG,
+            **judged(asked),
         },
+        on_settings_change=lambda: None,
     )
 
 
-@cache
-def described_parts() -> dict[str, Any]:
-    """Return the signals and constants for mixing in the browser; samples are Base64 of signed bytes."""
-    parts = by_hand.ingredients()
+@lru_cache(maxsize=64)
+def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
+    """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
+    first, second = by_hand.disturbed(settings)
+    result = signal_lag(first, second, max_lag=by_hand.MAX_LAG)
+    assert result.correlation is not None and result.judgement is not None and result.judgement.ribbon is not None
+    of_second = slice(SHOWN.start + result.lag, SHOWN.stop + result.lag)
     return {
-        "fresh": _text(parts.fresh),
-        "pattern": _text(parts.pattern),
-        "noises": [_text(parts.noise_1), _text(parts.noise_2)],
-        "unit": by_hand.UNIT,
-        "softness": by_hand.SOFTNESS,
-        "settling": by_hand.SETTLING,
-        "before": by_hand.BEFORE,
-        "samples": by_hand.SAMPLES,
-        "lag": by_hand.LAG,
-        "echo_delay": by_hand.ECHO_DELAY,
+        "settings": settings.model_dump(),
+        "said": disturbed_in_words(settings, result),
+        "recordings": [part.round(3).tolist() for part in (first[SHOWN], second[of_second])],
+        "curve": result.correlation.round(5).tolist(),
+        "ribbon": result.judgement.ribbon,
+        "peak": result.lag,
+        "rivals": result.rivals,
+        "verdict": result.verdict,
+        **{name: getattr(result.judgement, name) for name in ("evidence", "chance", "needed")},
     }
-
-
-def _text(values: npt.NDArray[np.int8]) -> str:
-    return base64.b64encode(values.tobytes()).decode("ascii")
 
 
 # Arrows that line up
@@ -255,7 +258,7 @@ def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
 
 
 def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | None) -> None:
-    """Show the panels in which recordings are slid, disturbed and turned by hand, all in the browser.
+    """Show the panels in which recordings are slid, disturbed, turned and laid out by hand.
 
     Parameters
     ----------

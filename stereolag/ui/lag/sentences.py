@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
 from stereolag.io.recordings import Recording
 from stereolag.signals import SignalLag, phasors
+from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
 from stereolag.signals.verdict import Drift
 from stereolag.ui.sentences import duration, length
 
@@ -350,7 +351,7 @@ DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
     },
 )
 
-DISTURBANCE_WORDS: Final[dict[str, Any]] = {
+DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "recordings": "240 samples of both, shifted by the lag found",
     "curve": "Correlation × √overlap, at every lag",
     "close": "The highest point, up close",
@@ -358,48 +359,88 @@ DISTURBANCE_WORDS: Final[dict[str, Any]] = {
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
     "convinces": "needed",
-    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} needed)",
-    "another": "{lag} samples fits",
-    "others": "{count} other lags fit",
-    "sliders": {
-        "noise": "At each sensor: 0 dB is as loud as the sound",
-        "repetition": "The share of the sound’s energy that repeats",
-        "period": "Samples until it repeats",
-        "echo": "Loudness of the late copy at sensor 2, relative to the direct sound",
-        "drift": "Growth of the lag from the first sample to the last",
-    },
-    "verdicts": {
-        "clear": "Sure: recording 2 lags by {lag} samples.",
-        "drift": "Sure, with drift: the lag goes from {from} to {to} samples.",
-        "wrong": "Fooled: sure of {lag} samples, but the true lag is {true}.",
-        "repeats": "Cannot tell: it repeats every {spacing} samples.",
-        "rivals": "Cannot tell: {rivals} as well.",
-        "chance": "Nothing in common found: the highest point is at chance level.",
-        "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
-        "opposite_sign": "Nothing in common found, but the opposite sign fits.",
-    },
-    "lessons": {
-        "clear": "The peak is at {lag} because there the sound lines up with itself and the products add up. At "
-        "any other lag positive and negative products cancel.",
-        "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
-        "Measured block by block, the lags form a straight line, which is convincing.",
-        "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
-        "copy that fits best; it cannot know which one came directly.",
-        "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
-        "tone is nothing but repetition, so it has many peaks.",
-        "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes an equally "
-        "good peak.",
-        "chance": "Noise never lines up: at every lag its products cancel, but for chance. One of {searched} lags "
-        "must be the highest; it means nothing, and with other noise it is elsewhere.",
-        "too_little": "Products cancel at every lag but for chance; one of {searched} lags must be the highest.",
-        "opposite_sign": "Where every product is negative, one microphone is reversed.",
-    },
-    "notes": {
-        "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
-        "echo": "The smaller peak {delay} samples later is the echo.",
-        "teeth": "The repeating part makes the teeth every {period} samples; the rest settles the lag.",
-    },
 }
+
+_DISTURBED = "Highest at {lag:,}, true lag {true:,} · agreement {evidence:,.1f} ({needed:,.1f} needed)"
+
+DISTURBED_VERDICTS: Final = {
+    "clear": "Sure: recording 2 lags by {lag:,} samples.",
+    "drift": "Sure, with drift: the lag goes from {start:,.1f} to {end:,.1f} samples.",
+    "wrong": "Fooled: sure of {lag:,} samples, but the true lag is {true:,}.",
+    "repeats": "Cannot tell: it repeats every {spacing:,.0f} samples.",
+    "rivals": "Cannot tell: {rivals} as well.",
+    "chance": "Nothing in common found: the highest point is at chance level.",
+    "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
+    "opposite_sign": "Nothing in common found, but the opposite sign fits.",
+}
+
+DISTURBED_LESSONS: Final = {
+    "clear": "The peak is at {lag:,} because there the sound lines up with itself and the products add up. At "
+    "any other lag positive and negative products cancel.",
+    "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
+    "Measured block by block, the lags form a straight line, which is convincing.",
+    "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
+    "copy that fits best; it cannot know which one came directly.",
+    "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
+    "tone is nothing but repetition, so it has many peaks.",
+    "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes an equally "
+    "good peak.",
+    "chance": "Noise never lines up: at every lag its products cancel, but for chance. One of {searched:,} lags "
+    "must be the highest; it means nothing, and with other noise it is elsewhere.",
+    "too_little": "Products cancel at every lag but for chance; one of {searched:,} lags must be the highest.",
+    "opposite_sign": "Where every product is negative, one microphone is reversed.",
+}
+
+_DISTURBED_NOTES: Final = {
+    "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
+    "echo": "The smaller peak {delay:,} samples later is the echo.",
+    "teeth": "The repeating part makes the teeth every {period:,} samples; the rest settles the lag.",
+}
+
+_WIDE = 0.3
+"""Noise alone never makes the band of chance this high."""
+
+
+def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, str]:
+    """Return the verdict on disturbed recordings, its kind, its numbers, and what can be learnt from it."""
+    judgement, lag, rivals = result.judgement, result.lag, result.rivals
+    assert judgement is not None
+    wrong = result.verdict == "sure" and abs(lag - LAG) > settings.drift / 2 + 2
+    reason = "wrong" if wrong else judgement.reason
+    drift = judgement.drift
+    numbers = {
+        "lag": lag,
+        "true": LAG,
+        "delay": ECHO_DELAY,
+        "period": settings.period,
+        "spacing": judgement.spacing,
+        "rivals": f"{len(rivals)} other lags fit" if len(rivals) > 1 else f"{next(iter(rivals), 0):,} samples fits",
+        "start": drift and drift.start,
+        "end": drift and drift.start + drift.span,
+        "searched": 2 * MAX_LAG + 1,
+        "evidence": judgement.evidence,
+        "needed": judgement.needed,
+    }
+    lesson = " ".join((DISTURBED_LESSONS[reason], *_disturbed_notes(settings, result)))
+    said = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED, "said": lesson}
+    return {"kind": "fooled" if wrong else result.verdict} | {
+        place: typeset(text.format(**numbers)) for place, text in said.items()
+    }
+
+
+def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]:
+    """Yield what else is seen: a band widened by teeth, or an echo or teeth above chance around a sure peak."""
+    assert result.correlation is not None and result.judgement is not None and result.judgement.ribbon is not None
+    heights, chance = result.correlation[MAX_LAG + result.lag :], result.judgement.ribbon[1]
+    if result.verdict == "ambiguous" and chance > max(_WIDE, heights[0] / 2):
+        yield _DISTURBED_NOTES["wide"]
+    if result.verdict == "sure" and result.lag == LAG:
+        around = result.correlation[[MAX_LAG + LAG - settings.period, MAX_LAG + LAG + settings.period]]
+        if settings.echo and heights[ECHO_DELAY] > chance:
+            yield _DISTURBED_NOTES["echo"]
+        if settings.repetition and around.min() > chance:
+            yield _DISTURBED_NOTES["teeth"]
+
 
 PHASOR_INTRODUCTION: Final = (
     "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "

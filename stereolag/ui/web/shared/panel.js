@@ -2,10 +2,10 @@
 
 const panels = new WeakMap();
 
-export function show(PanelOfComponent, { data, parentElement, setTriggerValue }) {
+export function show(PanelOfComponent, { data, parentElement, setTriggerValue, setStateValue }) {
   let panel = panels.get(parentElement);
   if (!panel) panels.set(parentElement, (panel = new PanelOfComponent(parentElement)));
-  panel.trigger = setTriggerValue;
+  Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue });
   panel.load(data);
   return () => {
     panel.close();
@@ -23,7 +23,9 @@ export class Panel {
     this.stage = this.find(".stage");
     this.gone = new AbortController();
     /** @type {(name: string, value: any) => void} */
-    this.trigger = () => {}; // tells Python
+    this.trigger = () => {}; // tells Python once
+    /** @type {(name: string, value: any) => void} */
+    this.setState = () => {}; // tells Python what holds from now on
   }
 
   close() {
