@@ -13,7 +13,7 @@ import numpy as np
 
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
 from stereolag.signals.correlation import SHORTEST_BLOCK
-from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
+from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 
 LAG_METHODS: tuple[dict[str, Any], ...] = (
     {"method": "fft"},

@@ -15,10 +15,10 @@ from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import as_grey, as_stereo_pair, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap, Reason
+from stereolag.stereo.windows.engines import score_surface
 from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
 from stereolag.stereo.windows.pixels import fit_peaks
 from stereolag.stereo.windows.search import LagRange, Score, WindowMatches, WindowQuery
-from stereolag.stereo.windows.window_fft import score_surface
 
 Surface: TypeAlias = npt.NDArray[np.float64]
 """(n_dy, n_dx) scores; NaN = no candidate."""

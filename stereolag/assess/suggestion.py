@@ -26,8 +26,7 @@ from stereolag.assess.judging import (
 )
 from stereolag.core.jobs import Estimate, Progress, silent
 from stereolag.core.settings import FitsImage, Number, Settings, changed, marker
-from stereolag.stereo.finishing.checks import LeftRightCheck
-from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.stages import LeftRightCheck, MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from types import NoneType
 from typing import Any, Literal, NamedTuple, Self, TypeVar, get_args, get_origin
@@ -127,6 +127,12 @@ def marker(field: FieldInfo, kind: type[T]) -> T | None:
     return next((one for one in field.metadata if isinstance(one, kind)), None)
 
 
+def multiple_of(field: FieldInfo) -> int:
+    """Return the number whose multiples a field of whole numbers allows; 1 if it declares none."""
+    declared: Any = marker(field, MultipleOf)
+    return int(declared.multiple_of) if declared else 1
+
+
 def base_type(field: FieldInfo) -> Any:
     """Return the type of a field, without the None of an optional one."""
     return next((kind for kind in get_args(field.annotation) if kind is not NoneType), field.annotation)
@@ -185,30 +191,25 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
     for found in error.errors():
         path, field = _followed(kind, found["loc"])
         name = ".".join(path)
-        cause = found.get("ctx", {}).get("error")
+        context = found.get("ctx", {})
+        cause = context.get("error")
         if isinstance(cause, SettingsError):
             yield from (Problem(".".join(filter(None, (name, one.name))), one.sentence) for one in cause.problems)
         elif found["type"] == "value_error":
             yield Problem(name, str(cause))
         elif found["type"] == "extra_forbidden":
             yield Problem(name, unknown_setting(kind, name))
-        elif found["type"].startswith("union_tag"):
-            yield Problem(name, _kind_refused(name, found))
+        elif found["type"] == "union_tag_not_found":
+            yield Problem(name, "{}.{} is missing.".format(name, context["discriminator"].strip("'")))
+        elif found["type"] == "union_tag_invalid":
+            tag = "{}.{}".format(name, context["discriminator"].strip("'"))
+            yield Problem(name, f"{tag} is {_shown(context['tag'])}; allowed are {context['expected_tags']}.")
         elif found["type"] == "missing":
             yield Problem(name, f"{name} is missing.")
         elif field is not None:
             yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {allowed_values(field)}.")
         else:
             yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
-
-
-def _kind_refused(name: str, found: Mapping[str, Any]) -> str:
-    """Return a sentence about settings whose kind is unknown or missing."""
-    context = found["ctx"]
-    kind = context["discriminator"].strip("'")
-    if "tag" not in context:
-        return f"{name}.{kind} is missing."
-    return f"{name}.{kind} is {_shown(context['tag'])}; allowed are {context['expected_tags']}."
 
 
 def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
@@ -240,8 +241,8 @@ def allowed_values(field: FieldInfo) -> str:
     if kind not in (int, float):
         return f"is {getattr(kind, '__name__', kind)}"
     ends = {type(one): one for one in field.metadata}
-    multiple = ends[MultipleOf].multiple_of if MultipleOf in ends else None
-    what = f"multiples of {multiple}" if multiple else "whole numbers" if kind is int else "numbers"
+    multiple = multiple_of(field)
+    what = f"multiples of {multiple}" if multiple > 1 else "whole numbers" if kind is int else "numbers"
     low = f" from {ends[Ge].ge:g}" if Ge in ends else f" above {ends[Gt].gt:g}" if Gt in ends else ""
     high = f" to {ends[Le].le:g}" if Le in ends else f" below {ends[Lt].lt:g}" if Lt in ends else ""
     return f"are {what}{low}{high}" + (" or None" if NoneType in get_args(field.annotation) else "")
@@ -409,14 +410,9 @@ def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
 def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:
     """Return the allowed whole number nearest to `wanted`, in whole steps from the allowed `value`; never 0."""
     if rounded_up:
-        declared = marker(field, MultipleOf)
-        multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]
+        multiple = multiple_of(field)
         return max(multiple, int(-(-wanted // multiple)) * multiple)
-    step = int(Bounds.of(field).step) if marker(field, FitsImage) else 1
+    bounds = Bounds.of(field)
+    step = int(bounds.step) if marker(field, FitsImage) else 1
     rounded = value - step * round((value - wanted) / step)
-    least, most = marker(field, Ge), marker(field, Le)
-    low = int(least.ge) if least else rounded  # type: ignore[call-overload]
-    high = int(most.le) if most else rounded  # type: ignore[call-overload]
-    if rounded > high:
-        rounded = value + step * ((high - value) // step)
-    return max(rounded, low) or (1 if value > 0 else -1)
+    return int(replace(bounds, step=step).nearest(rounded)) or (1 if value > 0 else -1)

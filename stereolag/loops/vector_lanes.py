@@ -150,31 +150,37 @@ def _conversion(source: Any, target: Any) -> str:
     return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
 
 
-@_instruction
-def paired_products(typing: Any, one: Any, other: Any) -> Any:
-    """Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
+def _of_two(generate: Callable[..., Any]) -> Instruction:
+    """Make an instruction that takes two values of type ``Lanes`` to one; `generate` writes it with LLVM's builder."""
 
-    Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
-    """
+    def typing_and_code(typing: Any, one: Any, other: Any) -> Any:
+        return one(one, other), lambda context, builder, signature, arguments: generate(builder, *arguments)
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
-        first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in arguments)
-        products = builder.mul(first, second)
-        low, high = (builder.shuffle_vector(products, products, _places(range(at, 2 * LANES, 2))) for at in (0, 1))
-        return builder.add(low, high)
-
-    return one(one, other), generate
+    return _instruction(typing_and_code)
 
 
-@_instruction
-def larger(typing: Any, one: Any, other: Any) -> Any:
-    """Return the larger of two integers, lane by lane."""
+def _pairs_multiplied(builder: Any, *pairs: Any) -> Any:
+    halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
+    first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in pairs)
+    products = builder.mul(first, second)
+    low, high = (builder.shuffle_vector(products, products, _places(range(at, 2 * LANES, 2))) for at in (0, 1))
+    return builder.add(low, high)
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.select(builder.icmp_signed(">", *arguments), *arguments)
 
-    return one(one, other), generate
+paired_products = _of_two(_pairs_multiplied)
+"""Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
+
+Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
+"""
+
+larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
+"""Return the larger of two integers, lane by lane."""
+
+smaller = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned("<", one, other), one, other))
+"""Return the smaller of two unsigned integers, lane by lane."""
+
+at_least = _of_two(lambda builder, one, other: builder.select(builder.fcmp_ordered(">", one, other), one, other))
+"""Return the larger of two floats, lane by lane; the second for NaN."""
 
 
 @_instruction
@@ -208,50 +214,26 @@ def are_equal(typing: Any, one: Any, other: Any) -> Any:
     return types.boolean(one, other), generate
 
 
-@_instruction
-def at_least(typing: Any, lanes: Any, least: Any) -> Any:
-    """Return the larger of floats and `least`, lane by lane; `least` for NaN."""
+def _over_lanes(operation: str, number: Any) -> Instruction:
+    """Make the instruction that reduces sixteen integers of a type to one by one of LLVM's operations."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
+    def typing_and_code(typing: Any, lanes: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            reduce = ir.FunctionType(ir.IntType(number.bitwidth), [arguments[0].type])
+            name = f"llvm.vector.reduce.{operation}.v{LANES}i{number.bitwidth}"
+            function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
+            return builder.call(function, arguments)
 
-    return lanes(lanes, least), generate
+        return number(lanes), generate
 
-
-@_instruction
-def smallest(typing: Any, lanes: Any) -> Any:
-    """Return the smallest of sixteen uint16."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        reduce = ir.FunctionType(ir.IntType(16), [arguments[0].type])
-        name = f"llvm.vector.reduce.umin.v{LANES}i16"
-        function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
-        return builder.call(function, arguments)
-
-    return types.uint16(lanes), generate
+    return _instruction(typing_and_code)
 
 
-@_instruction
-def smaller(typing: Any, one: Any, other: Any) -> Any:
-    """Return the smaller of two unsigned integers, lane by lane."""
+smallest = _over_lanes("umin", types.uint16)
+"""Return the smallest of sixteen uint16."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.select(builder.icmp_unsigned("<", *arguments), *arguments)
-
-    return one(one, other), generate
-
-
-@_instruction
-def largest(typing: Any, lanes: Any) -> Any:
-    """Return the largest of sixteen int32."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        reduce = ir.FunctionType(ir.IntType(32), [arguments[0].type])
-        name = f"llvm.vector.reduce.smax.v{LANES}i32"
-        function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
-        return builder.call(function, arguments)
-
-    return types.int32(lanes), generate
+largest = _over_lanes("smax", types.int32)
+"""Return the largest of sixteen int32."""
 
 
 def _places(lanes: Sequence[int]) -> Any:
@@ -284,15 +266,11 @@ _let_operator_work(operator.and_, "and_", None)
 _let_operator_work(operator.or_, "or_", None)
 
 
-def _popcount(typing: Any, word: Any) -> Any:
-    """Return the number of set bits of an unsigned integer, in its own type; for compiled code only."""
-    if not isinstance(word, types.Integer):
-        return None
+@_instruction
+def popcount(typing: Any, word: Any) -> Any:
+    """Return the number of set bits of an unsigned integer, in its own type."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
 
     return word(word), generate
-
-
-popcount = declare(Callable[[Any], Any], intrinsic(_popcount))

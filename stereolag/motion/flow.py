@@ -31,8 +31,7 @@ from stereolag.motion.levels import (
     median_residual,
     return_error,
 )
-from stereolag.stereo.finishing.checks import TextureTest, least_texture
-from stereolag.stereo.finishing.stages import MedianFilter, weighted_median
+from stereolag.stereo.finishing.stages import MedianFilter, TextureTest, least_texture, weighted_median
 from stereolag.stereo.matcher import Reason
 
 

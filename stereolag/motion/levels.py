@@ -18,9 +18,9 @@ from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.stereo.windows.engines import match_windows
 from stereolag.stereo.windows.pixels import fit_peaks
 from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
-from stereolag.stereo.windows.window_sums import match_windows
 
 Guide: TypeAlias = npt.NDArray[np.uint8]
 """(H, W) uint8."""

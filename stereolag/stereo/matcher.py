@@ -12,13 +12,12 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 import cv2
 import numpy as np
 import numpy.typing as npt
-from annotated_types import MultipleOf
 from pydantic import Field
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
-from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, marker
+from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
 
 
 class Reason(IntEnum):
@@ -180,8 +179,7 @@ class StereoMatcher(Settings):
         """
         if self.search_range() is None:
             return self
-        declared = marker(type(self).model_fields["num_disparities"], MultipleOf)
-        multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]
+        multiple = multiple_of(type(self).model_fields["num_disparities"])
         first = min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST)
         count = min(-(-num_disparities // multiple) * multiple, LARGEST_COUNT)
         return changed(self, {"min_disparity": first, "num_disparities": count})

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from stereolag.stereo.finishing.checks import LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.stages import LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

@@ -15,8 +15,7 @@ from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Settings, SettingsError, base_type, changed, choices, nested, setting
 from stereolag.io.settings import write_matcher
-from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM

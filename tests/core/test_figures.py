@@ -45,27 +45,21 @@ def test_the_lag_is_undone(lag: int) -> None:
         near = close_up(first, second, lag, position)
         assert 1 <= len(near.data[0].y) <= CLOSE_UP_SAMPLES
         assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
-
-
-def test_the_liveliest_place_is_where_it_is_loud() -> None:
     quiet = 0.01 * noise(5_000)
     quiet[3_000:3_200] *= 100
     assert abs(liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
 
 
 @pytest.mark.parametrize("method", ["fft", "sampled"])
-def test_the_peak_is_marked_where_it_is(method: str) -> None:
+def test_the_peak_and_its_rivals_are_marked_where_they_are(method: str) -> None:
     sound = noise(6_000)
     result = signal_lag(sound[:-123], sound[123:], method=method, seed=0)  # type: ignore[arg-type]
     *_, curve, peak = correlation_curve(result, "what it counts").data
     assert peak.x == (result.lag,)
     assert peak.y[0] == pytest.approx(max(curve.y))
-
-
-def test_rivals_are_marked_where_they_are() -> None:
     result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
-    marked = [trace for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
-    assert tuple(marked[0].x) == result.rivals
+    rivals = [trace.x for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
+    assert tuple(rivals[0]) == result.rivals
 
 
 def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> None:
@@ -94,8 +88,6 @@ def test_the_histogram_holds_every_run_and_the_median() -> None:
     assert len(figure.data[0].x) == 51
     assert figure.layout.shapes[0].x0 == pytest.approx(1e3 * np.median(seconds))
 
-
-# The grid of windows
 
 SHAPE = 300, 400
 

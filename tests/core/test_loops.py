@@ -13,7 +13,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
@@ -107,40 +108,23 @@ def run_alone(folder: Path, *arguments: str, before: Sequence[str] = ()) -> tupl
     return ran.stdout, ran.stderr
 
 
-class Start:
-    """A running program that has imported the two loops of a folder."""
-
-    def __init__(self, folder: Path, *arguments: str, **variables: str) -> None:
-        command = [sys.executable, "-B", "-W", "error", str(folder / "outer.py"), *arguments]
-        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-        self._process = subprocess.Popen(command, env=variables_for(folder) | variables, text=True, **pipes)
-
-    def told(self) -> str:
-        """Return the next line of output."""
-        assert self._process.stdout is not None
-        return self._process.stdout.readline()
-
-    def tell(self, line: str) -> None:
-        """Send a line of input."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(line)
-        self._process.stdin.flush()
-
-    def ended(self, line: str = "") -> tuple[str, str]:
-        """Send a last line of input; return the remaining output and the errors once it has ended."""
-        return self._process.communicate(line)
+def begun(folder: Path, *arguments: str, **variables: str) -> subprocess.Popen[str]:
+    """Start a program with the two loops of a folder."""
+    command = [sys.executable, "-B", "-W", "error", str(folder / "outer.py"), *arguments]
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    return subprocess.Popen(command, env=variables_for(folder) | variables, text=True, **pipes)
 
 
 def run(folder: Path, **variables: str) -> tuple[str, str]:
     """Run the two loops of a folder and return its output and errors."""
-    return Start(folder, **variables).ended()
+    return begun(folder, **variables).communicate()
 
 
-def begun(folder: Path, **variables: str) -> Start:
+def waiting(folder: Path, **variables: str) -> subprocess.Popen[str]:
     """Run the two loops of a folder up to the first call, which waits for a line."""
-    start = Start(folder, "wait", **variables)
-    assert start.told() == "ready\n", start.ended()
-    return start
+    process = begun(folder, "wait", **variables)
+    assert process.stdout is not None and process.stdout.readline() == "ready\n", process.communicate()
+    return process
 
 
 def code_in(folder: Path) -> dict[str, int]:
@@ -169,17 +153,13 @@ def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_fol
         assert line.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.")
 
 
-def test_without_any_place_loops_are_compiled_anew(loops: Path) -> None:
+def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one(loops: Path) -> None:
     (loops / "__pycache__").touch()
     out, err = run(loops)
     assert out == "2\n", err
     (line,) = err.splitlines()
     assert line.startswith("Machine code is not kept, and compiled anew at every start")
     assert not code_in(loops.parent)
-
-
-def test_the_folder_that_the_operator_names_is_used_and_nothing_is_said(loops: Path) -> None:
-    (loops / "__pycache__").touch()
     assert run(loops, NUMBA_CACHE_DIR=str(loops.parent / "named")) == ("2\n", "")
     assert code_in(loops.parent / "named")
 
@@ -204,10 +184,10 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
 def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
-    processes = [begun(loops, **kept) for loops in 3 * releases]
-    for process in processes:
-        process.tell("\n")
-    assert [process.ended() for process in processes] == 3 * [("2\n", ""), ("3\n", "")]
+    processes = [waiting(loops, **kept) for loops in 3 * releases]
+    with ThreadPoolExecutor(len(processes)) as threads:
+        ended = list(threads.map(lambda process: process.communicate("\n"), processes))
+    assert ended == 3 * [("2\n", ""), ("3\n", "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
     assert [run(loops, **kept) for loops in releases] == [("2\n", ""), ("3\n", "")]
@@ -217,16 +197,16 @@ def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_pat
 def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(loops: Path) -> None:
     run(loops)
     older = code_in(loops)
-    running = begun(loops)
+    running = waiting(loops)
     (loops / "inner.py").write_text(INNER.format(2))
     assert run(loops) == ("3\n", "")
     assert older.items() <= code_in(loops).items()
-    assert running.ended("\n") == ("2\n", "")
+    assert running.communicate("\n") == ("2\n", "")
     assert run(loops) == ("3\n", "")
 
 
 def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(loops: Path) -> None:
-    running = begun(loops)
+    running = waiting(loops)
     (older,) = (loops / "__pycache__").iterdir()
     os.utime(older, (0, 0))
     others = [loops / "__pycache__" / name for name in ("another", "stereolag-notes")]
@@ -237,30 +217,33 @@ def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_i
     assert run(loops) == ("3\n", "")
     assert not older.exists()
     assert all(other.exists() for other in others)
-    assert running.ended("\n") == ("2\n", "")
+    assert running.communicate("\n") == ("2\n", "")
     assert code_in(older)
     assert run(loops) == ("3\n", "")
     assert code_in(older)
 
 
-def modules_with_loops() -> list[ModuleType]:
-    """Return every module of the library that defines a loop."""
+def modules_with_loops() -> dict[ModuleType, list[Dispatcher]]:
+    """Return every module of the library that defines loops, with these."""
     names = [module.name for module in pkgutil.walk_packages(stereolag.__path__, "stereolag.")]
     library = [importlib.import_module(name) for name in names if name.split(".")[1] not in ("ui", "app", "commands")]
-    return [module for module in library if loops_of(module)]
+    compiled_in = {
+        module: [
+            value
+            for value in vars(module).values()
+            if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__
+        ]
+        for module in library
+    }
+    return {module: found for module, found in compiled_in.items() if found}
 
 
-def loops_of(module: ModuleType) -> list[Callable[..., object]]:
-    """Return the functions defined in a module that Numba compiles."""
-    members = [value for value in vars(module).values() if isinstance(value, Dispatcher)]
-    return [loop.py_func for loop in members if loop.py_func.__module__ == module.__name__]
-
-
-def test_the_folder_is_named_by_all_that_loops_are_made_of() -> None:
+def test_every_loop_is_kept_in_the_folder_that_is_named_by_all_that_loops_are_made_of() -> None:
     constants = 0
-    for module in modules_with_loops():
+    for module, found in modules_with_loops().items():
+        assert FOLDER is not None and all(Path(one.stats.cache_path).is_relative_to(FOLDER) for one in found)
         assert MAKES_CODE.search(Path(inspect.getfile(module)).read_bytes()), module
-        used = {name for loop in loops_of(module) for name in loop.__code__.co_names}
+        used = {name for loop in found for name in loop.py_func.__code__.co_names}
         for statement in ast.walk(ast.parse(inspect.getsource(module))):
             if isinstance(statement, ast.ImportFrom) and str(statement.module).startswith("stereolag."):
                 borrowed = used & {alias.asname or alias.name for alias in statement.names}
@@ -268,45 +251,6 @@ def test_the_folder_is_named_by_all_that_loops_are_made_of() -> None:
                 assert not borrowed or MAKES_CODE.search(source), (module, statement.module, borrowed)
                 constants += len(borrowed)
     assert constants
-
-
-def test_every_loop_is_kept_in_that_folder() -> None:
-    assert FOLDER is not None
-    places = [
-        Path(value.stats.cache_path)
-        for module in modules_with_loops()
-        for value in vars(module).values()
-        if isinstance(value, Dispatcher)
-    ]
-    assert places
-    assert all(place.is_relative_to(FOLDER) for place in places)
-
-
-COMPILERS = {"njit", "jit", "vectorize", "guvectorize", "generated_jit", "cfunc", "stencil"}
-
-
-def compilers_of_numba(source: str) -> Iterator[int]:
-    """Yield the lines that mention a compiler of Numba, under whatever name the module or the compiler is imported."""
-    tree = ast.parse(source)
-    modules = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            modules |= {name.asname or name.name for name in node.names if name.name == "numba"}
-        elif isinstance(node, ast.ImportFrom) and node.module == "numba":
-            yield from (node.lineno for name in node.names if name.name in COMPILERS)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and node.attr in COMPILERS and isinstance(node.value, ast.Name):
-            yield from [node.lineno] * (node.value.id in modules)
-
-
-@pytest.mark.parametrize("source", ["from numba import njit as fast", "import numba as nb\n@nb.njit\ndef f(): ..."])
-def test_another_compiler_is_seen(source: str) -> None:
-    assert list(compilers_of_numba(source))
-
-
-def test_nothing_else_compiles() -> None:
-    found = {path for path in SOURCES.rglob("*.py") if list(compilers_of_numba(path.read_text(encoding="utf-8")))}
-    assert found == {SOURCES / COMPILATION}
 
 
 def test_nothing_is_divided_by_zero_with_an_error_and_nan_is_an_answer() -> None:
@@ -322,10 +266,12 @@ def test_nothing_is_divided_by_zero_with_an_error_and_nan_is_an_answer() -> None
         assert np.isnan(function(0.0, 0.0)) and function(1.0, 0.0) == np.inf
 
 
-def test_nothing_else_imports_numba() -> None:
+def test_nothing_else_imports_numba_or_compiles() -> None:
+    sources = {path: path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py")}
     importing = re.compile(r"^\s*(?:from|import) (?:numba|llvmlite)\b", re.MULTILINE)
-    found = {path.parent.name for path in SOURCES.rglob("*.py") if importing.search(path.read_text(encoding="utf-8"))}
-    assert found == {"loops"}
+    assert {path.parent.name for path, source in sources.items() if importing.search(source)} == {"loops"}
+    compiling = re.compile(r"\b(?:njit|jit|vectorize|guvectorize|generated_jit|cfunc|stencil)\b")
+    assert {path for path, source in sources.items() if compiling.search(source)} == {SOURCES / COMPILATION}
 
 
 @pytest.mark.parametrize("rows", [1, 2, 7, 100])

@@ -42,12 +42,11 @@ from stereolag.assess.suggestion import (
 )
 from stereolag.core.settings import changed, setting, title_of
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.stages import SpeckleFilter
+from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.semi_global.cost_terms import MatchingCost
+from stereolag.stereo.semi_global.cost import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

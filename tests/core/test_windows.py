@@ -9,22 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pairs import shifted_pair, texture
-from skimage import data
 
 from stereolag.core.inputs import Image
 from stereolag.stereo.matcher import Reason
-from stereolag.stereo.windows.matcher import CorrelationMatcher, Engine, cheaper_engine, find_matches
+from stereolag.stereo.windows.engines import NO_RIGHT_MATCH, match_windows, score_surface
+from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
 from stereolag.stereo.windows.pixels import (
     fit_peaks,
     fit_peaks_reference,
     spread_over_pixels,
     spread_over_pixels_reference,
 )
-from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH
-from stereolag.stereo.windows.scores import describe_windows, describe_windows_reference, score_volume_reference
+from stereolag.stereo.windows.scores import (
+    describe_windows,
+    describe_windows_reference,
+    right_view_reference,
+    score_volume_reference,
+)
 from stereolag.stereo.windows.search import LagRange, Score, SearchArea, WindowMatches, WindowQuery
-from stereolag.stereo.windows.window_fft import score_surface
-from stereolag.stereo.windows.window_sums import match_windows, right_view_reference
 
 
 @pytest.fixture
@@ -54,23 +56,16 @@ def at_lag(volume, search, dy, dx):
 
 def assert_equals_reference(query):
     found = match_windows(replace(query, runner_up=True))
-    left, right, search = query.left, query.right, query.lags
-    window_size, score = query.window_size, query.score
-    volume = score_volume_reference(query)
+    volume, search = score_volume_reference(query), query.lags
     # Plain correlation has no scale of its own: compare it with the largest value the brightest windows could have.
-    unit = 1.0
-    if score == "cross":
-        unit = max(1.0, window_size * float(np.ptp(left.astype(float)))) * max(
-            1.0, window_size * float(np.ptp(right.astype(float)))
-        )
-    tolerance = 4e-6 * unit
+    brightest = [max(1.0, query.window_size * float(np.ptp(one.astype(float)))) for one in (query.left, query.right)]
+    tolerance = 4e-6 * (np.prod(brightest) if query.score == "cross" else 1)
     none = np.isnan(volume).all((0, 1))
     best = np.where(none, np.nan, np.nanmax(np.where(np.isnan(volume), -np.inf, volume), (0, 1)))
     np.testing.assert_array_equal(np.isnan(found.score), none)
     np.testing.assert_allclose(found.score, best, atol=tolerance, rtol=0)
     dy, dx = found.dy, found.dx
-    there = np.where(none, np.nan, at_lag(volume, search, dy, dx))
-    np.testing.assert_allclose(there, best, atol=tolerance, rtol=0)
+    np.testing.assert_allclose(np.where(none, np.nan, at_lag(volume, search, dy, dx)), best, atol=tolerance, rtol=0)
     for up in (-1, 0, 1) if search.rows > 1 and len(found.around) > 1 else (0,):
         for aside in (-1, 0, 1):
             expected = np.where(none, np.nan, at_lag(volume, search, dy + up, dx + aside))
@@ -81,7 +76,6 @@ def assert_equals_reference(query):
     elsewhere = np.where(far & ~np.isnan(volume), volume, -np.inf).max((0, 1))
     elsewhere = np.where(none | np.isinf(elsewhere), np.nan, elsewhere)
     np.testing.assert_allclose(found.runner_up, elsewhere, atol=tolerance, rtol=0)
-    return found
 
 
 @st.composite
@@ -113,34 +107,22 @@ def test_a_faint_picture_beside_a_bright_one_loses_nothing():
     assert_equals_reference(WindowQuery(left, right, 2, 1, LagRange(0, 0, 0, 0), "cross"))
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("score", SCORES)
-@pytest.mark.parametrize(("dy", "dx"), [(0, 0), (0, -7), (0, 7), (3, -2), (-4, 5)])
-def test_recovers_a_known_shift(rng, dtype, score, dy, dx):
-    scene = picture(rng, (60, 90), dtype)
-    left = scene[10:50, 10:80]
-    right = scene[10 - dy : 50 - dy, 10 - dx : 80 - dx]
-    found = match_windows(WindowQuery(left, right, 15, 2, LagRange(-5, 5, -8, 8), score))
-    inside = np.s_[5:8, 5:20]
-    share = ((found.dy == dy) & (found.dx == dx))[inside].mean()
-    assert share == 1 if score == "zncc" else share > 0.8
-
-
 @pytest.mark.parametrize("columns_in_cache", [1, 20_000])
 def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
-    monkeypatch.setattr("stereolag.stereo.windows.window_sums.CACHE_BYTES", columns_in_cache)
-    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 1.0)
+    monkeypatch.setattr("stereolag.stereo.windows.engines.CACHE_BYTES", columns_in_cache)
+    monkeypatch.setattr("stereolag.stereo.windows.engines.BAND_WORK", 1.0)
     left, right = picture(rng, (40, 130), np.uint8), picture(rng, (40, 130), np.uint8)
     assert_equals_reference(WindowQuery(left, right, 6, 1, LagRange(-1, 1, -20, 13), "zncc"))
 
 
+@pytest.mark.parametrize("engine", ["window_sums", "fft"])
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
-def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype):
+def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype, engine):
     scene = 20_000 + 2 * rng.normal(size=(50, 110))
     scene = scene.round().astype(dtype) if dtype != np.float64 else scene
     left, right = scene[:, 5:95].copy(), scene[:, 10:100].copy()
     left[:, 45:], right[:, 40:] = left[:, 45:] // 2, right[:, 40:] // 2  # no single mean suits both halves
-    found = match_windows(WindowQuery(left, right, 9, 1, LagRange(0, 0, -12, 12), "zncc"))
+    found = find_matches(WindowQuery(left, right, 9, 1, LagRange(0, 0, -12, 12), "zncc"), engine)
     half = np.s_[:, 12:36]
     assert (found.dx[half] == -5).all()
     np.testing.assert_allclose(found.score[half], 1, atol=1e-4)
@@ -151,12 +133,9 @@ def test_the_unit_of_float_images_does_not_matter(rng, scale):
     scene = rng.normal(size=(30, 80)) + 0.3
     left, right = scene[:, :60], scene[:, 4:64] + 0.1 * rng.normal(size=(30, 60))
     query = WindowQuery(left, right, 9, 2, LagRange(0, 0, -12, 12))
-    found = match_windows(query)
-    scaled = match_windows(replace(query, left=left * scale, right=right * scale))
+    found, scaled = match_windows(query), match_windows(replace(query, left=left * scale, right=right * scale))
     np.testing.assert_array_equal(scaled.dx, found.dx)
     np.testing.assert_allclose(scaled.score, found.score, atol=2e-6)
-    volume = score_volume_reference(query)
-    np.testing.assert_allclose(found.score, np.nanmax(volume, (0, 1)), atol=2e-6)
 
 
 def test_equal_scores_go_to_the_shortest_displacement(rng):
@@ -171,15 +150,6 @@ def test_equal_scores_go_to_the_shortest_displacement(rng):
     assert found.runner_up is None
 
 
-def test_a_flat_window_has_no_match(rng):
-    left, right = picture(rng, (30, 60), np.uint8), picture(rng, (30, 60), np.uint8)
-    left[:, 20:40] = 77
-    found = match_windows(WindowQuery(left, right, 8, 1, LagRange(0, 0, -10, 10), "zncc"))
-    assert np.isnan(found.score[:, 20:33]).all()
-    assert (found.texture[:, 20:33] == 0).all()
-    assert np.isfinite(found.score[:, :20]).all()
-
-
 @pytest.mark.parametrize("score", SCORES)
 @pytest.mark.parametrize("search", [LagRange(0, 0, -25, 0), LagRange(0, 0, -5, 40), LagRange(0, 0, -200, 200)])
 def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
@@ -192,13 +162,6 @@ def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
     assert (found.right_dx == plain).mean() > 0.99  # scores within the precision of float32 are equal
 
 
-def test_a_range_out_of_the_frame_finds_nothing(rng):
-    image = picture(rng, (20, 30), np.uint8)
-    for search in (LagRange(0, 0, 500, 600), LagRange(-90, -50, 0, 0)):
-        found = match_windows(WindowQuery(image, image, 7, 1, search, "zncc", runner_up=True))
-        assert np.isnan(found.score).all() and np.isnan(found.around).all() and np.isnan(found.runner_up).all()
-
-
 def test_large_windows_of_bytes_do_not_overflow():
     image = np.full((300, 300), 255, np.uint8)
     image[::7, ::5] = 0
@@ -206,15 +169,6 @@ def test_large_windows_of_bytes_do_not_overflow():
         found = match_windows(WindowQuery(image, image, window_size, 20, LagRange(0, 0, -3, 3), "ncc"))
         assert (found.dx == 0).all()
         np.testing.assert_allclose(found.score, 1, atol=1e-6)
-
-
-def test_progress_rises_to_one(rng, monkeypatch):
-    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 2e4)
-    image = picture(rng, (60, 90), np.uint8)
-    told: list[float] = []
-    match_windows(WindowQuery(image, image, 7, 1, LagRange(0, 0, -30, 0), "zncc"), told.append)
-    assert len(told) > 4
-    assert told == sorted(told) and told[-1] == 1
 
 
 @pytest.mark.parametrize(
@@ -226,6 +180,10 @@ def test_progress_rises_to_one(rng, monkeypatch):
         ({"lags": LagRange(0, 1, 0, 0), "right_matches": True}, "no vertical search"),
         ({"right": np.zeros((30, 41), np.uint8)}, "one size"),
         ({"right": np.zeros((30, 40), np.float32)}, "type"),
+        (
+            {"left": np.zeros((400, 400)), "right": np.zeros((400, 400)), "lags": LagRange(-200, 200, -200, 200)},
+            "65535",
+        ),
     ],
 )
 def test_bad_settings_are_named(rng, change, message):
@@ -233,15 +191,8 @@ def test_bad_settings_are_named(rng, change, message):
     good = WindowQuery(image, image, 7, 1, LagRange(0, 0, -5, 0))
     with pytest.raises(ValueError, match=message):
         match_windows(replace(good, **change))
-
-
-def test_too_many_lags_are_refused(rng):
-    image = picture(rng, (400, 400), np.uint8)
-    with pytest.raises(ValueError, match="65535"):
-        match_windows(WindowQuery(image, image, 5, 1, LagRange(-200, 200, -200, 200), "zncc"))
-
-
-def test_a_search_ends_after_it_begins():
+    with pytest.raises(ValueError, match="Only window sums"):
+        find_matches(replace(good, right_matches=True), "fft")
     with pytest.raises(ValueError, match="before its start"):
         LagRange(0, 0, 5, 4)
 
@@ -264,19 +215,11 @@ def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, wi
     assert np.isnan(inverse[shape[0] // 3, shape[1] // 3])
 
 
-IMAGE = (400, 881)
-
-
 def test_the_cost_model_knows_where_each_engine_pays() -> None:
     strip, square = LagRange(0, 0, -63, 0), LagRange(-60, 60, -60, 60)
-    assert cheaper_engine(IMAGE, 20, 1, strip) == "window_sums"
-    assert cheaper_engine(IMAGE, 20, 20, strip) == "window_sums"
-    assert cheaper_engine(IMAGE, 20, 1, square) == "window_sums"
-    assert cheaper_engine(IMAGE, 40, 40, square) == "fft"
-
-
-def by_both(query: WindowQuery) -> tuple[WindowMatches, WindowMatches]:
-    return find_matches(query, "window_sums"), find_matches(query, "fft")
+    for window_size, step, lags in ((20, 1, strip), (20, 20, strip), (20, 1, square)):
+        assert cheaper_engine((400, 881), window_size, step, lags) == "window_sums"
+    assert cheaper_engine((400, 881), 40, 40, square) == "fft"
 
 
 @settings(max_examples=60)
@@ -296,7 +239,7 @@ def test_both_engines_give_the_same_to_the_bit(
     if flat:
         left[5:25, 10:30] = right[8:28, 12:40] = 100
     query = WindowQuery(left, right, window_size, step, LagRange(*lags), score, runner_up=True)
-    sums, fft = by_both(query)
+    sums, fft = find_matches(query, "window_sums"), find_matches(query, "fft")
     for name in ("dy", "dx", "score", "around", "texture", "runner_up"):
         np.testing.assert_array_equal(getattr(sums, name), getattr(fft, name), err_msg=name)
 
@@ -318,18 +261,6 @@ def landscape(part: str, dtype: type) -> tuple[Image, Image]:
     right = np.clip(np.rint(np.roll(left, -5, axis=1) + rng.normal(0, 1, left.shape)), 0, 255)
     unit = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
     return (left * unit).astype(dtype), (right * unit).astype(dtype)
-
-
-def test_both_engines_agree_on_the_sky_of_a_photograph() -> None:
-    left = data.camera()[:120]
-    right = np.clip(np.rint(np.roll(left, -5, axis=1) + np.random.default_rng(0).normal(0, 1, left.shape)), 0, 255)
-    matcher = CorrelationMatcher(search=SearchArea.centred(40), score="ncc", overlap=0.9)
-    sums, fft = (
-        matcher.model_copy(update={"engine": engine}).compute(left, right.astype(np.uint8))
-        for engine in ("window_sums", "fft")
-    )
-    np.testing.assert_array_equal(sums.disparity, fft.disparity)
-    np.testing.assert_array_equal(sums.reason, fft.reason)
 
 
 TYPES = (np.uint8, np.uint16, np.float32)
@@ -373,7 +304,7 @@ def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: p
     left, right = shifted_pair(60, 90, 2, -3)
     query = WindowQuery(left, right, 16, 8, LagRange(-9, 9, -20, 20), runner_up=True)
     few = find_matches(query, "fft")
-    monkeypatch.setattr("stereolag.stereo.windows.window_fft.MOST_LAGS", 100)
+    monkeypatch.setattr("stereolag.stereo.windows.engines.MOST_LAGS", 100)
     many = find_matches(query, "fft")
     for name in ("dy", "dx", "score", "around"):
         np.testing.assert_array_equal(getattr(many, name), getattr(few, name), err_msg=name)
@@ -382,22 +313,6 @@ def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: p
     large = shifted_pair(100, 320, 0, -20)
     result = CorrelationMatcher(window_size=20, overlap=0, search=SearchArea.centred(290)).compute(*large)
     assert abs(np.nanmedian(result.disparity) - 20) < 0.1
-
-
-def test_matches_of_the_right_windows_are_not_to_be_had_by_fft() -> None:
-    image = np.zeros((20, 30), np.uint8)
-    with pytest.raises(ValueError, match="Only window sums"):
-        find_matches(WindowQuery(image, image, 5, 1, LagRange(0, 0, -5, 0), right_matches=True), "fft")
-
-
-@pytest.mark.parametrize("engine", ["window_sums", "fft"])
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_huge_offset_does_not_hide_the_peak(engine: Engine, dtype: type) -> None:
-    left, right = shifted_pair(40, 60, 0, -5, dtype=np.float64)
-    offset = 40 * 1e4
-    images = (image.astype(dtype) for image in (left + offset, right + offset))
-    found = find_matches(WindowQuery(*images, 9, 3, LagRange(0, 0, -9, 0)), engine)
-    assert np.mean(found.dx[:, 5:-2] == -5) == 1
 
 
 @settings(max_examples=30)
@@ -492,8 +407,8 @@ def test_pixels_learn_from_their_window_as_by_the_formula(
         np.testing.assert_array_equal(ours, expected)
 
 
-@pytest.mark.parametrize("dx", [-3, 0, 2])
-def test_the_sign_turns_once(dx: int) -> None:
+@pytest.mark.parametrize("dx", [-3, 0])
+def test_the_sign_turns_once_and_zero_has_none(dx: int) -> None:
     image = np.zeros((12, 30), np.uint8)
     query = WindowQuery(image, image, 5, 1, LagRange(0, 0, -8, 8))
     around = np.full((1, 3, *query.grid), 0.5, np.float32)

@@ -1,4 +1,4 @@
-"""Stages after the checks, shared by the project's own matchers: speckles removed, gaps filled, edges kept."""
+"""Stages shared by the project's own matchers: matches checked, speckles removed, gaps filled, edges kept."""
 
 from __future__ import annotations
 
@@ -10,39 +10,155 @@ import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.core.arrays import Array, FloatMap, Mask, ReasonMap
-from stereolag.core.inputs import Image, as_eight_bit
+from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import over_bands, row_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most
-from stereolag.stereo.finishing.checks import rejected
 from stereolag.stereo.finishing.filling import filled_from_behind
 from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
 from stereolag.stereo.matcher import PixelMatches, Reason
 
+
+class LeftRightCheck(Settings):
+    """Left-right check: a match must be the same seen from the right image."""
+
+    tolerance: int = Field(
+        default=1,
+        title="Left-right tolerance",
+        description="How far from its start a pixel may end when matched to the right image and back, px. Pixels "
+        "that fail are mostly hidden from one of the cameras.",
+        ge=0,
+        le=16,
+    )
+
+
+class AmbiguityTest(Settings):
+    """Ambiguity test: a match must clearly beat any other.
+
+    The scores of plain correlation are unbounded: any lead is small beside them, and the test rejects little.
+    """
+
+    lead: float = Field(
+        default=0.015,
+        title="Lead over the next best",
+        description="How far the best match must lead every other one farther than 1 px from it: in score or, in "
+        "semi-global matching, as a share of the highest cost.",
+        ge=0,
+        le=2,
+        json_schema_extra={"step": 0.005},
+    )
+
+
+class TextureTest(Settings):
+    """Texture test: a window must contain something to match."""
+
+    least: float = Field(
+        default=1.0,
+        title="Least texture",
+        description="Standard deviation of the window, in grey levels of 255, below which nothing is measured.",
+        ge=0,
+        json_schema_extra={"step": 0.5},
+    )
+
+
+def least_texture(test: TextureTest | None, left: Image, right: Image) -> float:
+    """Return the standard deviation, in the units of the images, up to which a window is not matched."""
+    return (test.least if test else FLAT_TEXTURE) * grey_level(left, right)
+
+
+def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
+    """Return where a left pixel's match, followed to the right image, does not lead back.
+
+    Parameters
+    ----------
+    dx
+        (H, W) integer displacement of the match of each left pixel, right minus left, px.
+    right_dx
+        (H, W) integer displacement, with the same sign, at which each right pixel was matched; a value that leads far
+        out of the frame means none.
+    tolerance
+        Largest difference that still agrees, px.
+
+    Returns
+    -------
+    ndarray
+        (H, W) bool; also true where the match is out of the frame.
+    """
+    disagree = np.empty(dx.shape, np.bool_)
+    over_bands(lambda first, end: _disagreeing_rows(dx, right_dx, tolerance, first, end, disagree), dx.shape[0])
+    return disagree
+
+
+@compiled
+def _disagreeing_rows(
+    dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
+) -> None:
+    """Process rows `first` to `end` for :func:`left_right_disagree`."""
+    width = np.int64(dx.shape[1])
+    for y in range(first, end):
+        for x in range(width):
+            moved = np.int64(dx[y, x])
+            place = x + moved
+            inside = (place >= 0) & (place < width)
+            apart = moved - np.int64(right_dx[y, place if inside else 0])
+            disagree[y, x] = (not inside) | (abs(apart) > tolerance)
+
+
+def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
+    """Return the expected result of :func:`left_right_disagree`, computed with plain NumPy."""
+    width = dx.shape[1]
+    place = np.arange(width) + dx
+    inside = (place >= 0) & (place < width)
+    returned = np.take_along_axis(right_dx, np.where(inside, place, 0), axis=1)
+    return np.asarray(~inside | (np.abs(returned.astype(np.int64) - dx) > tolerance))
+
+
+class SpeckleFilter(Settings):
+    """Speckle filter: small islands of disparity unlike their surroundings are mismatches."""
+
+    size: int = Field(
+        default=100,
+        title="Smallest surface",
+        description="Connected surfaces of fewer pixels are removed.",
+        ge=1,
+        le=10_000,
+        json_schema_extra={"step": 10},
+    )
+    difference: float = Field(
+        default=2.0,
+        title="Connected within",
+        description="Largest difference in disparity between neighbours of one surface, px.",
+        gt=0,
+        le=64,
+        json_schema_extra={"step": 0.5},
+    )
+
+
 SIXTEENTHS = 16
 NOTHING = -32768
+SPECKLE = np.uint8(Reason.SPECKLE)
 
 
-def speckles(disparity: FloatMap, size: int, difference: float) -> Mask:
-    """Return which pixels belong to a connected surface of fewer than `size` pixels.
+def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFilter) -> tuple[FloatMap, ReasonMap]:
+    """Return the map without its small islands (like OpenCV's ``filterSpeckles``), which become SPECKLE.
 
     Neighbours, left and right or above and below, are connected if their disparities, rounded to sixteenths, differ by
-    no more than `difference`. Runs of connected pixels in a row are joined where they touch a run of the row above
-    (Rosenfeld & Pfaltz 1966, by union-find), band by band; then the seams between the bands are joined.
+    no more than the settings allow. Runs of connected pixels in a row are joined where they touch a run of the row
+    above (Rosenfeld & Pfaltz 1966, by union-find), band by band; then the seams between the bands are joined.
 
     Parameters
     ----------
     disparity
         (H, W) float32 px, within ±2047; NaN = none, which is never a speckle.
-    size
-        Smallest surface that is no speckle, pixels.
-    difference
-        Largest difference of connected neighbours, px.
+    reason
+        (H, W) uint8.
+    settings
+        Size below which an island is removed, and disparity step that bounds it.
     """
     sixteenths, run = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
     parent, pixels = np.empty(disparity.size, np.int32), np.empty(disparity.size, np.int32)
-    most, height = round(difference * SIXTEENTHS), disparity.shape[0]
+    most, height = round(settings.difference * SIXTEENTHS), disparity.shape[0]
 
     def connect(first: int, end: int) -> None:
         _find_runs(disparity, most, first, end, sixteenths, run, parent, pixels)
@@ -52,9 +168,9 @@ def speckles(disparity: FloatMap, size: int, difference: float) -> Mask:
     for first, _ in row_bands(height, height)[1:]:
         _join_rows(sixteenths, most, first, first + 1, run, parent)
     _count_pixels(run, parent, pixels)
-    small = np.empty(disparity.shape, np.bool_)
-    over_bands(lambda first, end: _mark_small(run, parent, pixels, size, first, end, small), height)
-    return small
+    kept, reasons = disparity.copy(), reason.copy()
+    over_bands(lambda first, end: _drop_small(run, parent, pixels, settings.size, first, end, kept, reasons), height)
+    return kept, reasons
 
 
 @compiled
@@ -128,24 +244,47 @@ def _count_pixels(run: Array, parent: Array, pixels: Array) -> None:
 
 
 @compiled
-def _mark_small(run: Array, parent: Array, pixels: Array, size: int, first: int, end: int, small: Mask) -> None:
-    """Mark the pixels of rows `first` to `end` whose surface has fewer than `size` pixels."""
+def _drop_small(
+    run: Array, parent: Array, pixels: Array, size: int, first: int, end: int, disparity: FloatMap, reason: ReasonMap
+) -> None:
+    """Blank the pixels of rows `first` to `end` whose surface has fewer than `size` pixels."""
     for y in range(first, end):
-        last, answer = -1, False
+        last, small = -1, False
         for x in range(run.shape[1]):
             if run[y, x] != last:
                 last = run[y, x]
-                answer = last >= 0 and pixels[parent[last]] < size
-            small[y, x] = answer
+                small = last >= 0 and pixels[parent[last]] < size
+            disparity[y, x] = np.float32(np.nan) if small else disparity[y, x]
+            reason[y, x] = SPECKLE if small else reason[y, x]
 
 
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:
-    """Return the expected result of :func:`speckles`, computed with OpenCV, whose limit is the largest size removed."""
+    """Return the pixels that :func:`without_speckles` drops, from OpenCV, whose limit is the largest size removed."""
     known = np.isfinite(disparity)
     sixteenths: npt.NDArray[np.int16] = np.full(disparity.shape, NOTHING, np.int16)
     np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")
     cv2.filterSpeckles(sixteenths, NOTHING, size - 1, round(difference * SIXTEENTHS))
     return np.asarray(known & (sixteenths == NOTHING))
+
+
+class MedianFilter(Settings):
+    """Edge-respecting median: each pixel takes the median disparity of its neighbours of similar colour."""
+
+    radius: int = Field(
+        default=6,
+        title="Median radius",
+        description="Radius of the neighbourhood, px.",
+        ge=2,
+        le=30,
+        multiple_of=2,
+    )
+    contrast: int = Field(
+        default=25,
+        title="Median contrast",
+        description="Difference of colour, levels of 255, from which a neighbour hardly counts.",
+        ge=1,
+        le=255,
+    )
 
 
 UNITS = 256
@@ -326,62 +465,6 @@ def weighted_median_reference(
         weights = np.cumsum([weight for _, weight in votes])
         out[y, x] = votes[int(np.searchsorted(2 * weights, weights[-1]))][0]
     return out
-
-
-class SpeckleFilter(Settings):
-    """Speckle filter: small islands of disparity unlike their surroundings are mismatches."""
-
-    size: int = Field(
-        default=100,
-        title="Smallest surface",
-        description="Connected surfaces of fewer pixels are removed.",
-        ge=1,
-        le=10_000,
-        json_schema_extra={"step": 10},
-    )
-    difference: float = Field(
-        default=2.0,
-        title="Connected within",
-        description="Largest difference in disparity between neighbours of one surface, px.",
-        gt=0,
-        le=64,
-        json_schema_extra={"step": 0.5},
-    )
-
-
-class MedianFilter(Settings):
-    """Edge-respecting median: each pixel takes the median disparity of its neighbours of similar colour."""
-
-    radius: int = Field(
-        default=6,
-        title="Median radius",
-        description="Radius of the neighbourhood, px.",
-        ge=2,
-        le=30,
-        multiple_of=2,
-    )
-    contrast: int = Field(
-        default=25,
-        title="Median contrast",
-        description="Difference of colour, levels of 255, from which a neighbour hardly counts.",
-        ge=1,
-        le=255,
-    )
-
-
-def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFilter) -> tuple[FloatMap, ReasonMap]:
-    """Return the map without its small islands (like OpenCV's ``filterSpeckles``), which become SPECKLE.
-
-    Parameters
-    ----------
-    disparity
-        (H, W) float32 px, within ±2047; NaN = none.
-    reason
-        (H, W) uint8.
-    settings
-        Size below which an island is removed, and disparity step that bounds it.
-    """
-    return rejected(disparity, reason, speckles(disparity, settings.size, settings.difference), Reason.SPECKLE)
 
 
 def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:

@@ -13,15 +13,21 @@ from stereolag.core.arrays import ReasonMap
 from stereolag.core.inputs import Image, as_grey, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, silent
 from stereolag.core.settings import Applies, FitsImage, Pixels, changed
-from stereolag.stereo.finishing.checks import (
+from stereolag.stereo.finishing.stages import (
     AmbiguityTest,
+    Filling,
     LeftRightCheck,
+    Median,
+    Speckle,
+    Surfaces,
     TextureTest,
+    finished,
+    is_finished,
     least_texture,
     left_right_disagree,
 )
-from stereolag.stereo.finishing.stages import Filling, Median, Speckle, Surfaces, finished, is_finished
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, PixelMatches, Reason, StereoMatcher, grey_bytes
+from stereolag.stereo.windows.engines import BATCH_BYTES, match_windows, match_windows_fft
 from stereolag.stereo.windows.pixels import spread_over_pixels
 from stereolag.stereo.windows.search import (
     MOST_LAGS,
@@ -32,8 +38,6 @@ from stereolag.stereo.windows.search import (
     WindowMatches,
     WindowQuery,
 )
-from stereolag.stereo.windows.window_fft import BATCH_BYTES, match_windows_fft
-from stereolag.stereo.windows.window_sums import match_windows
 
 Engine: TypeAlias = Literal["window_sums", "fft"]
 
@@ -79,59 +83,6 @@ BYTES_OF_A_POINT = 32
 
 SLOWER_WHOLE, SLOWER_DOUBLE, SLOWER_FFT, WHITENED = 3, 8, 1.5, 5
 """Ratio of a whole match's time to its products: sums of uint8, sums of float64, FFT, and whitened FFT."""
-
-
-def estimate_windows(
-    shape: tuple[int, ...],
-    dtype: npt.DTypeLike,
-    *,
-    window_size: int,
-    step: int,
-    lags: LagRange,
-    engine: Engine,
-    score: Score,
-    circular: bool,
-    both_views: bool,
-    finished: bool,
-) -> Estimate:
-    """Return the memory and time of matching window by window.
-
-    Parameters
-    ----------
-    shape, dtype
-        Shape, (rows, cols) or (rows, cols, channels), and dtype of one image.
-    window_size, step, lags, engine, score, circular
-        As in :class:`stereolag.stereo.windows.search.WindowQuery`; `engine` is the one that answers it.
-    both_views
-        Whether the best left window of every right window is found too.
-    finished
-        Whether the map is filtered or filled.
-    """
-    (height, width), pixels = shape[:2], shape[0] * shape[1]
-    rows, cols = (max(1, (side - window_size) // step + 1) for side in (height, width))
-    windows = rows * cols
-    # Bytes per window: scores at and around the peak, lag, texture, runner-up and sub-pixel offset.
-    record = (4 * 9 + 4 if lags.rows > 1 else 4 * 3 + 2) + 4 + 4 + 8 + 2 * both_views
-    whole, by_sums = np.dtype(dtype) == np.uint8, engine == "window_sums"
-    margin = (height + lags.rows) * (width + lags.cols + 32)
-    # Pixels of other types are compared as float64: a plain copy, a padded one, and a temporary one. Running sums of
-    # whole numbers pack entering rows with leaving ones; whitening takes another copy.
-    prepared = (6 if by_sums else 2) * margin if whole else 8 * (4 * pixels + margin)
-    prepared += 8 * (pixels + margin) * (score == "phase")
-    area = window_size**2 if circular else (window_size + lags.rows) * (window_size + lags.cols)
-    return COSTS["windows"].estimate(
-        grey=grey_bytes(shape, dtype),
-        pixels=pixels,
-        finished=pixels * finished,
-        prepared=prepared,
-        records=record * windows,
-        windows=windows,
-        seen=windows * both_views,
-        columns=(lags.rows + step) * (width + lags.cols) * by_sums,
-        batch=0 if by_sums else min(BATCH_BYTES, BYTES_OF_A_POINT * area * windows),
-        products=by_sums * products(shape, lags) * (SLOWER_WHOLE if whole else SLOWER_DOUBLE),
-        turns=(not by_sums) * turns(shape, window_size, step, lags) * (WHITENED if score == "phase" else SLOWER_FFT),
-    )
 
 
 LARGEST_VERTICAL = 64
@@ -279,17 +230,32 @@ class CorrelationMatcher(StereoMatcher):
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
-        return estimate_windows(
-            shape,
-            dtype,
-            window_size=self.window_size,
-            step=self.step,
-            lags=self._lags_tried,
-            engine=self._engine_for((shape[0], shape[1])),
-            score=self.score,
-            circular=self.search.circular(self.window_size),
-            both_views=self.left_right is not None,
-            finished=is_finished(self),
+        (height, width), pixels, lags = shape[:2], shape[0] * shape[1], self._lags_tried
+        rows, cols = (max(1, (side - self.window_size) // self.step + 1) for side in (height, width))
+        windows, both_views = rows * cols, self.left_right is not None
+        # Bytes per window: scores at and around the peak, lag, texture, runner-up and sub-pixel offset.
+        record = (4 * 9 + 4 if lags.rows > 1 else 4 * 3 + 2) + 4 + 4 + 8 + 2 * both_views
+        whole, by_sums = np.dtype(dtype) == np.uint8, self._engine_for((height, width)) == "window_sums"
+        margin = (height + lags.rows) * (width + lags.cols + 32)
+        # Pixels of other types are compared as float64: a plain copy, a padded one, and a temporary one. Running sums
+        # of whole numbers pack entering rows with leaving ones; whitening takes another copy.
+        prepared = (6 if by_sums else 2) * margin if whole else 8 * (4 * pixels + margin)
+        prepared += 8 * (pixels + margin) * (self.score == "phase")
+        beyond_rows, beyond_cols = (0, 0) if self.search.circular(self.window_size) else (lags.rows, lags.cols)
+        area = (self.window_size + beyond_rows) * (self.window_size + beyond_cols)
+        transforms = turns(shape, self.window_size, self.step, lags)
+        return COSTS["windows"].estimate(
+            grey=grey_bytes(shape, dtype),
+            pixels=pixels,
+            finished=pixels * is_finished(self),
+            prepared=prepared,
+            records=record * windows,
+            windows=windows,
+            seen=windows * both_views,
+            columns=(lags.rows + self.step) * (width + lags.cols) * by_sums,
+            batch=0 if by_sums else min(BATCH_BYTES, BYTES_OF_A_POINT * area * windows),
+            products=by_sums * products(shape, lags) * (SLOWER_WHOLE if whole else SLOWER_DOUBLE),
+            turns=(not by_sums) * transforms * (WHITENED if self.score == "phase" else SLOWER_FFT),
         )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:

@@ -169,27 +169,6 @@ MEASURED, OUT_OF_FRAME, LOW_TEXTURE, AT_SEARCH_EDGE = (
 )
 
 
-class Cells(NamedTuple):
-    """Layout of the windows' cells: margin before the first cell, side of a cell, and last possible window place, px.
-
-    The cell of a window is the step × step px nearest to its centre.
-    """
-
-    offset: int
-    step: int
-    last_row: int
-    last_col: int
-
-
-class _Maps(NamedTuple):
-    """Maps to write, each (H, W); `dy` is empty after a search along one row."""
-
-    disparity: FloatMap
-    dy: FloatMap
-    score: FloatMap
-    reason: ReasonMap
-
-
 class _Matched(NamedTuple):
     """Matches to spread, each (n_rows, n_cols); `refused` and `dy` may be empty."""
 
@@ -223,14 +202,12 @@ def spread_over_pixels(
         (n_rows, n_cols) reasons already found, which any other overrides; None if there are none.
     """
     shape = (query.left.shape[0], query.left.shape[1])
-    last_row, last_col = (side - query.window_size for side in shape)
-    cells = Cells((query.window_size - query.step) // 2, query.step, last_row, last_col)
     vertical = asked.rows > 1
-    maps = _Maps(
-        np.empty(shape, np.float32),
-        np.empty(shape, np.float32) if vertical else NO_ROWS,
-        np.empty(shape, np.float32),
-        np.empty(shape, np.uint8),
+    maps = PixelMatches(
+        disparity=np.empty(shape, np.float32),
+        reason=np.empty(shape, np.uint8),
+        score=np.empty(shape, np.float32),
+        dy=np.empty(shape, np.float32) if vertical else NO_ROWS,
     )
     found = _Matched(
         np.empty((0, 0), np.uint8) if refused is None else np.ascontiguousarray(refused),
@@ -243,29 +220,34 @@ def spread_over_pixels(
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
 
     def write(first: int, end: int) -> None:
-        _write_cells(first, end, cells, ends, query.circular, flat, found, maps)
+        _write_cells(first, end, query.window_size, query.step, ends, query.circular, flat, found, maps)
 
     over_bands(write, matches.score.shape[0])
-    return PixelMatches(maps.disparity, maps.reason, maps.score, maps.dy if vertical else None)
+    return maps if vertical else maps._replace(dy=None)
 
 
 @compiled
 def _write_cells(
     first: int,
     end: int,
-    cells: Cells,
+    window: int,
+    step: int,
     ends: tuple[int, int, int, int],
     circular: bool,
     flat: float,
     found: _Matched,
-    maps: _Maps,
+    maps: Any,
 ) -> None:
-    """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond."""
-    offset, step, last_row, last_col = cells
+    """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond.
+
+    The cell of a window is the `step` × `step` px nearest to its centre. `maps` is a `PixelMatches`, with an empty `dy`
+    after a search along one row.
+    """
     refused, texture, best, lag_dy, lag_dx, beside_dy, beside_dx = found
     dy_first, dy_last, dx_first, dx_last = ends
     rows, cols = best.shape
     height, width = maps.reason.shape
+    offset, last_row, last_col = (window - step) // 2, height - window, width - window
     vertical = lag_dy.size > 0
     reason = np.full(cols, MEASURED, np.uint8)
     dy, disparity = np.empty(cols, np.float32), np.empty(cols, np.float32)
@@ -328,7 +310,7 @@ def _write_cells(
 
 
 @compiled
-def _blank(maps: _Maps, y: int, left: int, right: int) -> None:
+def _blank(maps: Any, y: int, left: int, right: int) -> None:
     for x in range(left, right):
         maps.disparity[y, x] = NOTHING
         maps.score[y, x] = NOTHING

@@ -1,4 +1,4 @@
-"""Running sums of products, scores of windows at every lag, and the choice of the best lag.
+"""The loops of window correlation: running sums of products, scores at every lag, and the choice of the best lag.
 
 A *column sum* is the sum of the products of one image column over the window's height, for every lag. Moving down one
 row adds the products that enter and subtracts those that leave, both in one instruction if the pixels are whole numbers
@@ -41,7 +41,7 @@ from stereolag.loops.vector_lanes import (
     splat,
     store,
 )
-from stereolag.stereo.windows.search import LagTable, Score, WindowQuery
+from stereolag.stereo.windows.search import LagRange, LagTable, Score, WindowQuery
 
 NEITHER, ENTERING, BOTH = 0, 1, 2
 """How a row changes the column sums that end in it: not at all, by entering, or by entering as another leaves."""
@@ -612,3 +612,122 @@ def record_runners_up(
             key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
             best = larger(best, key & score_bits)
         put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)
+
+
+class TilePlace(NamedTuple):
+    """Place of a tile of the window grid."""
+
+    row_first: int
+    """Row of the grid at which the tile's left windows start."""
+    col_first: int
+    cols: int
+    right_row: int
+    right_col: int
+    """The pixel of the right rows that the first lag of left pixel (0, 0) meets."""
+    window: int
+    step: int
+    share: float
+
+
+@compiled
+def match_tile(
+    place: TilePlace,
+    left: Array,
+    right_rows: Array,
+    left_windows: Windows,
+    right_windows: Windows,
+    table: LagTable,
+    work: Workspace,
+    found: WindowResults,
+) -> None:
+    """Match a tile of the window grid: all rows of `left_windows`, and the columns of `place`.
+
+    Parameters
+    ----------
+    left
+        The left image.
+    right_rows
+        Rows of the right image, in a frame wide enough for every lag, from ``changing_rows``.
+    """
+    row_first, col_first, cols, right_row, right_col, window, step, share = place
+    offsets, columns, window_sums = table.right_offset, work.columns, work.window
+    grid_cols = found.dx.shape[1]
+    width = (cols - 1) * step + window
+    x_first = col_first * step
+    group = work.best.shape[0]
+    left_stride, right_stride = left.shape[1], right_rows.shape[1]
+    for row in range(left_windows.inverse.shape[0]):
+        top = (row_first + row) * step
+        renewed = row == 0 or 2 * step > window
+        if renewed:
+            columns[:width] = 0
+        which = ENTERING if renewed else BOTH
+        left_back, right_back = window * left_stride, 0 if renewed else window * right_stride
+        left_row = right_row_at = 0
+        for y in range(top if renewed else top + window - step, top + window):
+            left_row = y * left_stride + x_first
+            right_row_at = (y + right_row) * right_stride + right_col + x_first
+            # The last row to enter: if every column ends a window, its sums are updated during scoring instead.
+            changed = width if step > 1 or y < top + window - 1 else window - 1
+            change_row(
+                columns, changed, left, left_row, left_back, right_rows, right_row_at, right_back, offsets, which
+            )
+        window_sums[:] = 0
+        for column in range(window - 1):
+            slide(window_sums, columns, column, -1)
+        at = row * grid_cols + col_first
+        for col in range(0, cols, group):
+            count = min(group, cols - col)
+            column = col * step + window - 1
+            here = GroupPlace(
+                count,
+                step,
+                window,
+                column,
+                width,
+                which if step == 1 else NEITHER,
+                left_row + column,
+                left_back,
+                right_row_at + column,
+                right_back,
+                at + col,
+                row * step * right_stride + right_col + x_first + col * step,
+                share,
+            )
+            score_group(here, left, right_rows, left_windows, right_windows, table, work, found.right_key)
+            out = at + col + row_first * grid_cols
+            record_group(count, out, at + col, left_windows.inverse, table, work.best, work.scores, work.codes, found)
+            if found.runner_up.size > 0:
+                record_runners_up(
+                    count, out, work.scores, work.codes, table.around, table.codes, table.code_mask, found.runner_up
+                )
+
+
+@compiled
+def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, right_dx: Array) -> None:
+    """Convert the keys of the right windows into displacements; `nowhere` where no left window met one."""
+    for row in range(right_dx.shape[0]):
+        for x in range(right_dx.shape[1]):
+            key = right_key[row, x]
+            right_dx[row, x] = dx_of[key & code_mask] if key > code_mask else nowhere
+
+
+def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
+    """Return the displacement of the best left window of every right window; `nowhere` where none meets it.
+
+    Parameters
+    ----------
+    volume
+        (1, lags, rows, cols) scores of windows one pixel apart, NaN where there is none, from
+        :func:`score_volume_reference`.
+    """
+    rows, cols = volume.shape[2:]
+    best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), nowhere, np.int16)
+    for dx in lags.ranked()[1]:  # the shortest first, so that it wins ties
+        scores = np.full((rows, cols), -np.inf)
+        left, right = slice(max(0, -dx), min(cols, cols - dx)), slice(max(0, dx), min(cols, cols + dx))
+        if left.start < left.stop:
+            scores[:, right] = np.nan_to_num(volume[0, dx - lags.dx_first, :, left], nan=-np.inf)
+        right_dx[scores > best] = dx
+        best = np.maximum(best, scores)
+    return right_dx

@@ -1,0 +1,576 @@
+"""Two engines that find the best match of every window: running sums, and batched FFT.
+
+Running sums cost the same whatever the window's size. FFT pays off where windows are few (a low overlap) and the search
+is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular correlation of an
+unpadded search. Only the products are computed differently: what is prepared for both, and the code that uses the
+products, is the same, and so is the map.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+
+from stereolag.core.arrays import Array
+from stereolag.core.inputs import Image, flat_energy
+from stereolag.core.jobs import Progress, silent
+from stereolag.loops.bands import over_bands
+from stereolag.loops.vector_lanes import LANES
+from stereolag.stereo.windows.scores import (
+    OFFSET,
+    SCALE,
+    LeftTerms,
+    TilePlace,
+    WindowResults,
+    Windows,
+    Workspace,
+    as_right_dx,
+    as_scores,
+    changing_rows,
+    describe_windows,
+    match_tile,
+    record_group,
+    record_runners_up,
+    score_products,
+)
+from stereolag.stereo.windows.search import (
+    MOST_LAGS,
+    LagRange,
+    LagTable,
+    WindowMatches,
+    WindowQuery,
+    lag_table,
+    strips_of,
+)
+
+LARGEST_EXACT_WINDOW = 181
+"""px; 181² products of uint8 still fit in a signed 32-bit sum."""
+
+NO_RIGHT_MATCH = -32768
+
+
+class PreparedPair:
+    """Data of a pair computed before any windows are compared, and room for the results.
+
+    Parameters
+    ----------
+    query
+        The pair, its windows and the lags.
+
+    Raises
+    ------
+    ValueError
+        Images that are not grey or differ in size or dtype, a window larger than they are, or a step below 1.
+    """
+
+    def __init__(self, query: WindowQuery) -> None:
+        window = query.window_size
+        if query.left.ndim != 2 or query.left.shape != query.right.shape or query.left.dtype != query.right.dtype:
+            raise ValueError(
+                f"left is {query.left.shape} {query.left.dtype} and right {query.right.shape} {query.right.dtype}; "
+                "both must be grey images of one size and type."
+            )
+        self.height, self.width = query.left.shape
+        if not 1 <= window <= min(self.height, self.width):
+            raise ValueError(
+                f"A window of {window} px does not fit an image of {self.width} × {self.height} pixels; "
+                f"allowed are 1 to {min(self.height, self.width)}."
+            )
+        if query.step < 1:
+            raise ValueError(f"The step is {query.step} px; it must be at least 1.")
+        self.window, self.step, self.score, self.circular = window, query.step, query.score, query.circular
+        self.rows, self.cols = query.grid
+        self.left, self.plain_right, self.exact, self.floor = comparable(query.left, query.right, window, query.score)
+        self.sums_dtype = np.int32 if self.left.dtype == np.uint8 else np.float64
+        self.left_norm, self.right_norm = (
+            window * float(np.ptp(one)) / 2 or 1.0 for one in (self.left, self.plain_right)
+        )
+        self.share = 0.0 if query.score == "ncc" else 1 / window**2
+        inside = query.lags.within(self.height - window, self.width - window)
+        self.lags = query.lags if query.circular else inside
+        if self.lags is not None:
+            self.right = self.plain_right if query.circular else framed(self.plain_right, self.lags)
+            self.table = lag_table(self.lags, self.right.shape[1], wrapped=query.circular)
+            self.right_row = max(0, -self.lags.dy_first) + self.lags.dy_first
+            self.right_col = max(0, -self.lags.dx_first) + self.lags.dx_first
+        shape = (self.rows, self.cols)
+        seen = (self.rows, self.width - window + 1) if query.right_matches else (0, 0)
+        vertical = self.lags is not None and self.lags.rows > 1
+        self.found = WindowResults(
+            dy=np.zeros(shape if vertical or (self.lags and self.lags.dy_first) else (0, 0), np.int16),
+            dx=np.zeros(shape, np.int16),
+            around=np.zeros((9 if vertical else 3, *shape), np.int32),
+            runner_up=np.zeros(shape if query.runner_up else (0, 0), np.int32),
+            right_key=np.zeros(
+                (self.rows, self.right.shape[1]) if query.right_matches and self.lags else (0, 0), np.int32
+            ),
+        )
+        self.right_dx = np.full(seen, NO_RIGHT_MATCH, np.int16)
+        self.texture = np.empty(shape, np.float32)
+
+    def left_windows(self, first: int, end: int) -> Windows:
+        """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
+        # A right window compares the unnormalised scores of several left windows, which need one unit.
+        norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
+        windows = self._nothing_yet(end - first, self.cols)
+        self._describe(self.left, self.step, first, norm, windows, self.texture[first:end])
+        return windows
+
+    def right_windows(self, first: int, end: int) -> Windows:
+        """Return the right windows that the lags of these grid rows meet; out of the frame they have no norm.
+
+        They are one px apart. Row 0 is the one that the first row of left windows meets at the first lag; columns are
+        those of the framed right image. For a circular correlation they are at the places of the left ones.
+        """
+        assert self.lags is not None
+        # Scores without the norm of the right window only need it to be in the frame.
+        norm = self.right_norm if self.score in ("cross", "phase") and not self.circular else 0.0
+        nothing = np.empty((0, 0), np.float32)
+        if self.circular:
+            windows = self._nothing_yet(end - first, self.cols)
+            self._describe(self.plain_right, self.step, first, norm, windows, nothing)
+            return windows
+        rows = (end - first - 1) * self.step + self.lags.rows
+        begin = first * self.step + self.lags.dy_first
+        top, bottom = max(0, begin), min(self.height - self.window + 1, begin + rows)
+        windows = self._nothing_yet(rows, self.right.shape[1])
+        if bottom > top:
+            x = max(0, -self.lags.dx_first)
+            inside = slice(top - begin, bottom - begin), slice(x, x + self.width - self.window + 1)
+            self._describe(self.plain_right, 1, top, norm, Windows(*(part[inside] for part in windows)), nothing)
+        return windows
+
+    def _nothing_yet(self, rows: int, cols: int) -> Windows:
+        return Windows(np.zeros((rows, cols), self.sums_dtype), np.full((rows, cols), np.nan, np.float32))
+
+    def _describe(self, image: Array, step: int, first: int, norm: float, windows: Windows, texture: Array) -> None:
+        describe_windows(image, self.window, step, first, self.share, norm, self.floor, *windows, texture)
+
+    def rescale(self, first: int, end: int, left_inverse: Array) -> None:
+        """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""
+        for kept in (*self.found.around, *self.found.runner_up[None, : self.rows]):
+            if kept.size:
+                as_scores(kept[first:end], kept[first:end].view(np.float32), left_inverse, self.score_norm)
+
+    @property
+    def score_norm(self) -> float:
+        """Return the norm of a right window by which scores are multiplied again, 0 for none."""
+        return self.right_norm if self.score == "cross" else 0.0
+
+    def matches(self) -> WindowMatches:
+        """Return the matches found."""
+        around = self.found.around.view(np.float32).reshape(-1, 3, self.rows, self.cols)
+        nowhere = np.broadcast_to(np.int16(0), self.texture.shape)
+        return WindowMatches(
+            dy=self.found.dy if self.found.dy.size else nowhere,
+            dx=self.found.dx,
+            score=around[len(around) // 2, 1],
+            around=around,
+            texture=self.texture,
+            runner_up=self.found.runner_up.view(np.float32) if self.found.runner_up.size else None,
+            right_dx=self.right_dx if self.right_dx.size else None,
+        )
+
+
+def comparable(left: Image, right: Image, window: int, score: str) -> tuple[Array, Array, bool, float]:
+    """Return both images in the type in which their products are summed: uint8, or float64 about their mean.
+
+    Also whether all sums are exact whole numbers, and the energy up to which a window is flat.
+    """
+    if left.dtype == np.uint8 and window <= LARGEST_EXACT_WINDOW:
+        return np.ascontiguousarray(left), np.ascontiguousarray(right), True, flat_energy(window**2, 255, exact=True)
+    # One mean for both images, so that each is shifted by the same amount. "ncc" keeps the mean.
+    mean = 0.0 if score == "ncc" else float(np.rint((left.mean(dtype=float) + right.mean(dtype=float)) / 2))
+    if score != "ncc" and np.issubdtype(left.dtype, np.floating):
+        mean = float((left.mean(dtype=float) + right.mean(dtype=float)) / 2)
+    left, right = left.astype(np.float64) - mean, right.astype(np.float64) - mean
+    brightest = max(float(np.abs(left).max()), float(np.abs(right).max()))
+    whole_numbers = mean == np.rint(mean) and brightest > 1
+    exact = whole_numbers and bool((left == np.rint(left)).all() and (right == np.rint(right)).all())
+    exact = exact and window**2 * brightest**2 < 2**46
+    return left, right, exact, flat_energy(window**2, brightest, exact=exact)
+
+
+def framed(image: Array, lags: LagRange) -> Array:
+    """Return the image padded with zeros, so that every lag of every pixel can be read."""
+    return cv2.copyMakeBorder(
+        image,
+        top=max(0, -lags.dy_first),
+        bottom=max(0, lags.dy_last),
+        left=max(0, -lags.dx_first),
+        right=max(0, lags.dx_first + strips_of(lags) * LANES),
+        borderType=cv2.BORDER_CONSTANT,
+    )
+
+
+CACHE_BYTES = 512 * 1024
+"""Size of the column sums of a tile, which stay in a core's L2 cache."""
+GROUP_BYTES = 24 * 1024
+"""Size of the scores of a few windows, which stay in a core's L1 cache."""
+BAND_WORK = 60e6
+"""Pixels times lags of a band: about 50 ms."""
+
+
+def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
+    """Find the lag at which each window of the left image correlates best with the right image.
+
+    A lag is a candidate only if its right window is wholly inside the right image, and neither flat (``zncc``) nor
+    without energy (``ncc``). Lags whose scores differ by less than float32 and the number of lags can resolve (2e-6 for
+    441 of them) are equal, and the shortest displacement among them wins; see :meth:`LagRange.ranked`. The time does
+    not depend on the window's size.
+
+    Parameters
+    ----------
+    query
+        uint8 images have exact integer sums, others float64 ones. `right_matches` needs step 1 and a search without
+        vertical reach.
+    progress
+        Called with the fraction done.
+
+    Raises
+    ------
+    ValueError
+        Images that are not grey or differ in size or dtype, a window larger than they are, a step below 1, more than
+        65535 lags, a score or a circular correlation that needs a spectrum, or unsupported `right_matches`.
+    """
+    lags = query.lags
+    if query.score not in ("zncc", "ncc", "cross") or query.circular:
+        raise ValueError(
+            f"The score is {query.score!r}{', circular' if query.circular else ''}; "
+            "allowed are 'zncc', 'ncc' and 'cross', none of them circular."
+        )
+    if query.right_matches and (query.step > 1 or lags.dy_first != 0 or lags.dy_last != 0):
+        raise ValueError(
+            f"Matches of the right windows need step 1 and no vertical search; the step is {query.step} and "
+            f"dy goes from {lags.dy_first} to {lags.dy_last}."
+        )
+    pair = PreparedPair(query)
+    tried = pair.lags.count if pair.lags else 1
+    if tried > MOST_LAGS:
+        raise ValueError(
+            f"The search has {tried} lags; window sums allow at most {MOST_LAGS}, engine 'fft' any number."
+        )
+    work_of_row = pair.width * tried * min(pair.window, 2 * pair.step) / 2
+    most_rows = max(1, int(BAND_WORK / work_of_row))  # so that progress comes often enough
+    over_bands(lambda first, end: _match_band(pair, first, end), pair.rows, most_rows=most_rows, progress=progress)
+    return pair.matches()
+
+
+def _match_band(pair: PreparedPair, first: int, end: int) -> None:
+    """Match rows `first` to `end` of the window grid, tile by tile."""
+    left = pair.left_windows(first, end)
+    if pair.lags is not None:
+        right = pair.right_windows(first, end)
+        top, bottom = first * pair.step, (end - 1) * pair.step + pair.window + pair.lags.rows - 1
+        right_rows = changing_rows(pair.right[top + pair.right_row : bottom + pair.right_row], pair.window)
+        found = pair.found._replace(right_key=pair.found.right_key[first:end])
+        columns = max(CACHE_BYTES // (pair.table.codes.size * np.dtype(pair.sums_dtype).itemsize), 4 * pair.window)
+        tile = max(1, (columns - pair.window) // pair.step + 1)
+        work = _workspace(pair, min((tile - 1) * pair.step + pair.window, pair.width))
+        for col in range(0, pair.cols, tile):
+            cols = min(tile, pair.cols - col)
+            place = TilePlace(first, col, cols, -top, pair.right_col, pair.window, pair.step, pair.share)
+            match_tile(place, pair.left, right_rows, left, right, pair.table, work, found)
+    pair.rescale(first, end, left.inverse)
+    if pair.lags is not None and pair.right_dx.size:
+        margin = max(0, -pair.lags.dx_first)
+        keys, right_dx = pair.found.right_key[first:end, margin:], pair.right_dx[first:end]
+        as_right_dx(keys, pair.table.dx, pair.table.code_mask, NO_RIGHT_MATCH, right_dx)
+
+
+def _workspace(pair: PreparedPair, columns: int) -> Workspace:
+    lags = pair.table.codes.size
+    group = max(1, GROUP_BYTES // (4 * lags))
+    return Workspace(
+        columns=_aligned((columns, lags), pair.sums_dtype),
+        window=_aligned((lags,), pair.sums_dtype),
+        left=LeftTerms(
+            np.zeros(group, pair.sums_dtype),
+            *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale")),
+        ),
+        scores=_aligned((group, lags + LANES), np.int32),
+        best=_aligned((group, LANES), np.int32),
+        codes=_aligned((group,), np.int32),
+    )
+
+
+def _aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """Return zeros that start at a cache line, so that no strip straddles two."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    memory = np.zeros(size + 64, np.uint8)
+    start = -memory.ctypes.data % 64
+    return memory[start : start + size].view(dtype).reshape(shape)
+
+
+Spectrum = npt.NDArray[np.complex128]
+Surface = npt.NDArray[np.float64]
+
+BATCH_BYTES = 32 * 2**20
+"""Windows are processed in batches whose padded search areas take about this much memory."""
+
+POWERLESS = 1e-9
+"""Share of a spectrum's highest magnitude up to which a frequency has no power, and so no phase."""
+
+
+def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
+    """Match every window of the left image by FFT, as :func:`match_windows` does.
+
+    Sums of integers are rounded to integers, so that both agree to the bit. For other images the sums of both are
+    rounded in the sixteenth digit, which changes a 32-bit score once in a million.
+
+    Parameters
+    ----------
+    query
+        `right_matches` is not supported.
+    progress
+        Called with the fraction done after every batch.
+
+    Raises
+    ------
+    ValueError
+        A query that :class:`PreparedPair` rejects, or one for `right_matches`.
+    """
+    if query.right_matches:
+        raise ValueError("Only window sums give the matches of the right windows.")
+    pair = PreparedPair(query)
+    if pair.lags is None:
+        for first in range(pair.rows):
+            pair.rescale(first, first + 1, pair.left_windows(first, first + 1).inverse)
+        progress(1.0)
+        return pair.matches()
+    surfaces = _Surfaces.of(pair, pair.lags)
+    batch = max(1, BATCH_BYTES // surfaces.bytes_per_window)
+    rows = max(1, batch // pair.cols)
+    for first in range(0, pair.rows, rows):
+        end = min(first + rows, pair.rows)
+        left, right = pair.left_windows(first, end), pair.right_windows(first, end)
+        for begin in range(0, left.inverse.size, batch):
+            some = np.arange(begin, min(begin + batch, left.inverse.size))
+            record_windows(pair, first, some, left, *surfaces.score(first, some, left, right))
+            progress((first * pair.cols + int(some[-1]) + 1) / (pair.rows * pair.cols))
+        pair.rescale(first, end, left.inverse)
+    return pair.matches()
+
+
+def record_windows(
+    pair: PreparedPair,
+    first: int,
+    some: npt.NDArray[np.intp],
+    left: Windows,
+    scores: npt.NDArray[np.int32],
+    best_lanes: npt.NDArray[np.int32],
+) -> None:
+    """Record the best lags of some windows, counted from row `first` of the grid on."""
+    found, table, left_at = pair.found, pair.table, int(some[0])
+    at = first * pair.cols + left_at
+    score_mask, score_codes = table.code_mask, table.codes
+    if np.count_nonzero(table.codes > 0) > MOST_LAGS:
+        # Score and code do not fit in one integer: the best of each window is found separately, with no bits lost.
+        best_lanes = _best_of_many(scores, table)
+        score_mask, score_codes = 0, np.minimum(table.codes, 0)
+    codes = np.empty(some.size, np.int32)
+    record_group(some.size, at, left_at, left.inverse, table, best_lanes, scores, codes, found)
+    if found.runner_up.size:
+        record_runners_up(some.size, at, scores, codes, table.around, score_codes, score_mask, found.runner_up)
+
+
+def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:
+    """Return lanes with the code of each window's best lag in the first lane, as its only candidate."""
+    keys = scores[:, : table.codes.size].astype(np.int64) << 32 | np.maximum(table.codes, 0)
+    keys[:, table.codes < 0] = 0
+    best = keys.max(axis=1)
+    lanes = np.zeros((len(scores), LANES), np.int32)
+    lanes[:, 0] = np.where(best >> 32 > 0, (best & table.code_mask) | (table.code_mask + 1), 0)
+    return lanes
+
+
+def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
+    """Return the (lag rows, lag cols) scores of the window with the given top-left pixel, as used in its match.
+
+    NaN = no candidate.
+    """
+    pair = PreparedPair(replace(query, step=1, runner_up=False, right_matches=False))
+    surface = np.full((query.lags.rows, query.lags.cols), np.nan)
+    if pair.lags is None:
+        return surface
+    left, right = pair.left_windows(top, top + 1), pair.right_windows(top, top + 1)
+    kept, _ = _Surfaces.of(pair, pair.lags).score(top, np.array([left_edge]), left, right)
+    kept = kept[0, : pair.table.codes.size].reshape(pair.lags.rows, -1)[:, : pair.lags.cols]
+    inverse = float(left.inverse[0, left_edge])
+    if inverse > 0:
+        scores = np.empty(kept.shape, np.float32)
+        as_scores(kept, scores, np.full(kept.shape, inverse, np.float32), pair.score_norm)
+        row, col = pair.lags.dy_first - query.lags.dy_first, pair.lags.dx_first - query.lags.dx_first
+        surface[row : row + pair.lags.rows, col : col + pair.lags.cols] = scores
+    return surface
+
+
+class _Surfaces(ABC):
+    """Scores of windows at every lag, stored as in :mod:`stereolag.stereo.windows.scores`."""
+
+    @staticmethod
+    def of(pair: PreparedPair, lags: LagRange) -> _Surfaces:
+        """Return the surfaces of the kind that the query needs."""
+        if pair.circular:
+            return _Circular(pair, lags)
+        return _Whitened(pair, lags) if pair.score == "phase" else _Products(pair, lags)
+
+    def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
+        self.pair, self.lags = pair, lags
+        if pair.circular:
+            self.area = self.fft_shape = (pair.window, pair.window)
+        else:
+            self.area = (pair.window + lags.rows - 1, pair.window + lags.cols - 1)
+            rows, cols = (scipy.fft.next_fast_len(side, real=True) for side in self.area)
+            self.fft_shape = (rows, cols)
+        self.bytes_per_window = 8 * 4 * self.fft_shape[0] * self.fft_shape[1]
+
+    @abstractmethod
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return the scores and the best lanes of some windows, as :func:`score_products` sets them.
+
+        Parameters
+        ----------
+        first
+            Row of the grid at which `left` and `right` start.
+        some
+            (n,) consecutive indices of the left windows.
+        left, right
+            Sums and norms of the windows.
+        """
+
+    def places(self, first: int, some: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Return the top-left pixels of some windows."""
+        rows, cols = np.divmod(some, self.pair.cols)
+        return (first + rows) * self.pair.step, cols * self.pair.step
+
+    def correlated(self, windows: Array, areas: Array, *, whitened: bool) -> Surface:
+        """Return the (n, lag rows, lag cols) correlation of windows with their search areas; wrapped if circular."""
+        spectrum: Spectrum = scipy.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
+        spectrum *= scipy.fft.rfft2(areas, self.fft_shape, workers=-1)
+        if whitened:
+            _whiten(spectrum)
+        surface: Surface = scipy.fft.irfft2(spectrum, self.fft_shape, workers=-1)
+        return surface
+
+
+class _Products(_Surfaces):
+    """Sums of products with larger search areas, zero-padded so that nothing wraps, scored as for window sums."""
+
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags, table = self.pair, self.lags, self.pair.table
+        tops, lefts = self.places(first, some)
+        areas = _cut(pair.right, tops + pair.right_row, lefts + pair.right_col, self.area)
+        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
+        surface = self.correlated(windows, areas, whitened=False)[:, : lags.rows, : lags.cols]
+        if pair.exact:
+            np.rint(surface, out=surface)
+        products = np.zeros((some.size, lags.rows, table.codes.size // lags.rows), pair.sums_dtype)
+        products[:, :, : lags.cols] = surface
+        scores = np.zeros((some.size, table.codes.size + LANES), np.int32)
+        best_lanes = np.empty((some.size, LANES), np.int32)
+        right_at = (tops - first * pair.step) * pair.right.shape[1] + lefts + pair.right_col
+
+        def make_scores(begin: int, end: int) -> None:
+            score_products(
+                begin,
+                end,
+                products.reshape(some.size, -1),
+                pair.share,
+                int(some[0]),
+                left,
+                right_at,
+                right,
+                table,
+                scores,
+                best_lanes,
+            )
+
+        over_bands(make_scores, some.size)
+        return scores, best_lanes
+
+
+class _Whitened(_Surfaces):
+    """Phase correlation: only the phase of the spectrum counts."""
+
+    def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
+        super().__init__(pair, lags)
+        # Padded with the mean, as an edge of the frame would have a phase.
+        self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
+
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags = self.pair, self.lags
+        tops, lefts = self.places(first, some)
+        areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
+        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
+        surface = self.correlated(_mean_free(windows), _mean_free(areas), whitened=True)
+        in_frame = _cut(right.inverse, tops - first * pair.step, lefts + pair.right_col, (lags.rows, lags.cols)) > 0
+        return to_stored_score(pair, lags, np.where(in_frame, surface[:, : lags.rows, : lags.cols], np.nan))
+
+
+class _Circular(_Surfaces):
+    """Scores of windows against the same place in the right image, wrapped around at the window's edges."""
+
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags = self.pair, self.lags
+        tops, lefts = self.places(first, some)
+        order = np.ix_(
+            np.arange(some.size),
+            np.arange(lags.dy_first, lags.dy_last + 1) % pair.window,
+            np.arange(lags.dx_first, lags.dx_last + 1) % pair.window,
+        )
+        windows, areas = (_cut(image, tops, lefts, self.area) for image in (pair.left, pair.right))
+        if pair.score != "ncc":
+            windows, areas = _mean_free(windows), _mean_free(areas)
+        surface = self.correlated(windows, areas, whitened=pair.score == "phase")[order]
+        inverse = right.inverse.reshape(-1)[some].astype(np.float64)
+        if pair.score != "phase":
+            right_norm = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
+            surface *= (left.inverse.reshape(-1)[some] * right_norm)[:, None, None]
+        return to_stored_score(pair, lags, np.where(inverse[:, None, None] > 0, surface, np.nan))
+
+
+def to_stored_score(
+    pair: PreparedPair, lags: LagRange, scores: Surface
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as stored integers, and the best of each lane.
+
+    They are rounded to the nearest, so that the error of an FFT does not choose between equal scores.
+    """
+    codes, count = pair.table.codes, len(scores)
+    kept = np.zeros((count, codes.size + LANES), np.int32)
+    strips = kept[:, : codes.size].reshape(count, lags.rows, -1)
+    candidate = ~np.isnan(scores)
+    strips[:, :, : lags.cols] = np.rint((np.where(candidate, scores, -OFFSET) + OFFSET) * SCALE)
+    keys = (kept[:, : codes.size] & ~pair.table.code_mask) | codes
+    return kept, keys.reshape(count, -1, LANES).max(axis=1)
+
+
+def _cut(image: Array, tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp], shape: tuple[int, int]) -> Array:
+    """Return the (n, *shape) float64 patches of `image` whose top-left pixels are given."""
+    return np.lib.stride_tricks.sliding_window_view(image, shape)[tops, lefts].astype(np.float64, copy=False)
+
+
+def _mean_free(patches: Array) -> Array:
+    return np.asarray(patches - patches.mean(axis=(1, 2), keepdims=True))
+
+
+def _whiten(spectrum: Spectrum) -> None:
+    """Keep only the phase of a cross-power spectrum; frequencies without power are set to 0."""
+    magnitude = np.abs(spectrum)
+    floor = POWERLESS * magnitude.max(axis=(1, 2), keepdims=True)
+    np.divide(spectrum, magnitude, out=spectrum, where=magnitude > floor)
+    spectrum[magnitude <= floor] = 0
