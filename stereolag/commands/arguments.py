@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import NoneType
 from typing import Any, Generic, Literal, NoReturn, TypeVar, get_args
 
@@ -42,7 +42,7 @@ CODES = (
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser that reports errors in one line.
+    """A parser that reports errors in one line, with the flag for a line of JSON.
 
     Parameters
     ----------
@@ -70,6 +70,7 @@ class CommandParser(argparse.ArgumentParser):
             allow_abbrev=False,
             add_help=add_help,
         )
+        self.add_argument("--json", action="store_true", help="print one line of JSON, and nothing else")
 
     def error(self, message: str) -> NoReturn:
         """Print the message and exit."""
@@ -112,11 +113,6 @@ def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
         return reader(*paths, **options)
     except ValueError as error:
         raise ValueError(f"{', '.join(paths)}: {error}") from error
-
-
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Add the flag for a line of JSON to a parser."""
-    parser.add_argument("--json", action="store_true", help="print one line of JSON, and nothing else")
 
 
 def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
@@ -184,45 +180,35 @@ class SettingsFlags(Generic[S]):
             From the parser's ``error``.
         """
         options, others = self._parser.parse_known_args(arguments)
+        kind = type(self.settings)
         if others:
             name = others[0].partition("=")[0].lstrip("-").replace("-", "_")
             if not others[0].startswith("--"):
                 self._parser.error(f"{others[0]!r} is one argument too many.")
-            self._parser.error(f"{unknown_setting(type(self.settings), name)} {self._hint(name)}")
+            self._parser.error(f"{unknown_setting(kind, name)} {self._hint(name)}")
         try:
-            return options, self.applied(options)
+            _check_stages(vars(options), kind)
+            document = _merged(self.settings.model_dump(), self._source(parsed_args=options)(), kind)
+            return options, kind.model_validate(document)
         except SettingsError as error:
             self._parser.error(str(error))
 
-    def applied(self, options: argparse.Namespace) -> S:
-        """Return the settings changed by the flags, of the same class.
 
-        Raises
-        ------
-        SettingsError
-            A value that is not allowed, or that contradicts another.
-        """
-        for name, problem in _contradictions(vars(options), type(self.settings)):
-            raise SettingsError((Problem(name, problem),))
-        given = self._source(parsed_args=options)()
-        return type(self.settings).model_validate(_merged(self.settings.model_dump(), given, type(self.settings)))
-
-
-def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator[tuple[str, str]]:
-    """Yield the stages whose own flag is neither on nor off, or is off although their settings are given."""
+def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
+    """Refuse a stage whose own flag is neither on nor off, or is off although its settings are given."""
     for name, field in kind.model_fields.items():
         state = given.get(name)
         if state is None or not nested(field):
             continue
-        if state not in (ON, NOTHING):
-            one = next(iter(nested(field)[-1].model_fields))
-            yield (
-                name,
-                f"{name} is {state!r}; its settings have flags of their own, such as --{_flag(name)}.{_flag(one)}.",
-            )
         inner = [one for one in given if one.startswith(f"{name}.")]
-        if state == NOTHING and inner:
-            yield name, f"{name} is switched off, but {inner[0]} is given: leave one out."
+        one = next(iter(nested(field)[-1].model_fields))
+        if state not in (ON, NOTHING):
+            problem = f"{name} is {state!r}; its settings have flags of their own, such as --{_flag(f'{name}.{one}')}."
+        elif state == NOTHING and inner:
+            problem = f"{name} is switched off, but {inner[0]} is given: leave one out."
+        else:
+            continue
+        raise SettingsError((Problem(name, problem),))
 
 
 def _flag_model(kinds: Sequence[type[BaseModel]], values: BaseModel | None) -> type[BaseModel]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.arguments import DONE, CommandParser, add_output, tell
+from stereolag.commands.arguments import DONE, CommandParser, tell
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board
@@ -45,7 +45,6 @@ def run(arguments: Sequence[str]) -> int:
         help="write the calibration to this folder, as stereo.yml (OpenCV), left.yaml and right.yaml (ROS) and "
         "calibration.json; nothing is written unless given",
     )
-    add_output(parser)
     options = parser.parse_args(arguments)
 
     # Imported only now, so that --help does not wait for them.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, CommandParser, add_output, read, tell
+from stereolag.commands.arguments import DONE, CommandParser, read, tell
 from stereolag.commands.pairs import MatcherFlags, add_calibration, rectified_as_asked
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
@@ -41,7 +41,6 @@ def run(arguments: Sequence[str]) -> int:
         "LEFT RIGHT [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
     )
     _add_files(parser)
-    add_output(parser)
     flags = MatcherFlags(parser, arguments)
     options, matcher = flags.parsed(arguments)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, NOT_FOUND, CommandParser, SettingsFlags, add_output, read, tell
+from stereolag.commands.arguments import DONE, NOT_FOUND, CommandParser, SettingsFlags, read, tell
 from stereolag.core.searches import TemplateQuery
 
 
@@ -21,7 +21,6 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
     parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
-    add_output(parser)
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 

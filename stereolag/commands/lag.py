@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, CommandParser, SettingsFlags, add_output, read, tell
+from stereolag.commands.arguments import DONE, CommandParser, SettingsFlags, read, tell
 from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
     parser.add_argument("--channels", type=int, nargs=2, metavar=("A", "B"), help="which channel of each, from 1")
-    add_output(parser)
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 

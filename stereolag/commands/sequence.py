@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.arguments import (
@@ -14,7 +15,6 @@ from stereolag.commands.arguments import (
     INTERRUPTED,
     CommandParser,
     SettingsFlags,
-    add_output,
     one_line,
     read,
     tell,
@@ -58,7 +58,6 @@ def run(arguments: Sequence[str]) -> int:
         f"; {DAMAGED} done, except for damaged frames; {INTERRUPTED} stopped by Ctrl-C",
     )
     _add_frames(parser)
-    add_output(parser)
     _add_job(parser)
     flags = MatcherFlags(parser, arguments, PRESET)
     over_frames = SettingsFlags(parser, SequenceSettings())
@@ -70,26 +69,23 @@ def run(arguments: Sequence[str]) -> int:
 
     sequence, calibration, said = _read_sequence(options)
     matchers = _matchers(flags.over_known_range(matcher, options, calibration), options)
-    bar = _Bar(hidden=options.json or not sys.stderr.isatty())
     try:
-        result = run_sequence(
-            sequence,
-            matchers,
-            options.out,
-            calibration=calibration,
-            settings=beyond,
-            video=options.video,
-            disparity_format=options.disparity_format,
-            scheduler=options.scheduler,
-            again=options.again,
-            progress=bar.show,
-        )
+        with closing(_Bar(hidden=options.json or not sys.stderr.isatty())) as bar:
+            result = run_sequence(
+                sequence,
+                matchers,
+                options.out,
+                calibration=calibration,
+                settings=beyond,
+                video=options.video,
+                disparity_format=options.disparity_format,
+                scheduler=options.scheduler,
+                again=options.again,
+                progress=bar.show,
+            )
     except KeyboardInterrupt:
-        bar.close()
         print("stereolag sequence: Stopped; the same command continues where it stopped.", file=sys.stderr)
         return INTERRUPTED
-    finally:
-        bar.close()
     figures = {
         "command": "sequence",
         "frames": result.total,

@@ -38,7 +38,6 @@ def check_page() -> None:
         The page shows an error, which is the message.
     """
     logging.disable()  # the server will log the same again
-    sys.path.insert(0, str(APP.parent))
     from stereolag.streamlit_inside import faults_of_script
 
     faults = faults_of_script(APP, PATIENCE_S)
@@ -106,17 +105,22 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         os.environ["HOME"] = str(APP.parent)
     # Streamlit also reads .streamlit/config.toml of the current folder, where another app's settings must not apply.
     os.chdir(APP.parent)
+    sys.path.insert(0, str(APP.parent))  # as Streamlit will
     if options.check:
         check_page()
         return 0
     if options.probe:
-        return _probe(options.port)
+        from stereolag.streamlit_inside import served_fault
+
+        fault = served_fault(options.port)
+        if fault:
+            print(f"stereolag serves no page: {fault}", file=sys.stderr)
+        return 1 if fault else 0
     try:
         fault = port_fault(options.port, remedy) or page_fault()
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
-        sys.path.insert(0, str(APP.parent))  # as Streamlit will
         from stereolag.io.guard import start_guard
         from stereolag.warming import warm
 
@@ -128,16 +132,6 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
     except KeyboardInterrupt:  # before the server handles it
         return 130
     return 0
-
-
-def _probe(port: int) -> int:
-    sys.path.insert(0, str(APP.parent))
-    from stereolag.streamlit_inside import served_fault
-
-    fault = served_fault(port)
-    if fault:
-        print(f"stereolag serves no page: {fault}", file=sys.stderr)
-    return 1 if fault else 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -135,6 +135,11 @@ def names_found(names: Iterable[str]) -> str:
 _KITTI_PAIRS = (("P_rect_02", "P_rect_03"), ("P2", "P3"), ("P_rect_00", "P_rect_01"), ("row0", "row1"))
 _FOCAL = ("focal_px", "fx", "focal_length_px")
 _BASELINE = ("baseline_m", "baseline_meters", "baseline_metres")
+_WHOLE_NUMBERS = (
+    ("width", "image_width"),
+    ("height", "image_height"),
+    ("num_disparities", "max_disparity", "ndisp"),
+)
 
 
 def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibration:
@@ -181,46 +186,43 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
         raise ValueError(f"length_unit_m is {length_unit_m}; allowed are numbers above 0.")
     files = [parse_entries(read_bytes(source, "calibration")) for source in sources]
     entries = Entries({name: entry for one in files for name, entry in one.items()})
-    width, height = entries.count("width", "image_width"), entries.count("height", "image_height")
+    sides = next((pair for pair in _KITTI_PAIRS if set(pair) <= set(entries)), None)
     if entries.find(*_FOCAL):
-        return _from_plain_numbers(entries, width, height)
-    if "cam0" in entries:
-        return _from_middlebury(entries, width, height)
-    for left, right in _KITTI_PAIRS:
-        if left in entries and right in entries:
-            return _from_projections(entries[left], entries[right], width, height)
-    return _from_cameras(files, entries, length_unit_m)
+        numbers = _plain_numbers(entries)
+    elif "cam0" in entries:
+        numbers = _numbers_of_middlebury(entries)
+    elif sides:
+        numbers = _numbers_of_projections(entries[sides[0]], entries[sides[1]])
+    else:
+        return _from_cameras(files, entries, length_unit_m)
+    width, height, most = (entries.count(*names) for names in _WHOLE_NUMBERS)
+    return Calibration(*numbers, width=width, height=height, num_disparities=most)
 
 
-def _from_plain_numbers(entries: Entries, width: int | None, height: int | None) -> Calibration:
+RectifiedNumbers: TypeAlias = tuple[float, float, float, float | None, float | None]
+"""Of a rectified pair: the focal length, the baseline (metres), doffs, and the centre of the left image."""
+
+
+def _plain_numbers(entries: Entries) -> RectifiedNumbers:
     """Read single numbers by name; stereodemo calls them ``fx``, ``baseline_meters``, ``cx0`` and ``cx1``."""
     cx, right_cx = entries.number("cx", "cx0"), entries.number("cx1")
     doffs = entries.number("doffs_px", "doffs")
     if doffs is None:
         doffs = 0.0 if cx is None or right_cx is None else right_cx - cx
-    focal, baseline = entries.required_number(*_FOCAL), entries.required_number(*_BASELINE)
-    most = entries.count("num_disparities", "max_disparity")
-    return Calibration(
-        focal, baseline, doffs, cx, entries.number("cy"), width=width, height=height, num_disparities=most
-    )
+    return entries.required_number(*_FOCAL), entries.required_number(*_BASELINE), doffs, cx, entries.number("cy")
 
 
-def _from_middlebury(entries: Entries, width: int | None, height: int | None) -> Calibration:
+def _numbers_of_middlebury(entries: Entries) -> RectifiedNumbers:
     """Read lengths in mm and ``doffs = cx1 - cx0`` (https://vision.middlebury.edu/stereo/data/scenes2014/)."""
     (focal, _, cx), (_, _, cy), _ = entries["cam0"].matrix(3, 3).tolist()
-    baseline, doffs = entries.required_number("baseline") / 1000, entries.number("doffs") or 0.0
-    most = entries.count("ndisp")
-    return Calibration(focal, baseline, doffs, cx, cy, width=width, height=height, num_disparities=most)
+    return focal, entries.required_number("baseline") / 1000, entries.number("doffs") or 0.0, cx, cy
 
 
-def _from_projections(
-    left_entry: Entry, right_entry: Entry, width: int | None, height: int | None, length_unit_m: float = 1.0
-) -> Calibration:
+def _numbers_of_projections(left_entry: Entry, right_entry: Entry, length_unit_m: float = 1.0) -> RectifiedNumbers:
     """Read the (3, 4) projections of a rectified pair, ``P[0, 3] = -focal * baseline`` (Geiger et al., IJRR 2013)."""
     left, right = left_entry.projection().tolist(), right_entry.projection().tolist()
     focal, _, cx, shift = left[0]
-    baseline = (shift - right[0][3]) / focal * length_unit_m
-    return Calibration(focal, baseline, right[0][2] - cx, cx, left[1][2], width=width, height=height)
+    return focal, (shift - right[0][3]) / focal * length_unit_m, right[0][2] - cx, cx, left[1][2]
 
 
 def _from_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
@@ -244,7 +246,7 @@ def _from_cameras(files: list[Entries], entries: Entries, length_unit_m: float) 
         focal, back, doffs, cx, cy = _reprojected(parts["Q"])
         return Calibration(focal, unit / back, doffs / back, cx, cy, width=width, height=height)
     if is_rectified:
-        return _from_projections(parts["P1"], parts["P2"], width, height, unit)
+        return Calibration(*_numbers_of_projections(parts["P1"], parts["P2"], unit), width=width, height=height)
     raise ValueError(
         f"The calibration holds {names_found(entries)}: it is in no known format, or lacks both cameras; accepted are "
         "files of Middlebury, KITTI, OpenCV, ROS, Kalibr, NPZ, or JSON with focal_px and baseline_m."
@@ -693,12 +695,12 @@ def opencv_calibration(calibration: Calibration) -> str:
     ValueError
         A calibration without a rig, or a rig without a size.
     """
-    rig, size = _rig(calibration)
+    size, matrices = _cameras(calibration)
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.writeComment("lengths in metres")
     storage.write("image_width", size[0])
     storage.write("image_height", size[1])
-    for name, values in _matrices(rig, size).items():
+    for name, values in matrices.items():
         storage.write(name, np.asarray(values, dtype=np.float64))
     if calibration.rms is not None:
         storage.write("rms", calibration.rms)
@@ -713,10 +715,8 @@ def ros_calibration(calibration: Calibration) -> tuple[str, str]:
     ValueError
         A calibration without a rig, a rig without a size, or more distortion coefficients than ROS's models have.
     """
-    rig, size = _rig(calibration)
-    matrices = _matrices(rig, size)
-    left, right = (_camera_info(name, size, number, matrices) for name, number in (("left", 1), ("right", 2)))
-    return left, right
+    size, matrices = _cameras(calibration)
+    return _camera_info("left", size, 1, matrices), _camera_info("right", size, 2, matrices)
 
 
 def calibration_json(calibration: Calibration) -> str:
@@ -730,9 +730,9 @@ def calibration_json(calibration: Calibration) -> str:
         names = ("focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities")
         document = {name: getattr(calibration, name) for name in names if getattr(calibration, name) is not None}
     else:
-        rig, size = _rig(calibration)
+        size, matrices = _cameras(calibration)
         document = {"image_width": size[0], "image_height": size[1], "length_unit": "m"}
-        document |= {name: np.asarray(matrix).tolist() for name, matrix in _matrices(rig, size).items()}
+        document |= {name: np.asarray(matrix).tolist() for name, matrix in matrices.items()}
         if calibration.num_disparities is not None:
             document["num_disparities"] = calibration.num_disparities
     if calibration.rms is not None:
@@ -740,18 +740,16 @@ def calibration_json(calibration: Calibration) -> str:
     return json.dumps(document | {"stereolag": VERSION}, indent=2) + "\n"
 
 
-def _rig(calibration: Calibration) -> tuple[StereoRig, tuple[int, int]]:
+def _cameras(calibration: Calibration) -> tuple[tuple[int, int], dict[str, Matrix]]:
+    """Return the size of the images, and the matrices of both cameras and of their rectification by OpenCV's names."""
     rig = calibration.rig
     if rig is None:
         raise ValueError("calibration has no rig: a pair that is already rectified has no cameras to write.")
     if rig.width is None or rig.height is None:
         raise ValueError("The rig of the calibration has no width and height; they are needed to rectify.")
-    return rig, (rig.width, rig.height)
-
-
-def _matrices(rig: StereoRig, size: tuple[int, int]) -> dict[str, Matrix]:
+    size = rig.width, rig.height
     how = rectification(rig, size)
-    return {
+    return size, {
         "M1": rig.left_matrix,
         "D1": rig.left_distortion[None],
         "M2": rig.right_matrix,

@@ -219,16 +219,11 @@ def _clear(inside: Sequence[str]) -> tuple[str, ...]:
     """Return the files of the one calibration meant in a folder; empty if ambiguous."""
     if len(inside) == 1:
         return (inside[0],)
-    return _in_parts(inside) or tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
-
-
-def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the two files of a split calibration; empty if there are no such two."""
     for pattern in _IN_PARTS:
-        found = {match[0].casefold(): name for name in names if (match := pattern.search(PurePosixPath(name).stem))}
+        found = {match[0].casefold(): name for name in inside if (match := pattern.search(PurePosixPath(name).stem))}
         if len(found) == 2:
             return tuple(sorted(found.values()))
-    return ()
+    return tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
 
 
 def _core(name: str) -> str:
