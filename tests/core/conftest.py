@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
 from commanded import Command, Ran
+from straight_and_raw import DISPARITY, ENTRIES, raw_pair, straight_pair
 
+import stereolag as sl
 from stereolag.commands import main
+from stereolag.io.images import image_png
 
 
 @pytest.fixture
@@ -20,3 +27,19 @@ def ran(capsys: pytest.CaptureFixture[str]) -> Command:
         return Ran(code, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture(scope="session")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two raw and two rectified frames of one camera, their truth, and the calibration."""
+    folder = tmp_path_factory.mktemp("rig")
+    entries = {name: np.asarray(one).tolist() for name, one in ENTRIES.items()}
+    (folder / "rig.json").write_text(json.dumps(entries))
+    (folder / "truth").mkdir()
+    for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
+        for side, image in zip(("left", "right"), pair, strict=True):
+            (folder / kind / side).mkdir(parents=True)
+            for number in range(2):
+                (folder / kind / side / f"{number}.png").write_bytes(image_png(image))
+                sl.write_disparity(folder / "truth" / f"{number}.png", np.full(image.shape, DISPARITY, np.float32))
+    return folder

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from commanded import Command, assert_refused
 from ply_reader import read_ply
-from straight_and_raw import ENTRIES, raw_pair, straight_pair
+from straight_and_raw import raw_pair
 
 import stereolag as sl
 from stereolag import samples
@@ -133,34 +133,13 @@ def test_the_bundled_pair_is_as_right_as_by_the_library(ran: Command) -> None:
     assert told.figures["bad_2_percent"] < 1
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("rig")
-    entries = {name: np.asarray(one).tolist() if np.ndim(one) else one for name, one in ENTRIES.items()}
-    (folder / "rig.json").write_text(json.dumps(entries))
-    for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
-        for side, image in zip(("left", "right"), pair, strict=True):
-            (folder / f"{kind}_{side}.png").write_bytes(image_png(image))
-    sl.write_disparity(folder / "truth.pfm", np.full(raw_pair()[0].shape, 14, np.float32))
-    return folder
-
-
 def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: Path, ran: Command) -> None:
-    arguments = (
-        "--method",
-        "bm",
-        "--num-disparities",
-        32,
-        "--calibration",
-        rig / "rig.json",
-        "--json",
-        "--out",
-        tmp_path,
-    )
-    straight = ran("depth", rig / "straight_left.png", rig / "straight_right.png", *arguments)
+    arguments = ("--method", "bm", "--num-disparities", 32, "--calibration", rig / "rig.json", "--json")
+    arguments += ("--out", tmp_path)
+    straight = ran("depth", rig / "straight/left/0.png", rig / "straight/right/0.png", *arguments)
     assert straight.figures["rectified_here"] is False
     assert not (tmp_path / "left.png").exists()
-    raw = ran("depth", rig / "raw_left.png", rig / "raw_right.png", *arguments)
+    raw = ran("depth", rig / "raw/left/0.png", rig / "raw/right/0.png", *arguments)
     assert raw.figures["rectified_here"] is True
     made = sl.rectify(*raw_pair(), sl.read_calibration(rig / "rig.json"))
     np.testing.assert_array_equal(sl.read_image(tmp_path / "left.png"), made.left)
@@ -177,8 +156,8 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
     rig: Path, rectify: str, said: str, ran: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(rig)
-    pair, further = ("straight_left.png", "straight_right.png"), ("--truth", "truth.pfm", "--calibration", "rig.json")
-    told = ran("depth", *pair, "--method", "bm", *further, "--rectify", rectify)
+    pair = "straight/left/0.png", "straight/right/0.png", "--truth", "truth/0.png", "--calibration", "rig.json"
+    told = ran("depth", *pair, "--method", "bm", "--rectify", rectify)
     assert told.code == (1 if rectify == "yes" else 0)
     assert said in told.err + told.out
 
@@ -200,11 +179,7 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         (["left.png", "right.png", "--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
         (["left.png", "right.png", "--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
         (["left.png", "right.png", "--block-size", "9"], 2, "There is one with --method bm or sgbm."),
-        (
-            ["left.png", "right.png", "--method", "bm", "--block-size", "61"],
-            1,
-            "block_size is 61 px and the images are",
-        ),
+        (["left.png", "right.png", "--method", "bm", "--block-size", "61"], 1, "block_size is 61 px and the images"),
         (["left.png", "right.png", "--out", "truth.pfm"], 1, "truth.pfm: File exists."),
     ],
 )

@@ -17,12 +17,10 @@ import numpy as np
 import pytest
 from commanded import Command, assert_refused
 from small_drives import write_folders
-from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
 from stereolag.core.settings import changed
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.images import image_png
 from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -135,23 +133,6 @@ def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
     arguments = ("sequence", *sides, "--calibration", calibration, "--json", "--out")
     assert ran(*arguments, tmp_path / "known").figures["range_px"] == [0, 27]
     assert ran(*arguments, tmp_path / "given", *RANGE).figures["range_px"] == [0, 16]
-
-
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with two raw and two rectified frames of one camera, their truth, and the calibration."""
-    folder = tmp_path_factory.mktemp("rig")
-    entries = {name: np.asarray(one).tolist() if np.ndim(one) else one for name, one in ENTRIES.items()}
-    (folder / "rig.json").write_text(json.dumps(entries))
-    for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
-        for side, image in zip(("left", "right"), pair, strict=True):
-            (folder / kind / side).mkdir(parents=True)
-            for number in range(2):
-                (folder / kind / side / f"{number}.png").write_bytes(image_png(image))
-    (folder / "truth").mkdir()
-    for number in range(2):
-        sl.write_disparity(folder / "truth" / f"{number}.png", np.full(raw_pair()[0].shape, 14, np.float32))
-    return folder
 
 
 def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: Command) -> None:
