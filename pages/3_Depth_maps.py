@@ -73,7 +73,7 @@ def workspace(pair: Pair) -> None:
             prose.info("No map is chosen. Choose one above.", icon=":material/touch_app:")
     with controls:
         show_presets(pair)
-        show_controls(pair, as_set)
+        show_controls(as_set)
     write_address(pair, matchers.values())
     prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(

@@ -14,9 +14,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import streamlit as st
 from pydantic.fields import FieldInfo
@@ -316,18 +315,10 @@ Matcher = TypeVar("Matcher", bound=StereoMatcher)
 
 def default_settings(kind: type[Matcher], pair: Pair) -> Matcher:
     """Return the initial settings for a pair; those of an example leave visible errors to mend."""
-    own = None if pair.shared else FIRST_PRESET
-    return cast(Matcher, _default_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST, own))
-
-
-@lru_cache(maxsize=256)
-def _default_settings(
-    kind: type[StereoMatcher], first: int, count: int, preset_name: PresetName | None
-) -> StereoMatcher:
-    """Return the preset if it is of this kind, else the defaults; cached, because every control asks for them."""
-    if preset_name is not None:
-        matcher = preset(preset_name, count, first)
-        if type(matcher) is kind:
+    first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
+    if not pair.shared:
+        matcher = preset(FIRST_PRESET, count, first)
+        if isinstance(matcher, kind):
             return matcher
     return kind().with_search_range(first, count)
 
@@ -336,24 +327,6 @@ LARGEST_WINDOW = 101
 
 KIND = "kind"
 """The discriminator field of settings that come in several kinds."""
-
-
-class AsSet(NamedTuple):
-    """The settings of a method as its controls are set.
-
-    Attributes
-    ----------
-    matcher
-        The settings; the last valid ones if these are refused, None if there are none.
-    refusal
-        Why they are refused.
-    values
-        The values of the controls.
-    """
-
-    matcher: StereoMatcher | None
-    refusal: SettingsError | None
-    values: dict[str, Any]
 
 
 def _fields(kind: type[Settings]) -> dict[str, FieldInfo]:
@@ -386,8 +359,8 @@ class _Place:
         The method, and the names leading to these settings, each followed by a dot.
     pair
         The pair the matcher will work on.
-    refused
-        Called with the error if nested settings conflict.
+    refusals
+        Why nested settings were refused, if they conflict; one list for this place and all within it.
     """
 
     kind: type[Settings]
@@ -395,7 +368,12 @@ class _Place:
     method: type[StereoMatcher]
     path: str
     pair: Pair
-    refused: Callable[[SettingsError], None]
+    refusals: list[SettingsError]
+
+    @classmethod
+    def of(cls, kind: type[StereoMatcher], pair: Pair) -> _Place:
+        """Return the place of all settings of a method, for a pair."""
+        return cls(kind, default_settings(kind, pair), kind, "", pair, [])
 
     def key(self, name: str) -> str:
         of_the_pair = marker(self.kind.model_fields[name], OfThePair)
@@ -449,50 +427,54 @@ class _Place:
         try:
             return self.kind(**self.values())
         except SettingsError as error:
-            self.refused(error)
+            self.refusals.append(error)
             return self.first
+
+
+@dataclass(frozen=True)
+class AsSet:
+    """The settings of a method as its controls are set.
+
+    Attributes
+    ----------
+    place
+        Where the controls keep their values.
+    values
+        The values of the controls.
+    matcher
+        The settings; the last valid ones if these are refused, None if there are none.
+    refusal
+        Why they are refused.
+    """
+
+    place: _Place
+    values: dict[str, Any]
+    matcher: StereoMatcher | None
+    refusal: SettingsError | None
 
 
 def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
     """Return the settings of a method as its controls are set, without drawing them; the visitor may have moved one."""
-    refusals: list[SettingsError] = []
-    values = _place(kind, pair, refusals.append).values()
-    if not refusals:
+    place, matchers = _Place.of(kind, pair), _memory().matchers
+    values = place.values()
+    if not place.refusals:
         try:
-            matcher = _memory().matchers[kind.short_name] = kind(**values)
-            return AsSet(matcher, None, values)
+            matchers[kind.short_name] = kind(**values)
         except SettingsError as error:
-            refusals.append(error)
-    return AsSet(_memory().matchers.get(kind.short_name), refusals[0], values)
+            place.refusals.append(error)
+    return AsSet(place, values, matchers.get(kind.short_name), next(iter(place.refusals), None))
 
 
-def ask_matcher(kind: type[StereoMatcher], pair: Pair, as_set: AsSet | None = None) -> StereoMatcher | None:
-    """Draw the controls of a method, and return its settings; the last valid ones if they are refused.
-
-    Parameters
-    ----------
-    kind
-        The method.
-    pair
-        The pair it will work on.
-    as_set
-        The settings of :func:`matcher_as_set`, if already known in this run.
-    """
-    as_set = as_set or matcher_as_set(kind, pair)
-    top = st.container()
-    folds = _fields(kind).keys() > set(_first_shown(kind))
-    more = _more_settings(more_key(kind.short_name)) if folds else None
+def ask_matcher(as_set: AsSet) -> StereoMatcher | None:
+    """Draw the controls of a method, and return its settings; the last valid ones if they are refused."""
+    place, top = as_set.place, st.container()
+    folds = _fields(place.kind).keys() > set(_first_shown(place.kind))
+    more = _more_settings(more_key(place.method.short_name)) if folds else None
     with top:
-        _draw(_place(kind, pair), SimpleNamespace(**as_set.values), more)
+        _draw(place, SimpleNamespace(**as_set.values), more)
     if as_set.refusal is not None:
         show_refused(as_set.refusal)
     return as_set.matcher
-
-
-def _place(
-    kind: type[StereoMatcher], pair: Pair, refused: Callable[[SettingsError], None] = lambda error: None
-) -> _Place:
-    return _Place(kind, default_settings(kind, pair), kind, "", pair, refused)
 
 
 def _more_settings(key: str) -> Expander:
@@ -509,7 +491,7 @@ def _more_settings(key: str) -> Expander:
 
 def set_controls(matcher: StereoMatcher, pair: Pair) -> None:
     """Set the controls of a method to these settings; they must not have been drawn yet in this run."""
-    _set(_place(type(matcher), pair), matcher)
+    _set(_Place.of(type(matcher), pair), matcher)
     _memory().matchers[matcher.short_name] = matcher
 
 

@@ -27,14 +27,14 @@ def panel() -> None:
     from stereolag.figures.legends import Colours
     from stereolag.pair import Preparation
     from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.controls import ask_matcher
+    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.doctor import chosen_remedies, show_doctor
     from stereolag.ui.depth.inputs import prepared
     from stereolag.ui.depth.maps import DepthView
 
     pair = st.session_state["pair"]
     pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))
-    matcher = ask_matcher(StereoBM, pair)
+    matcher = ask_matcher(matcher_as_set(StereoBM, pair))
     if matcher is not None:
         show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64)))
     st.session_state["shown"] = pair

@@ -47,14 +47,14 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.figures.legends import Colours
-    from stereolag.ui.controls import ask_matcher
+    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.depth.state import recall_settings
 
     pair = st.session_state["pair"]
     recall_settings(pair)
-    matcher = ask_matcher(StereoBM, pair) or StereoBM()
+    matcher = ask_matcher(matcher_as_set(StereoBM, pair)) or StereoBM()
     show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
     st.session_state["matcher"] = matcher
 

@@ -50,11 +50,12 @@ def inputs() -> None:
 
     from stereolag.stereo.opencv import StereoBM
     from stereolag.stereo.windows.matcher import CorrelationMatcher
-    from stereolag.ui.controls import ask_matcher
+    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.inputs import choose_pair
 
     pair = choose_pair()
-    st.session_state["shown"] = pair, ask_matcher(StereoBM, pair), ask_matcher(CorrelationMatcher, pair)
+    shown = [ask_matcher(matcher_as_set(method, pair)) for method in (StereoBM, CorrelationMatcher)]
+    st.session_state["shown"] = pair, *shown
 
 
 def opened(arrangement: str = "files") -> AppTest:

@@ -34,13 +34,13 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.controls import ask_matcher
+    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.downloads import PAIR_EXPORTS, Download, archive
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
 
     pair = choose_pair()
-    matchers = {method: ask_matcher(method, pair) for method in METHODS}
+    matchers = {method: ask_matcher(matcher_as_set(method, pair)) for method in METHODS}
     results = {}
     for method in shown_methods():
         results |= measured(pair, matchers[method])

@@ -21,7 +21,7 @@ def page() -> None:
     pair = choose_pair()
     as_set = {method: matcher_as_set(method, pair) for method in METHODS}
     show_presets(pair)
-    show_controls(pair, as_set)
+    show_controls(as_set)
     st.session_state["met"] = matchers_in_use(), [matcher_as_set(method, pair).matcher for method in METHODS]
 
 

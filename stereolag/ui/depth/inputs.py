@@ -436,7 +436,8 @@ def _ask_step(pairs: PairSet) -> None:
     number, count = st.session_state[STEP], len(pairs)
 
     def step_button(label: str, by: int, *, disabled: bool) -> None:
-        st.button(label, key=f"{STEP}.{by}", on_click=_move, args=(by,), disabled=disabled, width="content")
+        move = partial(st.session_state.update, {STEP: number + by})
+        st.button(label, key=f"{STEP}.{by}", on_click=move, disabled=disabled, width="content")
 
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         step_button("Previous", -1, disabled=number == 0)
@@ -450,10 +451,6 @@ def _ask_step(pairs: PairSet) -> None:
         )
         step_button("Next", 1, disabled=number == count - 1)
         prose.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
-
-
-def _move(by: int) -> None:
-    st.session_state[STEP] += by
 
 
 def set_of(pair_id: PairId) -> PairSet | None:

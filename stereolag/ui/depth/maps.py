@@ -502,7 +502,7 @@ def bench() -> tuple[Container, Container]:
     return controls, both.container(key="depth-bench-maps")
 
 
-def show_controls(pair: Pair, as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
+def show_controls(as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
     """Draw the controls of one method at a time, chosen by a row of tabs; show the refusals of the others.
 
     Selecting a method also shows its map, so that moving its controls has a visible effect.
@@ -520,7 +520,7 @@ def show_controls(pair: Pair, as_set: Mapping[type[StereoMatcher], AsSet]) -> No
     )
     for method, found in as_set.items():
         if method.short_name == tab:
-            ask_matcher(method, pair, found)
+            ask_matcher(found)
         elif found.refusal is not None:
             show_refused(found.refusal)
 
