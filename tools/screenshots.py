@@ -15,7 +15,6 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.depth_page import DepthPage
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, expect_visible, faultless_pages, settled
 
@@ -66,10 +65,18 @@ class Shot:
 
 def bench(page: Page) -> Sequence[Locator]:
     """Show four maps of one pair, all read at one crosshair."""
-    visit = DepthPage(page)
     for preset in ("Fast", "Accurate"):
-        visit.press(preset)
-    visit.hover("Convolution", 237, 682)
+        page.get_by_role("button", name=preset).first.click()
+        settled(page)
+    figure = page.locator("figure", has=page.locator("figcaption").get_by_text("Convolution", exact=True))
+    viewport = figure.locator(".viewport")
+    shape, box = viewport.locator("svg").first.get_attribute("viewBox"), viewport.bounding_box()
+    assert shape is not None
+    assert box is not None
+    cols, rows = map(float, shape.split()[2:])
+    row, col = 237, 682
+    viewport.hover(position={"x": (col + 0.5) / cols * box["width"], "y": (row + 0.5) / rows * box["height"]})
+    expect(page.locator(".where")).to_have_text(f"row {row}, column {col}")
     return page.locator(".st-key-depth-bench-controls"), page.locator(".st-key-depth-bench-maps")
 
 
@@ -87,10 +94,11 @@ def search(page: Page) -> Sequence[Locator]:
 
 def match(page: Page) -> Sequence[Locator]:
     """Show why a window was matched at its place."""
-    visit = DepthPage(page)
-    visit.choose("Why this match?")
-    visit.press("A pattern that repeats")
-    return page.get_by_role("heading", name="Look closer"), visit.pictures.locator(".hint")
+    page.get_by_role("radio", name="Why this match?", exact=True).click()
+    settled(page)
+    page.get_by_role("button", name="A pattern that repeats").click()
+    settled(page)
+    return page.get_by_role("heading", name="Look closer"), page.locator(".linked").last.locator(".hint")
 
 
 def driving(page: Page) -> Sequence[Locator]:

@@ -10,36 +10,98 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import FilePayload, Locator, Page, expect
 
 from stereolag.io.calibrations import read_calibration
-from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell
 from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, settled
 
 
-@pytest.fixture(scope="module")
-def motorcycle(data_dir: Path) -> OwnPair:
-    """Return a pair of real photographs with ground truth and calibration."""
-    folder = data_dir / "stereo" / "motorcycle_q"
-    return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
+class DepthPage:
+    """The depth page, open in a browser."""
 
+    def __init__(self, page: Page) -> None:
+        self.page = page
 
-@pytest.fixture(scope="module")
-def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
-    return DepthPage.with_files(keep_page, motorcycle)
+    def open_head(self) -> None:
+        """Unfold the choice of the pair if it is folded."""
+        head = self.page.locator("details", has=self.page.get_by_text("choose a pair or bring your own"))
+        if head.get_attribute("open") is None:
+            head.locator("summary").first.click()
+            self.settle()
+
+    def settle(self) -> None:
+        """Wait until the page has answered without an exception."""
+        settled(self.page)
+        expect(self.page.get_by_test_id("stException")).to_have_count(0)
+
+    def choose(self, name: str) -> None:
+        """Choose one button of a row, unless it is chosen already: another click would undo that."""
+        button = self.page.get_by_role("radio", name=name, exact=True).first
+        if not button.is_checked():
+            button.click()
+        self.settle()
+
+    def press(self, name: str) -> None:
+        self.page.get_by_role("button", name=name).first.click()
+        self.settle()
+
+    def unfold(self, title: str) -> None:
+        self.page.locator("summary:visible").filter(has_text=title).first.click()
+        self.settle()
+
+    def give(self, label: str, file: Path | FilePayload) -> None:
+        """Upload a file to the box with this label."""
+        box = self.page.get_by_test_id("stFileUploader").filter(has_text=label).locator("input[type=file]")
+        box.set_input_files(file)
+        self.settle()
+
+    def download(self, label: str) -> tuple[str, bytes]:
+        """Return the address and the contents of a download."""
+        with self.page.expect_download() as started:
+            self.page.get_by_role("button", name=label, exact=True).click()
+        return started.value.url, Path(started.value.path()).read_bytes()
+
+    def value(self, name: str) -> float:
+        """Return the value of a slider."""
+        return float(self.page.get_by_role("slider", name=name).first.input_value())
+
+    def number(self, name: str, *, method: int = 0) -> float:
+        """Return a number below a map, by default the first map."""
+        figure = self.page.locator(".linked").first.locator("figure").nth(method)
+        text = figure.locator(".figures div").filter(has_text=name).locator("dd").inner_text()
+        found = re.search(r"[-−]?\d[\d,]*\.?\d*", text)
+        assert found, text
+        return float(found[0].replace(",", "").replace("−", "-"))
+
+    def said(self, text: str | re.Pattern[str]) -> Locator:
+        return self.page.get_by_text(text).first
+
+    def paragraph(self, text: str) -> Locator:
+        """Return the paragraph that contains a text."""
+        return self.page.locator("p").filter(has_text=text).first
 
 
 def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_them(
-    own_page: DepthPage, motorcycle: OwnPair
+    open_page: OpenPage, data_dir: Path
 ) -> None:
-    visit = own_page
+    motorcycle = data_dir / "stereo" / "motorcycle_q"  # real photographs, with ground truth and calibration
+    visit = DepthPage(open_page("Depth_maps?pair=square"))
+    visit.open_head()
+    visit.choose("Your own files")
+    visit.unfold("Calibration (optional)")
+    visit.give("Left image", motorcycle / "left.png")
+    visit.give("Right image", motorcycle / "right.png")
+    visit.open_head()  # it folded when the pair was uploaded
+    visit.give("Ground truth (optional)", motorcycle / "gt.pfm")
+    visit.give("Calibration files", motorcycle / "calib.json")
+    expect_visible(visit.page.get_by_text("Your own pair").first)
     expect(visit.page.get_by_text("Until both images are here")).to_have_count(0)
-    known = read_calibration(motorcycle.calibration.data)
+    known = read_calibration(motorcycle / "calib.json")
     disparities, error = visit.value("Disparities searched"), visit.number("EPE")
     assert visit.number("Bad-2") < 35
     visit.choose("Values")
     expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px:.6g} px × {known.baseline_m:.4g} m")
-    visit.screenshot("inputs-light")
+    screenshot(visit.page, "journey-inputs-light")
 
     visit.open_head()
     visit.choose("1/2")
@@ -52,7 +114,7 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
 
 
 def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenPage) -> None:
-    visit = DepthPage.with_example(open_page, "cube")
+    visit = DepthPage(open_page("Depth_maps?pair=cube"))
     visit.choose("Sweep")
     visit.page.get_by_role("radio", name="StereoBM").last.click()
     visit.settle()
@@ -66,13 +128,18 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenP
     chart = visit.page.get_by_test_id("stPlotlyChart").last
     bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
     assert np.shape(bad) in {(2, 3), (3, 2)}
-    visit.screenshot(f"sweep-{visit.name}-light")
+    screenshot(visit.page, "journey-sweep-cube-light")
     for scheme in ("dark", "light"):  # its charts are drawn in dark too
         visit.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
         expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
         visit.settle()
-    row, col = np.unravel_index(np.argmin(bad), np.shape(bad))
-    choose_cell(chart, int(row), int(col))
+    cell = [int(place) for place in np.unravel_index(np.argmin(bad), np.shape(bad))]
+    x, y = chart.locator(".js-plotly-plot").evaluate(
+        "(plot, [row, col]) => { const { xaxis, yaxis } = plot._fullLayout;"
+        " return [xaxis._offset + xaxis.l2p(col), yaxis._offset + yaxis.l2p(row)]; }",
+        cell,
+    )
+    chart.click(position={"x": x, "y": y})
     visit.settle()
     assert visit.number("Bad-2", method=1) == pytest.approx(np.min(bad), abs=0.06)
 
@@ -92,17 +159,16 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     bad = [before.number("Bad-2", method=method) for method in range(2)]
     before.unfold("Take it away")
     expect_visible(before.said("All files are for the images at full size, 480 × 480 pixels."))
-    data = before.download("Session ZIP")
-    assert before.download("Settings JSON").count(b'"block_size": 25') == 1  # for the full-size images
-    address, own_map = before.download_from("NPY", exact=True)
+    _, data = before.download("Session ZIP")
+    assert before.download("Settings JSON")[1].count(b'"block_size": 25') == 1  # for the full-size images
+    address, own_map = before.download("NPY")
 
     after = DepthPage(open_page(OTHER_ADDRESS))
     lead_there_and_back(after)
     after.open_head()
     after.choose("Your own files")
-    box = after.page.get_by_test_id("stFileUploader").filter(has_text="Left image").locator("input[type=file]")
-    box.set_input_files(file_of("stereolag-session.zip", data))
-    expect(after.slider("Block")).to_have_value("13")
+    after.give("Left image", file_of("stereolag-session.zip", data))
+    expect(after.page.get_by_role("slider", name="Block")).to_have_value("13")
     after.settle()
     after.open_head()
     expect_visible(after.said("240 × 240 of 480 × 480 pixels"))
@@ -116,7 +182,7 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     after.page.keyboard.press("Escape")
     after.unfold("Take it away")
     # The same result for two visitors has the same bytes, but an address that the other visitor's does not reveal.
-    other_address, same_map = after.download_from("NPY", exact=True)
+    other_address, same_map = after.download("NPY")
     assert same_map == own_map
     assert other_address != address
 
