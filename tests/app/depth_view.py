@@ -13,14 +13,19 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.legends import Colours, disparity_range
 from stereolag.geometry.calibration import Calibration
-from stereolag.pair import PairId, example_pair
+from stereolag.pair import Pair, PairId, example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.maps import DepthView
+from tests.app import uploads
 
 ROWS, COLS = slice(215, 375), slice(120, 400)
+
+SCENE = uploads.texture(120, 205)
+LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
+"""A pair as a visitor's own."""
 
 
 @cache
@@ -79,6 +84,22 @@ def own_files(script: Callable[[], None], arrangement: str = "files", **state: A
     for key, value in (given | state).items():
         app.session_state[key] = value
     return app.run()
+
+
+def given(app: AppTest, **files: tuple[str, bytes]) -> AppTest:
+    """Return the page after files were given to the boxes of the pair; each has a name and its bytes."""
+    for key, (name, data) in files.items():
+        app.file_uploader(key=f"pairs.{key}").upload(name, data, "application/octet-stream")
+    app.run()
+    assert not app.exception
+    return app
+
+
+def shown(app: AppTest) -> Pair:
+    """Return the pair, the first of what the page has put into the session as shown."""
+    assert not app.exception
+    pair: Pair = app.session_state["shown"][0]
+    return pair
 
 
 def _part_on_a_set() -> None:

@@ -10,9 +10,8 @@ import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
-from stereolag.pair import Pair
 from tests.app import keys, uploads
-from tests.app.depth_view import own_files
+from tests.app.depth_view import LEFT, RIGHT, given, own_files, shown
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
@@ -22,8 +21,6 @@ def a_new_visitor() -> None:
     """Keep a file's results for the following tests, as a visitor's session does."""
 
 
-SCENE = uploads.texture(120, 205)
-LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
 TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)
 RIG = {
     "M1": [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]],
@@ -58,26 +55,9 @@ def inputs() -> None:
     st.session_state["shown"] = pair, *shown
 
 
-def opened(arrangement: str = "files") -> AppTest:
-    return own_files(inputs, arrangement)
-
-
-def given(app: AppTest, **files: tuple[str, bytes]) -> AppTest:
-    for key, (name, data) in files.items():
-        app.file_uploader(key=f"pairs.{key}").upload(name, data, "application/octet-stream")
-    app.run()
-    assert not app.exception
-    return app
-
-
-def shown(app: AppTest) -> Pair:
-    assert not app.exception
-    return app.session_state["shown"][0]
-
-
 def own(**files: tuple[str, bytes]) -> AppTest:
     pair = {"left": ("l.png", uploads.png(LEFT)), "right": ("r.png", uploads.png(RIGHT))}
-    return given(opened(), **(pair | files))
+    return given(own_files(inputs), **(pair | files))
 
 
 def said(app: AppTest) -> str:
@@ -109,7 +89,7 @@ def test_the_name_beside_the_heading_is_that_of_the_pair_whose_maps_are_shown() 
 
 
 def test_files_that_are_refused_are_not_called_an_example() -> None:
-    app = given(opened(), left=("l.png", b"nothing"))
+    app = given(own_files(inputs), left=("l.png", b"nothing"))
     assert app.error
     assert name(app) == "**Your own pair**"
 
@@ -117,7 +97,7 @@ def test_files_that_are_refused_are_not_called_an_example() -> None:
 @pytest.mark.parametrize("width", [400, 401])
 def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> None:
     beside = np.concatenate([LEFT, LEFT[:, : width - 400], RIGHT], axis=1)
-    app = given(opened("beside"), beside=("both.png", uploads.png(beside)))
+    app = given(own_files(inputs, "beside"), beside=("both.png", uploads.png(beside)))
     np.testing.assert_array_equal(shown(app).left, LEFT)
     np.testing.assert_array_equal(shown(app).right, RIGHT)
     assert "split down the middle" in said(app)

@@ -313,37 +313,25 @@ def test_a_map_without_points_says_so() -> None:
     assert "no point" in part_of_page(show_space, replace(view, results={"StereoBM": nothing})).info[0].value
 
 
-def test_a_turned_view_looks_at_the_same_point_from_as_far() -> None:
-    ahead, above, right = (
-        point_cloud(POINTS, COLOURS, "m", **angles).layout.scene.camera
-        for angles in ({}, {"raised": 90}, {"turned": 90})
-    )
-    centre = np.array([ahead.center[axis] for axis in "xyz"])
-    away = [np.array([camera.eye[axis] for axis in "xyz"]) - centre for camera in (ahead, above, right)]
-    assert {tuple(camera.center[axis] for axis in "xyz") for camera in (above, right)} == {tuple(centre)}
-    far = np.linalg.norm(away[0])
-    np.testing.assert_allclose(np.array(away) / far, [[0, -1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
+def test_the_cloud_stands_upright_in_its_colours_and_is_seen_from_any_side_as_far() -> None:
+    def of(place: Any) -> np.ndarray:
+        return np.array([place[axis] for axis in "xyz"])
 
-
-def test_the_cloud_stands_upright_and_is_seen_from_the_left_camera() -> None:
-    figure = point_cloud(POINTS, COLOURS, "m")
+    few = np.repeat(COLOURS[:100], 5, axis=0)
+    figure = point_cloud(POINTS, few, "m")
     trace, scene = figure.data[0], figure.layout.scene
     np.testing.assert_array_equal(trace.y, POINTS[:, 2])
     np.testing.assert_array_equal(trace.z, -POINTS[:, 1])
+    shown = np.array([[int(band) for band in colour[4:-1].split(",")] for _, colour in trace.marker.colorscale])
+    np.testing.assert_array_equal(shown[np.asarray(trace.marker.color)], few)
     low, high = (np.array([axis.range[end] for axis in (scene.xaxis, scene.yaxis, scene.zaxis)]) for end in (0, 1))
-    ratio = np.array([scene.aspectratio[axis] for axis in "xyz"])
+    ratio, centre, eye = of(scene.aspectratio), of(scene.camera.center), of(scene.camera.eye)
     np.testing.assert_allclose(ratio / (high - low), 2 / (high - low).max())
-    eye = np.array([scene.camera.eye[axis] for axis in "xyz"])
-    np.testing.assert_allclose(eye * (high - low) / ratio + (low + high) / 2, 0, atol=1e-9)
-    centre = np.array([scene.camera.center[axis] for axis in "xyz"])
-    np.testing.assert_allclose(((centre - eye) / np.linalg.norm(centre - eye)), [0, 1, 0], atol=1e-9)
-
-
-def test_the_colours_stay_true_and_the_figure_small() -> None:
-    few = np.repeat(COLOURS[:100], 5, axis=0)
-    marker = point_cloud(POINTS, few, "m").data[0].marker
-    shown = np.array([[int(band) for band in colour[4:-1].split(",")] for _, colour in marker.colorscale])
-    np.testing.assert_array_equal(shown[np.asarray(marker.color)], few)
+    np.testing.assert_allclose(eye * (high - low) / ratio + (low + high) / 2, 0, atol=1e-9)  # at the left camera
+    for turned, raised, side in ((0, 0, [0, -1, 0]), (0, 90, [0, 0, 1]), (90, 0, [1, 0, 0])):
+        camera = point_cloud(POINTS, few, "m", turned=turned, raised=raised).layout.scene.camera
+        np.testing.assert_array_equal(of(camera.center), centre)
+        np.testing.assert_allclose((of(camera.eye) - centre) / np.linalg.norm(eye - centre), side, atol=1e-9)
     many = point_cloud(POINTS.repeat(200, axis=0), COLOURS.repeat(200, axis=0), "m")
     assert len(plotly.io.to_json(many)) < 2_000_000
 

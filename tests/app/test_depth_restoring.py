@@ -16,18 +16,15 @@ from streamlit.testing.v1 import AppTest
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.io.images import image_png, pfm
 from stereolag.io.settings import settings_json
-from stereolag.pair import Pair, PairSet, Preparation, read_bundle
+from stereolag.pair import PairSet, Preparation, read_bundle
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.comparing import show_all_pairs, table_of
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.tuning import JudgedPairs
 from tests.app import keys, uploads
-from tests.app.depth_view import own_files, part_on_a_set
+from tests.app.depth_view import LEFT, RIGHT, SCENE, given, own_files, part_on_a_set, shown
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
-
-SCENE = uploads.texture(120, 205)
-LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
 
 
 def page() -> None:
@@ -49,37 +46,13 @@ def page() -> None:
     st.session_state["taken"] = archive(Download(view, next(iter(results))), PAIR_EXPORTS)
 
 
-def opened(arrangement: str = "files") -> AppTest:
-    return own_files(page, arrangement)
-
-
 def stepping(files: dict[str, bytes]) -> AppTest:
     """Return the page on a set of pairs."""
-    return given(opened(arrangement="several"), "several", ("pairs.zip", packed(files)))
-
-
-def given(app: AppTest, key: str, *files: tuple[str, bytes]) -> AppTest:
-    box = app.file_uploader(key=f"pairs.{key}")
-    if len(files) == 1:
-        box.upload(files[0][0], files[0][1], "application/octet-stream")
-    else:
-        box.set_value([(name, data, "application/octet-stream") for name, data in files])
-    return app.run()
-
-
-def shown(app: AppTest) -> Pair:
-    assert not app.exception
-    assert not app.error, [error.value for error in app.error]
-    return app.session_state["shown"][0]
+    return given(own_files(page, "several"), several=("pairs.zip", packed(files)))
 
 
 def settings(app: AppTest) -> dict[type[StereoMatcher], StereoMatcher]:
     return {type(matcher): matcher for matcher in app.session_state["shown"][1]}
-
-
-def entries(data: bytes) -> list[tuple[str, bytes]]:
-    with zipfile.ZipFile(io.BytesIO(data)) as whole:
-        return [(name, whole.read(name)) for name in whole.namelist()]
 
 
 def packed(files: dict[str, bytes]) -> bytes:
@@ -124,8 +97,8 @@ def session_zip(**changes: Any) -> bytes:
 
 @pytest.mark.parametrize("box", ["left", "several"])
 def test_a_session_opens_the_page_as_it_was(box: str) -> None:
-    app = opened(arrangement="several" if box == "several" else "files")
-    given(app, box, ("stereolag-session.zip", session_zip()))
+    app = own_files(page, "several" if box == "several" else "files")
+    given(app, **{box: ("stereolag-session.zip", session_zip())})
     pair = shown(app)
     np.testing.assert_array_equal(pair.left, LEFT)
     np.testing.assert_array_equal(pair.right, RIGHT)
@@ -149,26 +122,24 @@ def test_a_session_opens_the_page_as_it_was(box: str) -> None:
 
 def test_what_is_taken_away_comes_back_from_a_reduced_preview_too() -> None:
     large = cv2.resize(SCENE, (820, 480), interpolation=cv2.INTER_CUBIC)
-    app = opened()
-    app.file_uploader(key="pairs.left").upload("l.png", uploads.png(large[:, :-20]), "image/png")
-    app.file_uploader(key="pairs.right").upload("r.png", uploads.png(large[:, 20:]), "image/png")
-    app.run()
+    left, right = (uploads.png(one) for one in (large[:, :-20], large[:, 20:]))
+    app = given(own_files(page), left=("l.png", left), right=("r.png", right))
     app.button_group(key="pairs.size").set_value("1/2").run()
     app.slider(key=keys.BLOCK).set_value(13).run()
     before, pair = settings(app), shown(app)
     assert pair.left.shape == (240, 400, 3)
     data = app.session_state["taken"]
-    again = given(opened(), "left", ("session.zip", data))
+    again = given(own_files(page), left=("session.zip", data))
     assert shown(again).left.shape == (240, 400, 3)
     np.testing.assert_array_equal(shown(again).left, pair.left)
     assert settings(again)[StereoBM].block_size == 13
     assert settings(again)[SemiGlobalMatcher] == before[SemiGlobalMatcher]
-    files = dict(entries(data))
-    assert read_image(files["left.png"]).shape == (480, 800, 3)
+    with zipfile.ZipFile(io.BytesIO(data)) as whole:
+        assert read_image(whole.read("left.png")).shape == (480, 800, 3)
 
 
 def test_what_a_session_does_not_say_is_as_at_first() -> None:
-    app = given(opened(), "left", ("s.zip", session_zip(methods=[], shown="x", size=3, colours=[])))
+    app = given(own_files(page), left=("s.zip", session_zip(methods=[], shown="x", size=3, colours=[])))
     assert settings(app)[StereoBM].block_size == StereoBM().block_size
     assert shown(app).left.shape == (120, 200, 3)
 
@@ -236,7 +207,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
     app = part_on_a_set(judge)
     assert app.session_state["judged"][1] == ""
     files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
-    given(app, "several", ("pairs.zip", packed(files)))
+    given(app, several=("pairs.zip", packed(files)))
     assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
     app.button(key="pairs.step.1").click().run()
     assert app.session_state["judged"][0] == [9, 5, 7]
@@ -245,7 +216,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
     app = part_on_a_set(show_all_pairs)
     assert "several pairs at once" in app.info[-1].value
-    given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    given(app, several=("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe
     app.button(key="depth.all_pairs.start").click().run()
     assert not app.exception
