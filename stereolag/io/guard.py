@@ -222,7 +222,12 @@ class _Guard:
             try:
                 return worker.run(job)
             finally:
-                self._give_back(worker)
+                with self._lock:
+                    kept = not worker.ended and len(self._free) < SPARES
+                    if kept:
+                        self._free.append(worker)
+                if not kept:
+                    worker.end()
 
     def take(self) -> _Worker:
         """Return a free worker, and start another if it was the last."""
@@ -232,13 +237,6 @@ class _Guard:
             if not self._free:
                 self._free.append(_Worker())
         return worker
-
-    def _give_back(self, worker: _Worker) -> None:
-        with self._lock:
-            if not worker.ended and len(self._free) < SPARES:
-                self._free.append(worker)
-                return
-        worker.end()
 
     def note_use(self, of: GuardedObject[Any]) -> None:
         """Note that an object is in use; of too many, close the one that was not used for longest."""

@@ -179,7 +179,7 @@ def read_signal(source: Source) -> Recording:
         channels = _parse_npy(data)
     else:
         channels, mended_lines = parse_columns(data)
-        _check_size(*channels.shape)
+    _check_size(*channels.shape)
     bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in channels)
     if bad:
         raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
@@ -232,7 +232,6 @@ def _parse_audio(stream: str | _AudioBytes, head: bytes) -> tuple[Channels, floa
         raise ValueError(
             f"The {WHAT} is an audio file that is damaged, cut short or without channels; accepted are {ACCEPTED}."
         ) from error
-    _check_size(*channels.shape)
     if sampling_rate <= 0:
         raise ValueError(f"The {WHAT} has a sampling rate of {sampling_rate:g} Hz; it must be above 0.")
     return channels, sampling_rate
