@@ -346,17 +346,10 @@ AGREEMENT = 0.7
 
 
 class SeenMarkers(NamedTuple):
-    """The markers of one dictionary in a picture: (n,) numbers and (n, 4, 2) corners, px."""
+    """Markers of one dictionary: (n,) numbers and (n, 4, 2) corners, px in a picture or squares of the board."""
 
     numbers: npt.NDArray[np.intp]
     corners: DoubleMap
-
-
-class FittedMarkers(NamedTuple):
-    """Markers fitted to a plane board: the homography from its squares to the picture, and which markers agree."""
-
-    homography: DoubleMap | None
-    agreeing: npt.NDArray[np.bool_]
 
 
 def find_charuco(grey: Grey8, board: Board) -> Corners | None:
@@ -405,30 +398,19 @@ def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None
     highest = max(int(markers.numbers.max()) for markers in seen)
     widths = range(3, min(MOST_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
     fits = {
-        (width, shift): [_fitted(markers, width, shift) for markers in seen] for width in widths for shift in (1, 0)
+        (width, shift): [_agreeing(markers, width, shift) for markers in seen] for width in widths for shift in (1, 0)
     }
-    (width, shift), fitted = max(fits.items(), key=lambda fit: sum(one.agreeing.sum() for one in fit[1]))
-    if sum(one.agreeing.sum() for one in fitted) < AGREEMENT * sum(len(markers.numbers) for markers in seen):
+    (width, shift), agreeing = max(fits.items(), key=lambda fit: sum(one.numbers.size for one in fit[1]))
+    numbers = np.concatenate([markers.numbers for markers in agreeing])
+    if numbers.size < AGREEMENT * sum(markers.numbers.size for markers in seen):
         return None
-    agreeing = [
-        (SeenMarkers(markers.numbers[one.agreeing], markers.corners[one.agreeing]), one.homography)
-        for markers, one in zip(seen, fitted, strict=True)
-        if one.homography is not None and one.agreeing.any()
-    ]
     if size is not None:
         height = size[0] + size[1] + 2 - width
     else:
-        last = max(int(markers.numbers.max()) for markers, _ in agreeing)
-        height = int(_square_of(np.array([last]), width, shift)[0, 1]) + 1
+        height = int(_square_of(numbers.max(keepdims=True), width, shift)[0, 1]) + 1
         # A legacy board that starts with a white square has an even number of rows.
         height = max(3, height + (height % 2 if shift == 0 else 0))
-    flat = [
-        np.asarray(
-            cv2.perspectiveTransform(markers.corners.reshape(-1, 1, 2), np.linalg.inv(homography)), dtype=np.float64
-        ).reshape(-1, 4, 2)
-        for markers, homography in agreeing
-    ]
-    sides = np.concatenate([_sides(corners).ravel() for corners in flat])
+    sides = _sides(np.concatenate([markers.corners for markers in agreeing]))
     share = round(float(np.clip(np.median(sides), 0.2, 0.95)), 2)
     return Board(width - 1, height - 1, Markers(dictionary, share, legacy=shift == 0))
 
@@ -491,16 +473,17 @@ def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleM
     return np.stack([col, row], axis=1).astype(np.float64)
 
 
-def _fitted(markers: SeenMarkers, width: int, shift: int) -> FittedMarkers:
-    """Return how markers fit a plane board of `width` squares across."""
+def _agreeing(markers: SeenMarkers, width: int, shift: int) -> SeenMarkers:
+    """Return the markers that are where a plane board of `width` squares across has them, with corners in squares."""
     limit = 0.5 * float(np.median(_sides(markers.corners)))
     squares, centres = _square_of(markers.numbers, width, shift) + 0.5, markers.corners.mean(axis=1)
     found, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=MOST_DRAWS)
     if found is None:
-        return FittedMarkers(None, np.zeros(len(squares), dtype=bool))
-    homography = np.asarray(found, dtype=np.float64)
-    placed = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
-    return FittedMarkers(homography, np.linalg.norm(placed - centres, axis=1) < limit)
+        return SeenMarkers(markers.numbers[:0], markers.corners[:0])
+    placed = cv2.perspectiveTransform(squares[:, None], found)[:, 0]
+    agreeing = np.linalg.norm(placed - centres, axis=1) < limit
+    flat = cv2.perspectiveTransform(markers.corners.reshape(-1, 1, 2), cv2.invert(found)[1]).reshape(-1, 4, 2)
+    return SeenMarkers(markers.numbers[agreeing], np.asarray(flat[agreeing], dtype=np.float64))
 
 
 class Pairs(Protocol):

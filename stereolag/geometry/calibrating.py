@@ -221,14 +221,16 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
         [Sight(points[one.numbers], one.points) for one in (both[number][side] for number in usable)] for side in (0, 1)
     ]
     flags = suitable_lens(sights, views.size)
-    (left, left_outliers), (right, right_outliers) = (calibrated_lens(one, views.size, flags) for one in sights)
-    for place in left_outliers | right_outliers:
+    (left, right), focal_errors, outliers = zip(
+        *(calibrated_camera(one, views.size, flags) for one in sights), strict=True
+    )
+    for place in set.union(*outliers):
         reasons[usable[place]] = LeftOut.NOT_FLAT
     seen = {number: _seen_pair(*both[number], views.board) for number in _usable(reasons, views)}
-    fit = agreeing_fit(seen, left.camera, right.camera, views.size, flags)
+    fit = agreeing_fit(seen, left, right, views.size, flags)
     for number in set(seen) - set(fit.used):
         reasons[number] = LeftOut.CONTRADICTS
-    return _report(views, square_m, seen, fit, reasons, max(left.focal_error, right.focal_error))
+    return _report(views, square_m, seen, fit, reasons, max(focal_errors))
 
 
 def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
@@ -429,26 +431,10 @@ class Camera:
         return np.asarray(cv2.projectPoints(points, turn, pose.translation, self.matrix, self.distortion)[0][:, 0])
 
 
-class Lens(NamedTuple):
-    """A camera determined from its own pictures.
-
-    Attributes
-    ----------
-    camera
-        Matrix and distortion.
-    focal_error
-        Standard error of the focal length, as a share of it.
-    errors
-        Distance of each picture's corners from where the camera would see them, px RMS.
-    """
-
-    camera: Camera
-    focal_error: float
-    errors: Vector
-
-
-def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Lens, set[int]]:
+def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, set[int]]:
     """Return the camera that took these pictures of a board, and which of them do not show a flat board.
+
+    Between the two stands the standard error of the focal length, as a share of it.
 
     Parameters
     ----------
@@ -464,13 +450,13 @@ def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) 
     ValueError
         Corners that do not determine a camera.
     """
-    lens = _fitted_lens(sights, size, flags)
-    limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(lens.errors)))
-    outliers = set(np.flatnonzero(lens.errors > limit).tolist())
+    camera, focal_error, errors = _fitted_camera(sights, size, flags)
+    limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
+    outliers = set(np.flatnonzero(errors > limit).tolist())
     if outliers and len(sights) - len(outliers) >= 3:
         kept = [sight for number, sight in enumerate(sights) if number not in outliers]
-        lens = _fitted_lens(kept, size, flags)
-    return lens, outliers
+        camera, focal_error, _ = _fitted_camera(kept, size, flags)
+    return camera, focal_error, outliers
 
 
 def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> int:
@@ -502,7 +488,7 @@ def _left_out_error(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], f
         for fold in range(folds):
             given = [sight for number, sight in enumerate(sights) if folds == 1 or number % folds != fold]
             try:
-                camera = _fitted_lens(given, size, flags).camera
+                camera, _, _ = _fitted_camera(given, size, flags)
             except ValueError:
                 return np.inf
             for points, places in sights[fold::folds]:
@@ -516,7 +502,8 @@ def _rms(differences: DoubleMap) -> float:
     return float(np.sqrt(np.square(differences).sum(axis=1).mean()))
 
 
-def _fitted_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> Lens:
+def _fitted_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, Vector]:
+    """Return the camera, the error of its focal length as a share of it, and that of each picture, px RMS."""
     points = [sight.points.astype(np.float32) for sight in sights]
     places = [sight.places.astype(np.float32) for sight in sights]
     undetermined = ValueError(
@@ -532,7 +519,7 @@ def _fitted_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> 
     if not finite or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise undetermined
     camera = Camera(np.asarray(matrix, dtype=np.float64), np.asarray(distortion, dtype=np.float64).ravel())
-    return Lens(camera, float(deviations[0, 0] / matrix[0, 0]), np.asarray(errors, dtype=np.float64).ravel())
+    return camera, float(deviations[0, 0] / matrix[0, 0]), np.asarray(errors, dtype=np.float64).ravel()
 
 
 @dataclass(frozen=True, eq=False)

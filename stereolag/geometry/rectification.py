@@ -88,7 +88,13 @@ def rectify(
             "calibration has no rig (the cameras before rectification): it is of a pair that is already rectified."
         )
     images = as_image(left, "left"), as_image(right, "right")
-    size = _common_size(*images)
+    (height, width), (right_height, right_width) = (image.shape[:2] for image in images)
+    if (height, width) != (right_height, right_width):
+        raise ValueError(
+            f"left is {width} × {height} and right is {right_width} × {right_height} pixels; "
+            "both images must have the same size."
+        )
+    size = width, height
     rig = _fitted(calibration.rig, size)
     how = rectification(rig, size, alpha)
     cameras = (
@@ -105,16 +111,6 @@ def rectify(
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
     """Return the calibration of the pair that :func:`rectify` makes from images of `size` (width, height)."""
     return _calibration(rectification(_fitted(rig, size), size, alpha), size)
-
-
-def _common_size(left: Image, right: Image) -> tuple[int, int]:
-    (height, width), (right_height, right_width) = left.shape[:2], right.shape[:2]
-    if (height, width) != (right_height, right_width):
-        raise ValueError(
-            f"left is {width} × {height} and right is {right_width} × {right_height} pixels; "
-            "both images must have the same size."
-        )
-    return width, height
 
 
 def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:

@@ -1,5 +1,6 @@
 """Frame sequences of stereo cameras: their sources, the job over all frames, and the video of its maps."""
 
+from stereolag.sequences.frames import SequenceMemory, SequenceTarget
 from stereolag.sequences.motion import SequenceMotion, SequenceSettings, Steadiness
 from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.sources import (
@@ -9,7 +10,6 @@ from stereolag.sequences.sources import (
     open_sequence,
     rectified_sequence,
 )
-from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 from stereolag.sequences.video import SequenceVideo
 
 __all__ = [

@@ -30,6 +30,8 @@ from stereolag.sequences.frames import (
     FrameRecord,
     FrameTask,
     MatchedFrame,
+    SequenceFolder,
+    SequenceTarget,
     encoded_frame,
     finished_frame,
     match_frame,
@@ -43,7 +45,6 @@ from stereolag.sequences.motion import (
     still_pixels,
 )
 from stereolag.sequences.sources import StereoSequence
-from stereolag.sequences.targets import SequenceFolder, SequenceTarget
 from stereolag.sequences.video import SequenceVideo, VideoWriter, common_range, panels
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
@@ -329,7 +330,7 @@ def run_sequence(
     out
         The output folder, for ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as in KITTI), ``frames.csv``
         (:class:`~stereolag.sequences.frames.FrameRecord`) and ``sequence.json``. Frames already finished there are not
-        matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
+        matched again. Or a :class:`~stereolag.sequences.frames.SequenceTarget`, which keeps them elsewhere.
     calibration
         Provides the distance of the nearest obstacle in metres.
     settings
@@ -394,7 +395,17 @@ def run_sequence(
             method = next(iter(named.values()))
             watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
         runner = stack.enter_context(runner_at(scheduler))
-        return _Job(sequence, task, target, writer, watch, runner, progress, cancelled).run()
+        job = _Job(sequence, task, target, writer, watch, runner, progress, cancelled)
+        ended = False
+        try:
+            for frame in job.frames():
+                job.take(frame)
+        except CancelledError:
+            ended = True
+        new, elapsed = job.done - job.done_before, time.perf_counter() - job.start
+        return SequenceResult(
+            len(sequence), new - len(job.damaged), job.done_before, job.damaged, cancelled=ended, elapsed_s=elapsed
+        )
 
 
 class _Job:
@@ -413,29 +424,16 @@ class _Job:
     ) -> None:
         self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
         self._runner, self._progress, self._cancelled = runner, progress, cancelled
-        self._start = time.perf_counter()
+        self.start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target.finished]
-        self._done = self._before = len(sequence) - len(self._missing)
-        self._matched, self._damaged = 0, dict[str, str]()
+        self.done = self.done_before = len(sequence) - len(self._missing)
+        self.damaged: dict[str, str] = {}
         self._last: MatchedFrame[FrameMap] | None = None
         # Each frame is matched for itself and for the next one; the promise of its maps is dropped after its last use.
         self._uses = Counter(one for number in self._missing for one in (number, number - 1))
         self._promised: dict[int, Any] = {}
 
-    def run(self) -> SequenceResult:
-        """Process all frames in order."""
-        ended = False
-        try:
-            for frame in self._frames():
-                self._take(frame)
-        except CancelledError:
-            ended = True
-        elapsed = time.perf_counter() - self._start
-        return SequenceResult(
-            len(self._sequence), self._matched, self._before, self._damaged, cancelled=ended, elapsed_s=elapsed
-        )
-
-    def _frames(self) -> Iterator[MatchedFrame[FrameMap]]:
+    def frames(self) -> Iterator[MatchedFrame[FrameMap]]:
         """Yield every frame to match, and finished ones that the video or the motion needs."""
         sampled: dict[int, MatchedFrame[FrameMap]] = {}
         if self._writer is not None and self._target.colours is None:
@@ -474,7 +472,7 @@ class _Job:
             self._promised[number] = self._runner.match(self._task(number))
         return self._promised[number] if self._uses[number] > 0 else self._promised.pop(number)
 
-    def _take(self, frame: MatchedFrame[FrameMap]) -> None:
+    def take(self, frame: MatchedFrame[FrameMap]) -> None:
         """Write a frame if it is new, and draw it."""
         motion = None
         if self._motion is not None and not frame.problem:
@@ -488,7 +486,7 @@ class _Job:
             self._target.add(moved)
         else:
             if frame.problem:
-                self._damaged[name] = frame.problem
+                self.damaged[name] = frame.problem
                 records = [record(method, problem=frame.problem) for method in self._each.matchers]
             else:
                 changes = self._flicker(frame)
@@ -497,8 +495,7 @@ class _Job:
                     for method, one in frame.maps.items()
                 ]
             self._target.write(frame, records + moved)
-            self._matched += not frame.problem
-            self._done += 1
+            self.done += 1
         if self._writer is not None:
             if frame.left is None or self._target.colours is None:
                 self._writer.write_blank()
@@ -543,7 +540,6 @@ class _Job:
         if self._cancelled is not None and self._cancelled():
             raise CancelledError
         if self._progress is not None:
-            elapsed, new = time.perf_counter() - self._start, self._done - self._before
-            left = len(self._sequence) - self._done
-            remaining = elapsed / new * left if new else math.nan
-            self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
+            elapsed, new = time.perf_counter() - self.start, self.done - self.done_before
+            remaining = elapsed / new * (len(self._sequence) - self.done) if new else math.nan
+            self._progress(SequenceState(self.done, len(self._sequence), len(self.damaged), elapsed, remaining))

@@ -20,8 +20,7 @@ from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
-from stereolag.sequences.frames import MOTION, table_lines
-from stereolag.sequences.targets import SequenceMemory
+from stereolag.sequences.frames import MOTION, SequenceMemory, table_lines
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
