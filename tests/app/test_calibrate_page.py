@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import time
-import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -13,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
+from streamlit.testing.v1.element_tree import NumberInput
 
 from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
@@ -20,6 +19,7 @@ from stereolag.ui import calibrate
 from stereolag.ui.calibrate import KEPT
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
+from tests.app.driving import zipped
 
 OpenPage = Callable[..., AppTest]
 PATH = "pages/4_Calibrate.py"
@@ -45,14 +45,6 @@ def files() -> dict[str, bytes]:
     }
 
 
-def zipped(contents: dict[str, bytes]) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, data in contents.items():
-            archive.writestr(name, data)
-    return stream.getvalue()
-
-
 def finished(app: AppTest) -> AppTest:
     """Run the page until no job is running."""
     end = time.monotonic() + 120
@@ -65,21 +57,19 @@ def finished(app: AppTest) -> AppTest:
 
 
 def given(*contents: tuple[str, bytes]) -> AppTest:
-    app = opened_on_own_files()
-    app.run()
+    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app.session_state["calibrate"] = "own"
+    app.switch_page(PATH).run()
     app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
     return finished(app)
 
 
-def opened_on_own_files() -> AppTest:
-    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
-    app.session_state["calibrate"] = "own"
-    app.switch_page(PATH)
-    return app
-
-
 def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
+
+
+def columns(app: AppTest) -> NumberInput:
+    return next(box for box in app.number_input if box.label == "Inner corners across")
 
 
 def said(app: AppTest) -> str:
@@ -109,12 +99,19 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     assert numbers(app)["Pairs that count"] == "3 of 4"
     app.number_input(key="calibrate.square.own").set_value(50.0).run()
     assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
+    # What was said of board and pairs outlives a visit to another page.
+    app.switch_page("app.py").run()
+    app = finished(app.switch_page(PATH).run())
+    assert numbers(app)["Pairs that count"] == "3 of 4"
+    columns(app).set_value(5).run()
+    app.switch_page("app.py").run()
+    app.switch_page(PATH).run()
+    assert columns(app).value == 5
 
 
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
     app = given(*[(name, files()[name]) for name in ("left01.png", "right01.png", "left02.png", "right02.png")])
-    columns = next(box for box in app.number_input if box.label == "Inner corners across")
-    columns.set_value(12).run()
+    columns(app).set_value(12).run()
     finished(app)
     assert "0 of 2 pairs can be used" in app.error[0].value
     assert "is that its size?" in app.error[0].value
@@ -150,27 +147,10 @@ def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[st
 
 
 def test_pictures_in_folders_of_a_zip_without_a_board_ask_for_its_size() -> None:
-    noise = {
-        f"{side}/1.png": uploads.png(uploads.texture(90, 120, seed)) for seed, side in enumerate(("left", "right"))
-    }
+    noise = {side: [uploads.png(uploads.texture(90, 120, seed))] for seed, side in enumerate(("left", "right"))}
     app = given(("pairs.zip", zipped(noise)))
     assert "No chessboard or ChArUco board is seen" in app.warning[0].value
     assert not app.metric
-
-
-def test_what_was_said_of_board_and_pairs_outlives_a_visit_to_another_page() -> None:
-    app = given(*files().items())
-    counting = next(group for group in app.button_group if group.key and group.key.startswith("calibrate.count"))
-    counting.set_value([0, 1, 3]).run()
-    app = finished(app)
-    app.switch_page("app.py").run()
-    app = finished(app.switch_page(PATH).run())
-    assert numbers(app)["Pairs that count"] == "3 of 4"
-    across = next(box for box in app.number_input if box.label == "Inner corners across")
-    across.set_value(5).run()
-    app.switch_page("app.py").run()
-    app.switch_page(PATH).run()
-    assert next(box for box in app.number_input if box.label == "Inner corners across").value == 5
 
 
 def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> None:

@@ -135,52 +135,38 @@ def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
     )
     random = np.random.default_rng(5)
     poses = [(random.normal(0, 0.3, 3), random.uniform((-8, -6, 8), (-0.5, 0.5, 11))) for _ in range(count)]
-    views = placed_views(wide, poses)
-    result = calibrate_boards(views, SQUARE_M)
-    assert result.rms < 0.1
-    assert result.row_error < 0.1
+    result = calibrate_boards(placed_views(wide, poses), SQUARE_M)
+    assert result.rms < 0.1 and result.row_error < 0.1
     check_rig(result.calibration, wide, px=2)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.6, 0.65, 0.7, 0.72, 0.75, 0.8, 0.9])
+@pytest.mark.parametrize("share", [0.5, 0.65, 0.72, 0.9])
 def test_a_charuco_board_is_drawn_whatever_the_size_of_its_markers(share: float) -> None:
     picture = board_picture(Board(8, 5, Markers("DICT_5X5_1000", share)), 48)
     assert picture.shape == (8 * 48, 11 * 48)
 
 
-def reported(views: BoardViews, **changes: object) -> list[LeftOut | None]:
-    result = calibrate_boards(replace(views, **changes), SQUARE_M)
-    check_rig(result.calibration, rig())
-    return [pair.left_out for pair in result.pairs]
-
-
-SPOIL: dict[str, Callable[[Pictures, BoardViews], Corners | None]] = {
-    "wrong moment": lambda pairs, views: views.right[3],
-    "upside down": lambda pairs, views: find_boards([(pairs[2][0], pairs[2][1][::-1, ::-1])], CHESSBOARD).right[0],
-    "moved a little": lambda pairs, views: Corners(np.arange(54), views.both[2][1].points + np.array([4, 0])),
-}
-
-
-@pytest.mark.parametrize("spoil", SPOIL)
+@pytest.mark.parametrize("spoil", ["wrong moment", "upside down", "moved a little"])
 def test_a_pair_that_contradicts_the_others_is_left_out(pairs: Pictures, views: BoardViews, spoil: str) -> None:
-    spoilt = SPOIL[spoil](pairs, views)
-    right = tuple(spoilt if number == 2 else one for number, one in enumerate(views.right))
-    expected = [LeftOut.CONTRADICTS if number == 2 else None for number in range(len(pairs))]
-    assert reported(views, right=right) == expected
+    spoilt = {
+        "wrong moment": views.right[3],
+        "upside down": find_boards([(pairs[2][0], pairs[2][1][::-1, ::-1])], CHESSBOARD).right[0],
+        "moved a little": Corners(np.arange(54), views.both[2][1].points + np.array([4, 0])),
+    }[spoil]
+    result = calibrate_boards(replace(views, right=(*views.right[:2], spoilt, *views.right[3:])), SQUARE_M)
+    check_rig(result.calibration, rig())
+    assert [pair.left_out for pair in result.pairs] == [None, None, LeftOut.CONTRADICTS, *[None] * 5]
 
 
-@pytest.mark.parametrize("turned", [(1,), (0, 3, 5)])
-def test_corners_counted_from_the_other_end_are_put_in_order(
-    views: BoardViews, plain: StereoCalibration, turned: tuple[int, ...]
-) -> None:
-    right = [
+def test_corners_counted_from_the_other_end_are_put_in_order(views: BoardViews, plain: StereoCalibration) -> None:
+    turned = {0, 3, 5}
+    right = tuple(
         Corners(one.numbers, one.points[::-1]) if one is not None and number in turned else one
         for number, one in enumerate(views.right)
-    ]
-    result = calibrate_boards(replace(views, right=tuple(right)), SQUARE_M)
-    assert {number for number, pair in enumerate(result.pairs) if pair.turned} ^ set(turned) == {
-        number for number, pair in enumerate(plain.pairs) if pair.turned
-    }
+    )
+    result = calibrate_boards(replace(views, right=right), SQUARE_M)
+    changed = {number for number in range(8) if result.pairs[number].turned != plain.pairs[number].turned}
+    assert changed == turned
     assert result.rms == pytest.approx(plain.rms)
 
 
@@ -192,19 +178,12 @@ def test_pairs_that_cannot_be_used_say_why(pairs: Pictures, views: BoardViews) -
     right = (*views.right[:3], found.right[0], None, None, found.right[1], views.right[6], views.right[1])
     sizes = (*views.sizes[:6], found.sizes[1], *views.sizes[:2])
     result = calibrate_boards(replace(views, left=left, right=right, sizes=sizes), SQUARE_M, leave_out={7})
-    assert [pair.left_out for pair in result.pairs[3:]] == [
-        LeftOut.NOT_FOUND_LEFT,
-        LeftOut.NOT_FOUND_RIGHT,
-        LeftOut.NOT_FOUND,
-        LeftOut.OTHER_SIZE,
-        LeftOut.BY_HAND,
-        LeftOut.SAME_VIEW,
-    ]
+    expected = ["not_found_left", "not_found_right", "not_found", "other_size", "by_hand", "same_view"]
+    assert [pair.left_out for pair in result.pairs[3:]] == expected
     assert result.used == (0, 1, 2)
 
 
-def sideways(views: BoardViews) -> BoardViews:
-    """Return the views of cameras one above the other."""
+def one_above_the_other(views: BoardViews) -> BoardViews:
     width, height = views.size
     left, right = (
         tuple(Corners(one.numbers, one.points[:, ::-1] * [1, -1] + [0, width]) for one in side if one is not None)
@@ -220,21 +199,17 @@ def alike(views: BoardViews) -> BoardViews:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda views: replace(views, right=(*views.right[1:], views.right[0])),
-            "contradict each other: .* of 8 agree",
-        ),
-        (lambda views: replace(views, left=views.right, right=views.left), "exchanged"),
-        (lambda views: replace(views, right=(*views.right[:2], *[None] * 6)), "^2 of 8 pairs .* at least 3 are needed"),
-        (sideways, "above or below"),
-        (alike, "tilt"),
-    ],
-    ids=["contradicting", "exchanged", "too few", "one above the other", "alike"],
+    ("message", "change"),
+    {
+        "contradict each other: .* of 8 agree": lambda views: replace(views, right=views.right[1:] + views.right[:1]),
+        "exchanged": lambda views: replace(views, left=views.right, right=views.left),
+        "^2 of 8 pairs .* at least 3": lambda views: replace(views, right=(*views.right[:2], *[None] * 6)),
+        "above or below": one_above_the_other,
+        "tilt": alike,
+    }.items(),
 )
 def test_a_set_from_which_nothing_follows_is_refused(
-    views: BoardViews, change: Callable[[BoardViews], BoardViews], message: str
+    views: BoardViews, message: str, change: Callable[[BoardViews], BoardViews]
 ) -> None:
     with pytest.raises(ValueError, match=message):
         calibrate_boards(change(views), SQUARE_M)
@@ -265,11 +240,8 @@ def test_opencvs_own_pairs_reach_its_error(data_dir: Path) -> None:
         pytest.skip(f"no pairs in {folder}")
     pairs = [(sl.read_image(file), sl.read_image(folder / file.name.replace("left", "right"))) for file in files]
     result: StereoCalibration = calibrate_boards(find_boards(pairs))
-    assert result.board == Board(9, 6)
-    assert len(result.used) == 13
-    assert result.rms < 0.26
-    assert result.row_error < 0.105
-    rig = result.calibration.rig
-    assert rig is not None
+    assert result.board == CHESSBOARD and len(result.used) == 13
+    assert result.rms < 0.26 and result.row_error < 0.105
     # In squares; OpenCV's sample gets 3.34, with its 14 coefficients and one focal length for both cameras.
-    assert np.linalg.norm(rig.translation) == pytest.approx(3.34, abs=0.03)
+    assert result.calibration.rig is not None
+    assert np.linalg.norm(result.calibration.rig.translation) == pytest.approx(3.34, abs=0.03)
