@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
 import { branch } from "../../stereolag/ui/web/plan/plan.js";
-import { highest, measured } from "../../stereolag/ui/web/sliding/sliding.js";
+import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";
 import { codesOf, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
 import { arrows } from "../../stereolag/ui/web/shared/panel.js";
@@ -24,8 +24,8 @@ for (const difference of [-378, -40, 0, 120, 399]) {
 
 test("silence has no correlation, and the highest place is found", () => {
   const all = measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true);
-  assert.deepEqual(all.sums.map(Math.round), [0, 0, -1]);
-  assert.deepEqual(highest(measured({ cut: [1, 2], recording: [1, 2, 1, 2] }, false)), [0, 2]);
+  assert.deepEqual(all.values.map(Math.round), [0, 0, -1]);
+  assert.deepEqual(measured({ cut: [1, 2], recording: [1, 2, 1, 2] }, false).peaks, [0, 2]);
 });
 
 test("the curve is drawn at the visited places alone", () => {

@@ -23,14 +23,11 @@ class BoxPanel extends DrawingPanel {
     clearTimeout(this.resting);
   }
 
-  load(data) {
-    this.data = data;
-    this.showPicture(data.name);
-    const told = JSON.stringify([data.name, data.box]);
-    if (told === this.told) return; // the page ran again: a box being dragged stays
-    this.told = told;
-    this.box = { ...data.box };
-    this.sent = JSON.stringify(this.box);
+  begin({ name, box }) {
+    this.showPicture(name);
+    const told = JSON.stringify(box);
+    if (told !== this.sent) this.box = { ...box }; // its own comes back: one that is being dragged stays
+    this.sent = told;
     this.draw();
   }
 
@@ -122,7 +119,6 @@ class BoxPanel extends DrawingPanel {
     const box = JSON.stringify(this.box);
     if (box === this.sent) return;
     this.sent = box;
-    this.told = JSON.stringify([this.data.name, this.box]);
     this.trigger("box", { ...this.box });
   }
 

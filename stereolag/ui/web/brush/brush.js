@@ -28,20 +28,15 @@ class BrushPanel extends DrawingPanel {
     this.choose("paint");
   }
 
-  load(data) {
-    const told = JSON.stringify([data.name, data.own, data.used]);
-    this.data = data;
-    this.showPicture(data.name);
-    if (told === this.told) return; // the page ran again: unsent paint stays
-    this.told = told;
-    const { rows, cols } = data;
+  begin({ name, rows, cols, used }) {
+    this.showPicture(name);
     Object.assign(this.canvas, { width: cols, height: rows });
     const side = Math.max(rows, cols);
     this.size.max = Math.max(2, Math.round(side / 2));
     this.size.value = Math.max(1, Math.round(side / 10));
     this.at = [rows / 2, cols / 2];
     this.draw();
-    this.paintAll(data.used);
+    this.paintAll(used);
   }
 
   paintAll(mask) {
@@ -62,7 +57,7 @@ class BrushPanel extends DrawingPanel {
   count() {
     const painted = this.painted();
     const left = painted.length - painted.reduce((sum, one) => sum + one, 0);
-    this.mask = packed(painted, painted.length);
+    this.mask = packed(painted);
     this.find(".counts").textContent = `${shortened(left)} of ${shortened(painted.length)} pixels count`;
     this.find(".use").disabled = left < 2 || this.mask === this.data.used;
   }
@@ -140,15 +135,11 @@ class BrushPanel extends DrawingPanel {
 
 // A mask as text: one bit per pixel, row by row, 1 where the template counts; base64.
 
-const CHUNK = 0x8000;
-
-// Packs `length` values, above 0 where painted over.
-export function packed(painted, length) {
-  const bytes = new Uint8Array(Math.ceil(length / 8));
-  for (let at = 0; at < length; at++) if (!painted[at]) bytes[at >> 3] |= 0x80 >> (at & 7);
-  let text = "";
-  for (let at = 0; at < bytes.length; at += CHUNK) text += String.fromCharCode(...bytes.subarray(at, at + CHUNK));
-  return btoa(text);
+// Packs values that are above 0 where painted over.
+export function packed(painted) {
+  const bytes = new Uint8Array(Math.ceil(painted.length / 8));
+  painted.forEach((value, at) => value || (bytes[at >> 3] |= 0x80 >> (at & 7)));
+  return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
 }
 
 // Unpacks a mask to values that are 1 where painted over.

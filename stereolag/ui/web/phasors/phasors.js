@@ -3,7 +3,7 @@
 import { element, line, sized } from "../shared/dom.js";
 import { clamp, shortened, ticks } from "../shared/numbers.js";
 import { onDrag, onKey, show } from "../shared/panel.js";
-import { pathOf, runsOf, VisitingPanel } from "../shared/visiting.js";
+import { drawVisited, runsOf, VisitingPanel } from "../shared/visiting.js";
 
 export default (component) => show(PhasorPanel, component);
 
@@ -22,10 +22,6 @@ class PhasorPanel extends VisitingPanel {
     for (const name of ["phases", "lags"]) onDrag(this.find(`.${name}`), (event) => this.grab(event, name));
   }
 
-  places() {
-    return placesOf(this.example);
-  }
-
   prepare() {
     const { longest } = this.example;
     this.start = placeOf(0, this.example);
@@ -40,10 +36,6 @@ class PhasorPanel extends VisitingPanel {
     this.whitened = this.find(".whiten").checked;
     this.all = measuredChains(this.example, this.whitened);
     this.schedule();
-  }
-
-  best() {
-    return highestReaches(this.all, this.example)[0];
   }
 
   go(lag, how = {}) {
@@ -67,17 +59,17 @@ class PhasorPanel extends VisitingPanel {
   draw() {
     if (!this.all || !this.find(".lags").clientWidth) return;
     const { words } = this.data;
-    const { example, all, place, visited, whitened } = this;
+    const { example, all, place, whitened } = this;
     const lag = lagAt(place, example);
     drawMagnitudes(this.find(".magnitudes"), example, { whiten: whitened, words });
     drawChain(this.find(".chain"), all, { place, words, count: example.turns.length });
     this.lagOf = {
       phases: drawPhases(this.find(".phases"), example, all, { lag, words }),
-      lags: drawReaches(this.find(".lags"), example, all, { place, visited, words }),
+      lags: drawReaches(this.find(".lags"), this, words.in_line),
     };
     const whole = (number) => shortened(number, Number.isInteger(number) ? 0 : 2);
     const there = example.excerpt ? ` (${whole(example.offset + lag * example.step)} ${words.there})` : "";
-    const said = `${words.lag} ${whole(lag)}${there} · ${words[whitened ? "whitened" : "plain"]} ${shortened(all.reaches[place], 2)}`;
+    const said = `${words.lag} ${whole(lag)}${there} · ${words[whitened ? "whitened" : "plain"]} ${shortened(all.values[place], 2)}`;
     this.slider.value = lag;
     this.slider.setAttribute("aria-valuetext", said);
     this.tell(said, example.said[whitened ? "whitened" : "plain"]);
@@ -90,7 +82,6 @@ const PLACES_A_SAMPLE = 4;
 
 export const lagAt = (place, example) => place / PLACES_A_SAMPLE - example.longest;
 const placeOf = (lag, example) => Math.round((lag + example.longest) * PLACES_A_SAMPLE);
-const placesOf = (example) => 2 * example.longest * PLACES_A_SAMPLE + 1;
 
 // The lengths of the arrows: the product of both magnitudes. Whitened (PHAT), they are equal and add up to 1; empty
 // frequencies are left out.
@@ -115,25 +106,21 @@ function chainAt({ turns, size }, lengths, lag) {
   return points;
 }
 
-// Everything drawn for one example: the chain at each place, how far to the right it ends (the correlation),
-// and how far it would reach with all arrows in line.
+// Everything drawn for one example: the chain at each place, how far to the right it ends (the value, a correlation), how far
+// it would reach with all arrows in line (a perfect match), and the peaks, the smallest lag first.
 export function measuredChains(example, whiten) {
   const lengths = arrowLengths(example, whiten);
-  const chains = Array.from({ length: placesOf(example) }, (_, place) => chainAt(example, lengths, lagAt(place, example)));
-  const reaches = chains.map((points) => points.at(-1)[0]);
+  const places = placeOf(example.longest, example) + 1;
+  const chains = Array.from({ length: places }, (_, place) => chainAt(example, lengths, lagAt(place, example)));
+  const values = chains.map((points) => points.at(-1)[0]);
   const [xs, ys] = [0, 1].map((axis) => chains.flat().map((point) => point[axis]));
-  const total = lengths.reduce((sum, length) => sum + length, 0);
-  const bounds = { left: Math.min(...xs), right: Math.max(total, ...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
-  return { lengths, chains, reaches, total, bounds };
-}
-
-// The places of the highest correlation, several if it repeats, the smallest lag first.
-export function highestReaches({ reaches }, example) {
-  const top = Math.max(...reaches);
-  const [before, after] = [-1, 1].map((step) => (place) => reaches[place + step] ?? -Infinity);
-  const isPeak = (reach, place) => top - reach < 1e-3 && reach >= before(place) && reach >= after(place);
+  const perfect = lengths.reduce((sum, length) => sum + length, 0);
+  const bounds = { left: Math.min(...xs), right: Math.max(perfect, ...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
+  const top = Math.max(...values);
+  const isPeak = (value, place) => top - value < 1e-3 && !(value < values[place - 1]) && !(value < values[place + 1]);
   const size = (place) => Math.abs(lagAt(place, example));
-  return reaches.flatMap((reach, place) => (isPeak(reach, place) ? [place] : [])).sort((one, other) => size(one) - size(other));
+  const peaks = [...values.keys()].filter((place) => isPeak(values[place], place)).sort((one, other) => size(one) - size(other));
+  return { lengths, chains, values, perfect, peaks, bounds };
 }
 
 // The four drawings: magnitudes and phase differences over frequency, the chain of arrows, and the curve over lags.
@@ -239,37 +226,30 @@ function drawChain(svg, all, { place, words, count }) {
   add("circle", { class: "from", cx: x(0), cy: y(0), r: 4 });
   add("circle", { class: "now", cx: x(endX), cy: y(endY), r: 5 });
 
-  add("path", { class: "zero", d: `M${x(left)} ${bar}H${x(right)}M${x(0)} ${bar - 5}v10M${x(all.total)} ${bar - 5}v10` });
+  add("path", { class: "zero", d: `M${x(left)} ${bar}H${x(right)}M${x(0)} ${bar - 5}v10M${x(all.perfect)} ${bar - 5}v10` });
   add("path", { class: "reach", d: `M${x(0)} ${bar}H${x(endX)}` });
   add("text", { x: x(0), y: bar + 20, class: "small faint", "text-anchor": "middle" }, "0");
-  add("text", { x: x(all.total), y: bar + 20, class: "small faint", "text-anchor": "end" }, `${words.in_line}: ${shortened(all.total, 2)}`);
+  add("text", { x: x(all.perfect), y: bar + 20, class: "small faint", "text-anchor": "end" }, `${words.in_line}: ${shortened(all.perfect, 2)}`);
 }
 
-function drawReaches(svg, example, all, { place, visited, words }) {
+function drawReaches(svg, panel, label) {
+  const { example, all, visited } = panel;
   const add = sized(svg, svg.clientWidth, CURVE_HEIGHT + CURVE_AXIS);
   const width = svg.clientWidth;
   const pitch = (width - 2 * EDGE) / (visited.length - 1);
   const x = (at) => EDGE + at * pitch;
-  const low = Math.min(0, ...all.reaches);
-  const y = (value) => 22 + ((all.total - value) / (all.total - low)) * (CURVE_HEIGHT - 32);
+  const low = Math.min(0, ...all.values);
+  const y = (value) => 22 + ((all.perfect - value) / (all.perfect - low)) * (CURVE_HEIGHT - 32);
   add("path", { class: "zero", d: `M${EDGE} ${y(0)}H${width - EDGE}` });
-  add("path", { class: "perfect", d: `M${EDGE} ${y(all.total)}H${width - EDGE}` });
-  add("text", { x: width - EDGE, y: y(all.total) - 8, class: "small faint", "text-anchor": "end" }, words.in_line);
   const least = (TICK_PX * 2 * example.longest) / (width - 2 * EDGE);
   for (const lag of ticks(-example.longest, example.longest, least)) {
     const at = x(placeOf(lag, example));
     add("path", { class: "zero", d: `M${at} ${CURVE_HEIGHT}v4` });
     add("text", { x: at, y: CURVE_HEIGHT + 17, class: "small faint", "text-anchor": "middle" }, shortened(lag));
   }
-  const point = (at) => `${x(at)} ${y(all.reaches[at])}`;
-  const runs = runsOf(visited);
-  const fills = runs.map((run) => `M${x(run[0])} ${y(0)}L${run.map(point).join("L")}V${y(0)}Z`);
+  const point = (at) => `${x(at)} ${y(all.values[at])}`;
+  const fills = runsOf(visited).map((run) => `M${x(run[0])} ${y(0)}L${run.map(point).join("L")}V${y(0)}Z`);
   add("path", { class: "fill", d: fills.join("") });
-  add("path", { class: "curve", "stroke-width": 2.5, d: pathOf(runs, point) });
-  if (visited.every(Boolean)) {
-    const kind = Math.max(...all.reaches) < all.total / 2 ? "peak doubtful" : "peak";
-    for (const top of highestReaches(all, example)) add("circle", { class: kind, cx: x(top), cy: y(all.reaches[top]), r: 7 });
-  }
-  add("circle", { class: "now", cx: x(place), cy: y(all.reaches[place]), r: 5 });
+  drawVisited(add, { left: EDGE, right: width - EDGE, x, y, stroke: 2.5 }, panel, label, -8);
   return (px) => lagAt((px - EDGE) / pitch, example);
 }

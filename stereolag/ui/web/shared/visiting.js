@@ -1,5 +1,6 @@
 // Panels with examples to choose from. `VisitingPanel` also has places to visit one after the other, and Play, which visits
-// them all; a panel adds its measurement and its drawing.
+// them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a `perfect` match, and
+// the places of the `peaks`, several if the highest value repeats.
 
 import { button, say, showPressed } from "./dom.js";
 import { clamp } from "./numbers.js";
@@ -27,6 +28,8 @@ export class ExamplesPanel extends Panel {
 
 export class VisitingPanel extends ExamplesPanel {
   start = 0; // the place at which an example starts
+  /** @type {any} */
+  all;
 
   constructor(parent) {
     super(parent, "panel");
@@ -48,10 +51,9 @@ export class VisitingPanel extends ExamplesPanel {
 
   clear() {
     this.pause();
-    this.place = this.start;
-    this.visited = new Array(this.places()).fill(false);
-    this.visited[this.place] = true;
     this.measure();
+    this.place = this.start;
+    this.visited = this.all.values.map((_, at) => at === this.start);
   }
 
   // Moves to a place and visits every place on the way; `jump` skips the places between.
@@ -74,7 +76,7 @@ export class VisitingPanel extends ExamplesPanel {
     this.place = 0;
     if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) {
       this.move(last);
-      this.move(this.best());
+      this.move(this.all.peaks[0]);
       return;
     }
     const begun = performance.now();
@@ -83,7 +85,7 @@ export class VisitingPanel extends ExamplesPanel {
       if (this.place < last) this.playing = requestAnimationFrame(go);
       else {
         this.pause();
-        this.move(this.best());
+        this.move(this.all.peaks[0]);
       }
     };
     this.playing = requestAnimationFrame(go);
@@ -106,15 +108,24 @@ export class VisitingPanel extends ExamplesPanel {
     say(this.find(".said"), this.visited.every(Boolean) && !this.playing ? lesson : "");
   }
 
-  /** @returns {number} */
-  places() { throw new Error("a panel says how many places it has"); }
-
-  /** @returns {number} */
-  best() { throw new Error("a panel says which place is the highest"); }
-
   prepare() {}
 
   measure() {}
+}
+
+// Draws what is known of a panel's curve: the level of a perfect match and its label, the values at the places visited, the
+// peaks once all have been, and the current place.
+export function drawVisited(add, { left, right, x, y, stroke }, { all, place, visited }, label, labelBelow) {
+  const { values, perfect, peaks } = all;
+  add("path", { class: "perfect", d: `M${left} ${y(perfect)}H${right}` });
+  add("text", { x: right, y: y(perfect) + labelBelow, class: "small faint", "text-anchor": "end" }, label);
+  const d = pathOf(runsOf(visited), (at) => `${x(at)} ${y(values[at])}`);
+  add("path", { class: "curve", "stroke-width": stroke, d });
+  if (visited.every(Boolean)) {
+    const kind = Math.max(...values) < perfect / 2 ? "peak doubtful" : "peak";
+    for (const top of peaks) add("circle", { class: kind, cx: x(top), cy: y(values[top]), r: 7 });
+  }
+  add("circle", { class: "now", cx: x(place), cy: y(values[place]), r: 5 });
 }
 
 // The runs of visited places, each a list of places.

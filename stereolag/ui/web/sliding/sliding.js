@@ -3,7 +3,7 @@
 import { drawAxis, sized, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { arrows, onDrag, onKey, show } from "../shared/panel.js";
-import { pathOf, runsOf, VisitingPanel } from "../shared/visiting.js";
+import { drawVisited, VisitingPanel } from "../shared/visiting.js";
 
 const PAGE = 10;
 
@@ -18,13 +18,10 @@ class SlidingPanel extends VisitingPanel {
     onKey(this.stage, (event) => this.actions(event));
   }
 
-  places() {
-    return this.example.recording.length - this.example.cut.length + 1;
-  }
-
   prepare() {
-    this.stage.setAttribute("aria-valuemin", this.example.lag);
-    this.stage.setAttribute("aria-valuemax", this.example.lag + (this.places() - 1) * this.example.step);
+    const { recording, cut, lag, step } = this.example;
+    this.stage.setAttribute("aria-valuemin", lag);
+    this.stage.setAttribute("aria-valuemax", lag + (recording.length - cut.length) * step);
     this.find(".normalise").checked = false;
   }
 
@@ -32,10 +29,6 @@ class SlidingPanel extends VisitingPanel {
     this.normalised = this.find(".normalise").checked;
     this.all = measured(this.example, this.normalised);
     this.schedule();
-  }
-
-  best() {
-    return highest(this.all)[0];
   }
 
   grab(event) {
@@ -70,10 +63,10 @@ class SlidingPanel extends VisitingPanel {
   draw() {
     if (!this.all || !this.svg.clientWidth) return;
     const { words } = this.data;
-    const { example, all, place, visited } = this;
+    const { example, all, place } = this;
     const named = { ...words, ...(this.normalised ? words.normalised : words.plain) };
-    this.at = drawStrips(this.svg, example, all, { place, visited, words: named });
-    const sum = shortened(all.sums[place], this.normalised ? 2 : example.whole ? 0 : 1);
+    this.at = drawStrips(this.svg, this, named);
+    const sum = shortened(all.values[place], this.normalised ? 2 : example.whole ? 0 : 1);
     const lag = example.lag + place * example.step;
     const said = `${words.lag} ${shortened(lag)} · ${named.sum} ${sum}`;
     this.stage.setAttribute("aria-valuenow", lag);
@@ -103,21 +96,18 @@ function total(values) {
   return values.reduce((sum, value) => sum + value, 0);
 }
 
-// Everything drawn for one example: products and sum at each place, and the sum of a perfect match.
+// Everything drawn for one example: products and sum (the value) at each place, and the sum of a perfect match.
 export function measured({ recording, cut }, normalise) {
   const places = recording.length - cut.length + 1;
   const products = Array.from({ length: places }, (_, place) => productsAt(recording, cut, place, normalise));
-  const sums = products.map(total);
+  const values = products.map(total);
   const perfect = normalise ? 1 : total(cut.map((value) => value * value));
-  const low = normalise ? -1 : Math.min(0, ...sums);
+  const low = normalise ? -1 : Math.min(0, ...values);
+  const top = Math.max(...values);
+  const high = Math.max(perfect, top);
+  const peaks = values.flatMap((sum, place) => (top - sum < 1e-3 * (high - low) ? [place] : []));
   const largest = Math.max(...products.flat().map(Math.abs));
-  return { products, sums, perfect, low, high: Math.max(perfect, ...sums), largest };
-}
-
-// The places with the highest sum, several if it repeats.
-export function highest({ sums, low, high }) {
-  const top = Math.max(...sums);
-  return sums.flatMap((sum, place) => (top - sum < 1e-3 * (high - low) ? [place] : []));
+  return { products, values, perfect, peaks, low, high, largest };
 }
 
 // Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
@@ -153,7 +143,8 @@ function laidOut(width, example, all) {
   };
 }
 
-function drawStrips(svg, example, all, { place, visited, words }) {
+function drawStrips(svg, panel, words) {
+  const { example, all, place } = panel;
   const at = laidOut(svg.clientWidth, example, all);
   const { x, pitch, boxes, width } = at;
   const { recording, cut } = example;
@@ -200,27 +191,16 @@ function drawStrips(svg, example, all, { place, visited, words }) {
     if (products.every(Number.isInteger)) write(covered, products, () => boxes.products.bottom - 1);
   }
 
-  drawCurve(add, at, all, place, visited, words);
-  drawThermometer(add, at, all.sums[place]);
-  drawLags(add, at, example, words);
+  const now = all.values[place];
+  add("path", { class: "guide", d: `M${x(place)} ${boxes.cut.bottom}V${boxes.curve.bottom}` });
+  add("path", { class: "level", d: `M${x(place)} ${at.ofSum(now)}H${width - RIGHT + 20}` });
+  const strip = { left: LEFT, right: width - RIGHT, x, y: at.ofSum, stroke: clamp(pitch, 1.5, 2.5) };
+  drawVisited(add, strip, panel, words.perfect, 13);
+  drawThermometer(add, at, now);
+  const { lag, step } = example;
+  const lags = { first: lag, last: lag + (recording.length - 1) * step, x: (tick) => x((tick - lag) / step) };
+  drawAxis(add, { left: LEFT, right: width - RIGHT, y: boxes.curve.bottom, ...lags }, words.axis);
   return at;
-}
-
-function drawCurve(add, at, all, place, visited, words) {
-  const { x, boxes, width } = at;
-  const perfect = at.ofSum(all.perfect);
-  add("path", { class: "perfect", d: `M${LEFT} ${perfect}H${width - RIGHT}` });
-  add("text", { x: width - RIGHT, y: perfect + 13, class: "small faint", "text-anchor": "end" }, words.perfect);
-  const seen = pathOf(runsOf(visited), (index) => `${x(index)} ${at.ofSum(all.sums[index])}`);
-  add("path", { class: "curve", "stroke-width": clamp(at.pitch, 1.5, 2.5), d: seen });
-  const [px, py] = [x(place), at.ofSum(all.sums[place])];
-  add("path", { class: "guide", d: `M${px} ${boxes.cut.bottom}V${boxes.curve.bottom}` });
-  add("path", { class: "level", d: `M${px} ${py}H${width - RIGHT + 20}` });
-  if (visited.every(Boolean)) {
-    const kind = Math.max(...all.sums) < all.perfect / 2 ? "peak doubtful" : "peak";
-    for (const top of highest(all)) add("circle", { class: kind, cx: x(top), cy: at.ofSum(all.sums[top]), r: 7 });
-  }
-  add("circle", { class: "now", cx: px, cy: py, r: 5 });
 }
 
 // As tall as the curve, so that its level is at the height of the current point of the curve.
@@ -234,9 +214,4 @@ function drawThermometer(add, at, sum) {
   });
   add("path", { class: "zero", d: `M${x - 4} ${zero}h24` });
   add("text", { x: x + 24, y: zero + 4, class: "small faint" }, "0");
-}
-
-function drawLags(add, { x, width, boxes }, { recording, lag, step }, words) {
-  const shown = { first: lag, last: lag + (recording.length - 1) * step, left: LEFT, right: width - RIGHT };
-  drawAxis(add, { ...shown, y: boxes.curve.bottom, x: (tick) => x((tick - lag) / step) }, words.axis);
 }
