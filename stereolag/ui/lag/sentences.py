@@ -355,7 +355,7 @@ DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "recordings": "240 samples of both, shifted by the lag found",
     "curve": "Correlation × √overlap, at every lag",
     "close": "The highest point, up close",
-    "agreement": "Agreement of the whitened recordings, standard deviations",
+    "agreement": "Agreement, whitened, in standard deviations",
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
     "convinces": "needed",
