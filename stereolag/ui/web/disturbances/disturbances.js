@@ -81,7 +81,7 @@ class DisturbancesPanel extends ExamplesPanel {
 // Four strips: both recordings lined up, the curve with its chance band, its peak up close, and the agreement.
 
 const LEFT = 6;
-const RIGHT = 40;
+const RIGHT = 46;
 const NAME = 20; // px for the name above each strip
 const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
 const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
