@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -258,5 +259,6 @@ def _folder(kind: str) -> Path:
     return folder
 
 
+@cache
 def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))

@@ -88,9 +88,15 @@ class _Memory:
         self.matchers: dict[str, StereoMatcher] = {}
 
 
+_remembered: ContextVar[_Memory | None] = ContextVar("memory", default=None)
+
+
 def _memory() -> _Memory:
-    """Return what is known of this visitor's controls; in one entry, since Streamlit walks over all in every run."""
-    memory: _Memory = st.session_state.setdefault("controls", _Memory())
+    """Return what is known of this visitor's controls; in one entry, since Streamlit walks over all in every run.
+
+    Within a counted run it is looked up once: every control asks for it several times.
+    """
+    memory: _Memory = _remembered.get() or st.session_state.setdefault("controls", _Memory())
     return memory
 
 
@@ -122,14 +128,15 @@ def run_of_part(name: str) -> Iterator[None]:
 
 @contextmanager
 def _counted(name: str, outer: Run) -> Iterator[None]:
-    ended = _memory().ended
-    number = ended[name]
-    token = _current.set((*outer, (name, number)))
+    memory = _memory()
+    number = memory.ended[name]
+    run, remembered = _current.set((*outer, (name, number))), _remembered.set(memory)
     try:
         yield
     finally:
-        _current.reset(token)
-    ended[name] = number + 1
+        _current.reset(run)
+        _remembered.reset(remembered)
+    memory.ended[name] = number + 1
 
 
 def persistent(key: str) -> dict[str, Any]:
@@ -315,8 +322,14 @@ Matcher = TypeVar("Matcher", bound=StereoMatcher)
 
 def default_settings(kind: type[Matcher], pair: Pair) -> Matcher:
     """Return the initial settings for a pair; those of an example leave visible errors to mend."""
-    first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
-    if not pair.shared:
+    return cast(
+        Matcher, _default_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST, pair.shared)
+    )
+
+
+@functools.lru_cache
+def _default_settings(kind: type[StereoMatcher], first: int, count: int, shared: bool) -> StereoMatcher:
+    if not shared:
         matcher = preset(FIRST_PRESET, count, first)
         if isinstance(matcher, kind):
             return matcher
@@ -425,10 +438,16 @@ class _Place:
     def settings(self) -> Settings:
         """Return these settings; the initial ones if they are refused."""
         try:
-            return self.kind(**self.values())
+            return cast(Settings, _made(self.kind, tuple(self.values().items())))
         except SettingsError as error:
             self.refusals.append(error)
             return self.first
+
+
+@functools.lru_cache(maxsize=1024)
+def _made(kind: type[Settings], values: tuple[tuple[str, Any], ...]) -> Any:
+    """Return settings; all settings of all methods are needed at every move, and most of them did not change."""
+    return kind(**dict(values))
 
 
 @dataclass(frozen=True)
@@ -459,7 +478,7 @@ def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
     values = place.values()
     if not place.refusals:
         try:
-            matchers[kind.short_name] = kind(**values)
+            matchers[kind.short_name] = _made(kind, tuple(values.items()))
         except SettingsError as error:
             place.refusals.append(error)
     return AsSet(place, values, matchers.get(kind.short_name), next(iter(place.refusals), None))

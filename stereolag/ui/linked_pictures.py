@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import streamlit as st
@@ -129,6 +130,40 @@ class PackedPicture:
     step: int
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A mark drawn over the pictures, px of the picture: a point, a frame, or a line to another point.
+
+    Attributes
+    ----------
+    row, col
+        The pixel of a point or of the start of a line, or the top-left pixel of a frame.
+    colour
+        CSS colour.
+    label
+        Text beside it.
+    height, width
+        The size of a frame.
+    to
+        (row, col) of the pixel where a line ends.
+    dashed, filled
+        Whether its line is dashed, and whether a frame is tinted inside.
+    pictures
+        Indices of the pictures it is drawn on; empty means all.
+    """
+
+    row: int
+    col: int
+    colour: str
+    label: str = ""
+    height: int = 0
+    width: int = 0
+    to: tuple[int, int] | None = None
+    dashed: bool = False
+    filled: bool = False
+    pictures: tuple[int, ...] = ()
+
+
 def packed(picture: Picture) -> PackedPicture:
     """Return the pixels and the readings of a picture as an item.
 
@@ -165,13 +200,15 @@ def described(
     legends: Sequence[Legend] = (),
     columns: int = 3,
     hint: str = "",
+    marks: Sequence[Mark] = (),
 ) -> dict[str, Any]:
-    """Return the data for the browser besides the packed pictures of one size, ready for JSON.
+    """Return the header of the item for the browser besides the packed pictures of one size, ready for JSON.
 
     `name` identifies the set; `colours` are needed if a picture has no pixels of its own.
     """
     rows, cols = packs[0].shape
     return {
+        "kind": "description",
         "name": name,
         "rows": rows,
         "cols": cols,
@@ -199,6 +236,8 @@ def described(
             for one, pack in zip(pictures, packs, strict=True)
         ],
         "legends": [asdict(legend) for legend in legends],
+        "marks": [asdict(mark) for mark in marks],
+        "outlines": colours.outlines if colours else "",
     }
 
 
@@ -209,17 +248,16 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     if not reading.words:
         unknown = ~np.isfinite(values)
         scaled = np.where(unknown, np.float32(0), values)
-        largest = float(np.abs(scaled).max(initial=0.0))
-        fine_enough, to_reach = 10.0**-reading.digits, largest / -(NOTHING + 1)
+        fine_enough, to_reach = 10.0**-reading.digits, cv2.norm(scaled, cv2.NORM_INF) / -(NOTHING + 1)
         quantum = 2.0 ** max(math.floor(math.log2(fine_enough)), math.ceil(math.log2(max(to_reach, 1e-9))))
-        scaled *= 1 / quantum
-        values = np.rint(scaled, out=scaled).astype("<i2")
-        values[unknown] = NOTHING
+        values = cv2.addWeighted(scaled, 1 / quantum, scaled, 0, 0, dtype=cv2.CV_16S)
+        np.copyto(values, NOTHING, where=unknown)
     else:
         values = values.astype("<i2")
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed
     long = (steps > 127) | (steps < -127)
-    short = np.where(long, np.int16(LONG), steps).astype(np.int8)
+    short = steps.astype(np.int8)
+    np.copyto(short, LONG, where=long)
     # Steps seldom repeat, which a search for repetitions in every map sent would find out anew; words do.
     strategy = zlib.Z_RLE if reading.words else zlib.Z_HUFFMAN_ONLY
     for one in (short, steps[long]):
@@ -239,40 +277,6 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
 
 
 _viewer = component("linked_pictures")
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A mark drawn over the pictures, px of the picture: a point, a frame, or a line to another point.
-
-    Attributes
-    ----------
-    row, col
-        The pixel of a point or of the start of a line, or the top-left pixel of a frame.
-    colour
-        CSS colour.
-    label
-        Text beside it.
-    height, width
-        The size of a frame.
-    to
-        (row, col) of the pixel where a line ends.
-    dashed, filled
-        Whether its line is dashed, and whether a frame is tinted inside.
-    pictures
-        Indices of the pictures it is drawn on; empty means all.
-    """
-
-    row: int
-    col: int
-    colour: str
-    label: str = ""
-    height: int = 0
-    width: int = 0
-    to: tuple[int, int] | None = None
-    dashed: bool = False
-    filled: bool = False
-    pictures: tuple[int, ...] = ()
 
 
 def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
@@ -334,10 +338,8 @@ def linked_pictures(
             packs.append(sent_before or pack(picture))
             if not sent_before:
                 send_picture(packs[-1], picture.title, key=key)
-        header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
-        _viewer(key=key, data=header, on_picked_change=picked)
-        marked = {"kind": "marks", "name": key, "marks": [asdict(mark) for mark in marks]}
-        deliver(packed_item(marked).data, key=f"{key}.marks")
-        if colours and colours.outlines:
-            outlined = {"kind": "outlines", "name": key, "path": colours.outlines}
-            deliver(packed_item(outlined).data, key=f"{key}.outlines")
+        description = described(
+            pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint, marks=marks
+        )
+        deliver(packed_item(description).data, key=f"{key}.description")
+        _viewer(key=key, data=key, on_picked_change=picked)  # the same in every run: its script is sent once

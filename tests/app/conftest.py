@@ -28,7 +28,7 @@ from stereolag.ui import calibrate, uploads
 from stereolag.ui.driving import inputs
 from tests.app import keys
 from tests.app import uploads as uploaded
-from tests.packed import delivered, told
+from tests.packed import delivered
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -206,13 +206,13 @@ def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:
-    """Return the data that the page sends to its sets of linked pictures."""
-    return told(app, "linked_pictures")
+    """Return the descriptions of the page's sets of linked pictures."""
+    return delivered(app, "description")
 
 
 def outlines(app: AppTest) -> dict[str, str]:
     """Return the outline paths drawn over the maps, by the name of the set of linked pictures."""
-    return {one["name"]: one["path"] for one in delivered(app, "outlines")}
+    return {one["name"]: one["outlines"] for one in viewers(app) if one["outlines"]}
 
 
 def figures(app: AppTest) -> dict[str, dict[str, str]]:
@@ -233,10 +233,10 @@ def shown() -> Callable[[AppTest], str]:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
         charts = [element.proto.spec for element in app.get("plotly_chart")]
         headlines = [header.value for header in app.header]
-        linked = viewers(app)
+        linked = [viewer | {"digest": ""} for viewer in viewers(app)]
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
             picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]
-        all_shown = (*pictures, *charts, *headlines, json.dumps(linked), json.dumps(outlines(app)))
+        all_shown = (*pictures, *charts, *headlines, json.dumps(linked))
         return hashlib.sha256("\0".join(all_shown).encode()).hexdigest()
 
     return digest

@@ -133,7 +133,7 @@ def verdict(app: AppTest) -> str:
 def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:
     app = part_of_page(show_inspection)
     assert len(app.get("plotly_chart")) == len(app.get("image")) == 4
-    marks = next(item["marks"] for item in delivered(app, "marks") if item["marks"])
+    marks = next(item["marks"] for item in delivered(app, "description") if item["marks"])
     assert [mark["width"] for mark in marks] == [78, 15, 15, 15, 15, 0]
     assert all(f"**{name}**" in app.markdown[-3].value for name in (*METHODS, "Ground truth"))
     (followed,) = told(app, "hovered_match")

@@ -52,7 +52,7 @@ class HoveredMatchPanel extends Panel {
   follow(at) {
     const left = this.at && !at;
     this.at = at;
-    if (left) this.mark(received("marks", this.settings.pictures)?.marks ?? []);
+    if (left) this.mark(received("description", this.settings.pictures)?.marks ?? []);
     this.schedule();
   }
 

@@ -25,11 +25,11 @@ export class LinkedPictures extends Panel {
     this.marks = [];
     this.enlarged = new Set();
     this.contents = new Map();
-    this.listen(eventOf("marks"), ({ detail }) => detail.name === this.header?.name && this.setMarks(detail.item?.marks ?? []));
-    this.listen(eventOf("outlines"), ({ detail }) => detail.name === this.header?.name && this.draw());
+    this.listen(eventOf("marks"), ({ detail }) => detail.name === this.name && this.setMarks(detail.item.marks));
+    this.listen(eventOf("description"), ({ detail }) => detail.name === this.name && this.describe());
     this.listen(eventOf("pictures"), ({ detail }) => {
       this.renew(detail);
-      this.load(this.data);
+      this.describe();
     });
     this.watchSize(this.stage, () => this.draw());
   }
@@ -39,14 +39,19 @@ export class LinkedPictures extends Panel {
     this.contents.forEach(forget);
   }
 
-  // Shows the pictures that `data` describes as soon as all have arrived.
-  async load(data) {
-    this.data = data;
+  load(name) {
+    this.name = name;
+    this.describe();
+  }
+
+  // Shows the pictures of the latest description as soon as all have arrived.
+  async describe() {
+    const data = received("description", this.name);
     if (!data || data === this.header) return;
     if (!data.pictures.every(({ digest }) => this.contents.has(digest) || received("pictures", digest))) return;
     const contents = data.pictures.map(({ digest }) => this.content(digest));
     await Promise.all(contents.map((one) => one.ready));
-    if (data !== this.data) return; // a newer set overtook this one
+    if (data !== received("description", this.name)) return; // a newer set overtook this one
     const sameScene = this.header?.rows === data.rows && this.header?.cols === data.cols;
     this.header = data;
     this.pictures = data.pictures.map((one, index) => picture(one, contents[index], data.colours));
@@ -57,7 +62,7 @@ export class LinkedPictures extends Panel {
       forget(one);
     }
     if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
-    this.marks = received("marks", data.name)?.marks ?? [];
+    this.marks = data.marks;
     this.build();
   }
 
@@ -189,7 +194,7 @@ export class LinkedPictures extends Panel {
 
   draw() {
     if (!this.cells) return;
-    const { rows, cols, name } = this.header;
+    const { rows, cols, name, outlines } = this.header;
     // Announces the position of the crosshair: {row, col}, or null without one.
     if (this.at !== this.told) tell("crosshair", { name, at: (this.told = this.at) });
     this.zoom = clamp(this.zoom, 1, Math.max(1, cols / CLOSEST_PX));
@@ -199,7 +204,6 @@ export class LinkedPictures extends Panel {
     this.find("[data-zoom=reset]").textContent = `${this.zoom < 9.95 ? +this.zoom.toFixed(1) : Math.round(this.zoom)}×`;
     const points = this.marks.filter((mark) => !mark.height && !mark.to);
     const read = this.at ?? points.at(-1) ?? null;
-    const outlines = received("outlines", name)?.path;
     this.find(".where").textContent = read ? `row ${read.row}, column ${read.col}` : "";
     for (const cell of this.cells) this.drawCell(cell, read, outlines);
   }
