@@ -9,10 +9,10 @@ import pytest
 from streamlit.testing.v1 import AppTest, local_script_runner
 
 from tests.app import keys
-from tests.app.conftest import PROJECT, figures
+from tests.app.conftest import figures
+from tests.app.pages import DEPTH, FIND, LAG, address, arrive, linked
 from tests.app.uploads import noise, wav
 
-LAG, FIND, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
 HARBOUR = "recordings harbour"
 
 Step = Callable[..., None]
@@ -33,33 +33,13 @@ def step() -> Step:
     return stepped
 
 
-def arrive(app: AppTest, path: str | None, **parameters: str) -> None:
-    """Run a page with this address; without parameters it acts like a link between the pages."""
-    if path is not None:
-        app.switch_page(path)
-    app.query_params.clear()
-    app.query_params |= {name.replace("__", "."): value for name, value in parameters.items()}
-    app.run()
-    assert not app.exception
-
-
-def opened(path: str, **parameters: str) -> AppTest:
-    app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
-    arrive(app, path, **parameters)
-    return app
-
-
-def address(app: AppTest) -> dict[str, str]:
-    return {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
-
-
 def set_on_lag_page(app: AppTest) -> dict[str, str]:
     """Return the recordings and the method chosen on the lag page."""
     return {"recordings": app.button_group(key="recordings").value, "method": app.button_group(key="lag.method").value}
 
 
 def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> None:
-    app = opened(LAG, recordings="harbour", method="phat")
+    app = linked(LAG, recordings="harbour", method="phat")
     step(app, recordings="harbour")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
     assert address(app) == {"recordings": "harbour"}
@@ -71,15 +51,15 @@ def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> No
 
 
 def test_a_step_back_undoes_the_last_move() -> None:
-    app = opened(LAG, recordings="harbour", method="phat", max_lag="40000")
+    app = linked(LAG, recordings="harbour", method="phat", max_lag="40000")
     assert app.number_input(key=f"lag.max.{HARBOUR}").value == 40_000
-    arrive(app, None, recordings="harbour")
+    arrive(app, recordings="harbour")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
     assert app.number_input(key=f"lag.max.{HARBOUR}").value is None
 
 
 def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: Step) -> None:
-    app = opened(LAG)
+    app = linked(LAG)
     app.button_group(key="recordings").set_value("harbour").run()
     app.button_group(key="lag.method").set_value("phat").run()
     step(app, recordings="harbour")
@@ -90,7 +70,7 @@ def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: 
     step(app, recordings="harbour", method="phat")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
 
-    app = opened(FIND)
+    app = linked(FIND)
     app.button_group(key="pictures").set_value("maze_dulled")
     app.slider(key="template.min_score").set_value(0.7).run()
     step(app)
@@ -100,17 +80,17 @@ def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: 
 
 
 def test_the_browser_that_does_not_know_the_new_address_yet_takes_nothing_back() -> None:
-    app = opened(LAG, method="phat")
+    app = linked(LAG, method="phat")
     app.button_group(key="recordings").set_value("harbour").run()
-    arrive(app, None, method="phat")
+    arrive(app, method="phat")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
-    arrive(app, None)
+    arrive(app)
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
     assert address(app) == {"recordings": "harbour", "method": "phat"}
 
 
 def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_over_them(step: Step) -> None:
-    app = opened(LAG, recordings="harbour", method="phat")
+    app = linked(LAG, recordings="harbour", method="phat")
     chosen = set_on_lag_page(app)
     arrive(app, FIND)
     arrive(app, LAG)
@@ -127,7 +107,7 @@ def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_
 
 
 def test_a_page_that_was_all_as_at_first_when_a_link_led_to_it_goes_back_to_that(step: Step) -> None:
-    app = opened("app.py")
+    app = linked("app.py")
     arrive(app, LAG)
     app.button_group(key="lag.method").set_value("phat").run()
     step(app)
@@ -135,7 +115,7 @@ def test_a_page_that_was_all_as_at_first_when_a_link_led_to_it_goes_back_to_that
 
 
 def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
-    app = opened(LAG)
+    app = linked(LAG)
     app.button_group(key="recordings").set_value("own").run()
     sound = noise(4100)
     app.file_uploader[0].upload("1.wav", wav(sound[100:]), "audio/wav")
@@ -154,7 +134,7 @@ def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
 
 
 def test_settings_wait_while_files_are_refused(step: Step) -> None:
-    app = opened(LAG)
+    app = linked(LAG)
     app.button_group(key="recordings").set_value("own").run()
     app.file_uploader[0].upload("1.wav", b"no sound", "audio/wav").run()
     assert app.error
@@ -165,7 +145,7 @@ def test_settings_wait_while_files_are_refused(step: Step) -> None:
 
 
 def test_a_step_back_on_the_depth_page(step: Step) -> None:
-    app = opened(DEPTH, pair="square", size="1/2", maps="bm", window_size="31", bm__block_size="9")
+    app = linked(DEPTH, pair="square", size="1/2", maps="bm", window_size="31", bm__block_size="9")
     step(app, pair="square", size="1/2", window_size="31")
     assert list(figures(app)) == ["Convolution", "StereoBM"]
     assert app.slider(key=keys.BLOCK).value == 21

@@ -1,0 +1,64 @@
+"""Helpers that open pages of the app without a browser, and read what they show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from streamlit.testing.v1 import AppTest
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+LAG, FIND, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
+CALIBRATE, DRIVING = "pages/4_Calibrate.py", "pages/5_Driving.py"
+
+OpenPage = Callable[..., AppTest]
+Shown = Callable[[AppTest], str]
+
+
+def arrive(app: AppTest, path: str | None = None, **parameters: str) -> AppTest:
+    """Run a page with this address, by default the current page; ``__`` stands for a dot in a parameter's name."""
+    if path is not None:
+        app.switch_page(path)
+    app.query_params.clear()
+    app.query_params |= {name.replace("__", "."): value for name, value in parameters.items()}
+    app.run()
+    assert not app.exception
+    return app
+
+
+def linked(path: str, **parameters: str) -> AppTest:
+    """Return a page of a new visitor, opened by a link."""
+    return arrive(AppTest.from_file(PROJECT / "app.py", default_timeout=120), path, **parameters)
+
+
+def address(app: AppTest) -> dict[str, str]:
+    """Return the parameters in the address of a page."""
+    return {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
+
+
+def ignored(app: AppTest) -> list[str]:
+    """Return the warnings about an address."""
+    return [warning.value for warning in app.warning if "ignored" in warning.value]
+
+
+def numbers(app: AppTest) -> dict[str, str]:
+    """Return the numbers of a result, by their labels."""
+    return {metric.label: metric.value for metric in app.metric}
+
+
+def captions(app: AppTest) -> str:
+    """Return all captions of a page as one text."""
+    return " ".join(caption.value for caption in app.caption)
+
+
+def finished(app: AppTest) -> AppTest:
+    """Run a page until no job is running."""
+    end = time.monotonic() + 120
+    while app.get("progress") or any("cancel" in (button.key or "") for button in app.button):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+        app.run()
+    assert not app.exception
+    return app
