@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
@@ -28,11 +27,8 @@ from stereolag.ui import calibrate, uploads
 from stereolag.ui.driving import inputs
 from tests.app import keys
 from tests.app import uploads as uploaded
+from tests.app.pages import DEPTH, FIND, PROJECT, OpenPage
 from tests.packed import delivered
-
-PROJECT = Path(__file__).resolve().parents[2]
-
-OpenPage = Callable[..., AppTest]
 
 SESSION = "test session id"
 """Session id of every page that AppTest opens."""
@@ -70,9 +66,13 @@ def a_new_server() -> None:
 
 
 @pytest.fixture(autouse=True)
-def a_new_visitor() -> None:
-    """Clear the previous visitor's cache, because Streamlit sees the same session; the shared caches stay."""
-    clear_session_cache(SESSION)
+def a_new_visitor(request: pytest.FixtureRequest) -> None:
+    """Clear the previous visitor's cache, because Streamlit sees the same session; the shared caches stay.
+
+    Not in a file with ``ONE_VISITOR = True``, whose tests go on with the results of those before.
+    """
+    if not getattr(request.module, "ONE_VISITOR", False):
+        clear_session_cache(SESSION)
 
 
 @pytest.fixture
@@ -110,11 +110,11 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
 
     def opened(path: str) -> AppTest:
         app = open_page(path)
-        if "Depth" in path:
+        if path == DEPTH:
             for fold in keys.FOLDS:
                 app.session_state[fold] = True
             app.run()
-        if "Rocketman" in path:
+        if path == FIND:
             app.session_state["template.see_why"] = "Damage it"
             app.run()
         return app

@@ -82,6 +82,9 @@ def test_a_bad_file_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown,
 
 def test_files_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
     app = open_page(LAG, {"recordings": "own"})
+    put(app, "recordings.file_1", "bro*ken*.wav", b"nothing")
+    assert app.error[0].value.startswith("“bro?ken?.wav”: ")
+    assert app.error[0].icon == ":material/block:"
     put(app, "recordings.file_2", *GOOD["recordings"]["file_2"])
     for bad, fragment in BAD["recordings"]:
         put(app, "recordings.file_1", *bad)

@@ -25,11 +25,7 @@ OpenPage = Callable[..., AppTest]
 PATH = "pages/4_Calibrate.py"
 
 pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes")
-
-
-@pytest.fixture(autouse=True)
-def a_new_visitor() -> None:
-    """Keep a file's results for the following tests, as a visitor's session does."""
+ONE_VISITOR = True
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,15 +13,11 @@ from stereolag.core.typography import typeset
 from stereolag.io.images import read_image
 from stereolag.samples import mazes
 from stereolag.stereo.methods import METHODS
-from stereolag.ui import controls as controls_module
 from tests.app import keys, uploads
-
-OpenPage = Callable[..., AppTest]
-Shown = Callable[[AppTest], str]
-
-LAG, SEARCH, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
+from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown
 
 pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
+ONE_VISITOR = True
 
 # page: {control: its new value}
 MOVES: dict[str, dict[str, Any]] = {
@@ -35,7 +30,7 @@ MOVES: dict[str, dict[str, Any]] = {
         "lag.from.recordings coast.50082": 1_000,
         "lag.curve": "Plain Pearson",
     },
-    SEARCH: {
+    FIND: {
         "pictures": "maze_dulled",
         "pictures.from": "cut",
         "template.method": "sampled",
@@ -68,7 +63,7 @@ FIRST: dict[str, dict[str, Any]] = {
     "template.min_score": {"template.max_matches": 5},  # the second match scores lower
     "pairs.size": {keys.SHOWN: ["correlation"]},  # StereoBM's odd block is rounded on the way to half its size and back
 }
-for one in MOVES[SEARCH]:
+for one in MOVES[FIND]:
     if one != "pictures":
         FIRST[one] = {"pictures": "own"} | FIRST.get(one, {})  # a part of the maze is searched faster than all of it
 SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
@@ -109,11 +104,10 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
     assert app.slider(key=keys.DISPARITIES).value == 50
     app.slider(key=keys.WINDOW).set_value(9).run()
     assert app.number_input(key=keys.exact_key(keys.WINDOW)).value == 9
-
-
-@pytest.fixture(autouse=True)
-def a_new_visitor() -> None:
-    """Keep the results from one control to the next, as a visitor's session does."""
+    app.number_input(key=keys.exact_key(keys.SMALLEST)).set_value(-100).run()
+    app.button_group(key=keys.TAB).set_value("bm").run()
+    app.button_group(key=keys.TAB).set_value("correlation").run()
+    assert app.slider(key=keys.SMALLEST).value == -100  # kept while it was folded away
 
 
 @dataclass(frozen=True)
@@ -227,28 +221,19 @@ def test_moving_any_setting_of_a_method_changes_what_is_shown(
         ), key
 
 
-@pytest.mark.parametrize("key", ONLY_WITH_A_SQUARE_SEARCH)
-def test_moving_a_control_of_the_square_search_changes_what_is_shown(
-    open_unfolded: OpenPage, shown: Shown, key: str
+def test_the_square_search_has_its_own_controls_and_a_window_larger_than_it_is_refused(
+    open_unfolded: OpenPage, shown: Shown
 ) -> None:
     app = open_unfolded(DEPTH)
     controls(app)[keys.WINDOW].set_value(31)
     controls(app)[keys.OVERLAP].set_value(0.0)  # few windows make the search of a large square fast
     controls(app)[keys.SEARCH].set_value("centred").run()
-    before = shown(app)
-    controls(app)[key].set_value(ONLY_WITH_A_SQUARE_SEARCH[key]).run()
-    assert not app.exception
-    assert not app.error
-    assert shown(app) != before
-
-
-def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
-    open_unfolded: OpenPage, shown: Shown
-) -> None:
-    app = open_unfolded(DEPTH)
-    controls(app)[keys.OVERLAP].set_value(0.0)
-    controls(app)[keys.SEARCH].set_value("centred").run()
-    controls(app)[keys.SEARCH_SIZE].set_value(60).run()
+    for key, value in ONLY_WITH_A_SQUARE_SEARCH.items():
+        before = shown(app)
+        controls(app)[key].set_value(value).run()
+        assert not app.exception
+        assert not app.error
+        assert shown(app) != before
     before = shown(app)
     controls(app)[keys.WINDOW].set_value(91).run()
     assert not app.exception
@@ -257,35 +242,3 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
     ]
     assert shown(app) == before
     assert app.slider(key=keys.WINDOW).value == 91
-
-
-def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
-    app = open_page(DEPTH)
-    app.number_input(key=keys.exact_key(keys.SMALLEST)).set_value(-100).run()
-    app.button_group(key=keys.TAB).set_value("bm").run()
-    app.button_group(key=keys.TAB).set_value("correlation").run()
-    assert app.slider(key=keys.SMALLEST).value == -100
-
-
-def test_a_box_that_the_browser_has_not_drawn_anew_yet_does_not_move_its_slider_back(open_page: OpenPage) -> None:
-    app = open_page(DEPTH)
-    slider, box = keys.WINDOW, keys.exact_key(keys.WINDOW)
-    first = app.slider(key=slider).value
-    app.slider(key=slider).set_value(first - 2).run()
-    app.slider(key=slider).set_value(first - 4)
-    app.number_input(key=box).set_value(first).run()  # sent with the slider's second step
-    assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
-    app.number_input(key=box).set_value(first - 2).run()  # sent with another change
-    assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
-    app.number_input(key=box).set_value(first + 6).run()
-    assert app.slider(key=slider).value == first + 6
-
-
-def test_a_value_can_be_typed_again(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(controls_module, "LATE_S", 0.0)
-    app = open_page(DEPTH)
-    slider, box = keys.WINDOW, keys.exact_key(keys.WINDOW)
-    first = app.slider(key=slider).value
-    for value in (first + 2, first, first + 2):
-        app.number_input(key=box).set_value(value).run()
-        assert app.slider(key=slider).value == value

@@ -14,11 +14,7 @@ from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, given, own_files, shown
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
-
-
-@pytest.fixture(autouse=True)
-def a_new_visitor() -> None:
-    """Keep a file's results for the following tests, as a visitor's session does."""
+ONE_VISITOR = True
 
 
 TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)

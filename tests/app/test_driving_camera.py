@@ -16,11 +16,7 @@ from stereolag.ui.keys import HANDED
 from tests.app.driving import archive, finished, opened, player, work_of
 
 pytestmark = pytest.mark.usefixtures("short_drive", "small_boards")
-
-
-@pytest.fixture(autouse=True)
-def a_new_visitor() -> None:
-    """Keep a file's results for the following tests, as a visitor's session does."""
+ONE_VISITOR = True
 
 
 def with_both_cameras(app: AppTest) -> AppTest:

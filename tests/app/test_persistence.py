@@ -1,11 +1,12 @@
-"""A control that is briefly gone is redrawn with its value, even if the browser sent that before learning of it."""
+"""A control has the value of the last move, even if the browser sent another before learning of it."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from streamlit.testing.v1 import AppTest
+
+from stereolag.ui import controls
+from tests.app.pages import PROJECT
 
 
 def page_with_parts() -> None:
@@ -76,7 +77,28 @@ def test_a_control_that_stays_keeps_what_it_was_moved_to_meanwhile(app: AppTest)
         assert not any(told(app).values()), told(app)
 
 
+def test_a_box_that_the_browser_has_not_drawn_anew_yet_does_not_move_its_slider_back(app: AppTest) -> None:
+    def values() -> tuple[int, int]:
+        return app.slider(key="size").value, app.number_input(key="size.exact").value
+
+    assert values() == (3, 3)
+    app.slider(key="size").set_value(5).run()
+    app.slider(key="size").set_value(7)
+    app.number_input(key="size.exact").set_value(3).run()  # sent with the slider's second step
+    assert values() == (7, 7)
+    app.number_input(key="size.exact").set_value(5).run()  # sent with another change
+    assert values() == (7, 7)
+    app.number_input(key="size.exact").set_value(9).run()
+    assert values() == (9, 9)
+
+
+def test_a_value_can_be_typed_again(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(controls, "LATE_S", 0.0)
+    for value in (5, 3, 5):
+        app.number_input(key="size.exact").set_value(value).run()
+        assert app.slider(key="size").value == value
+
+
 def test_every_control_that_persists_does_it_so() -> None:
-    project = Path(__file__).resolve().parents[2]
-    scripts = [project / "app.py", *(project / "pages").glob("*.py"), *(project / "stereolag").rglob("*.py")]
+    scripts = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag").rglob("*.py")]
     assert [one.name for one in scripts if "persist_state" in one.read_text(encoding="utf-8")] == ["controls.py"]

@@ -51,8 +51,8 @@ def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> No
 
 
 def test_a_step_back_undoes_the_last_move() -> None:
-    app = linked(LAG, recordings="harbour", method="phat", max_lag="40000")
-    assert app.number_input(key=f"lag.max.{HARBOUR}").value == 40_000
+    app = linked(LAG, recordings="harbour", method="phat", max_lag="4000")
+    assert app.number_input(key=f"lag.max.{HARBOUR}").value == 4_000
     arrive(app, recordings="harbour")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
     assert app.number_input(key=f"lag.max.{HARBOUR}").value is None
