@@ -6,7 +6,6 @@ import io
 import time
 import zipfile
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,8 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.driving.inputs import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
+from tests.app.pages import DRIVING, PROJECT
 from tests.packed import told
-
-PATH = "pages/5_Driving.py"
 
 
 def zipped(frames: Mapping[str, Iterable[bytes]]) -> bytes:
@@ -37,9 +35,9 @@ def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
 
 def page(origin: str) -> AppTest:
     """Return the page with its example or with the file uploader."""
-    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app = AppTest.from_file(PROJECT / "app.py", default_timeout=120)
     app.session_state["driving.origin"] = origin
-    app.switch_page(PATH)
+    app.switch_page(DRIVING)
     return app.run()
 
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +17,7 @@ from stereolag.ui.calibrate import KEPT
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
 from tests.app.driving import zipped
-
-OpenPage = Callable[..., AppTest]
-PATH = "pages/4_Calibrate.py"
+from tests.app.pages import CALIBRATE, DEPTH, OpenPage, finished, linked, numbers
 
 pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes")
 ONE_VISITOR = True
@@ -41,27 +36,11 @@ def files() -> dict[str, bytes]:
     }
 
 
-def finished(app: AppTest) -> AppTest:
-    """Run the page until no job is running."""
-    end = time.monotonic() + 120
-    while app.get("progress") or any(button.key and "cancel" in button.key for button in app.button):
-        assert time.monotonic() < end
-        time.sleep(0.2)
-        app.run()
-    assert not app.exception
-    return app
-
-
 def given(*contents: tuple[str, bytes]) -> AppTest:
-    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
-    app.session_state["calibrate"] = "own"
-    app.switch_page(PATH).run()
+    app = linked(CALIBRATE)
+    app.button_group(key="calibrate").set_value("own").run()
     app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
     return finished(app)
-
-
-def numbers(app: AppTest) -> dict[str, str]:
-    return {metric.label: metric.value for metric in app.metric}
 
 
 def columns(app: AppTest) -> NumberInput:
@@ -73,7 +52,7 @@ def said(app: AppTest) -> str:
 
 
 def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it(open_page: OpenPage) -> None:
-    app = finished(open_page(PATH))
+    app = finished(open_page(CALIBRATE))
     assert not app.error
     assert numbers(app)["Pairs that count"] == "5 of 6"
     assert float(numbers(app)["Reprojection error"].split()[0]) < 0.1
@@ -97,11 +76,11 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
     # What was said of board and pairs outlives a visit to another page.
     app.switch_page("app.py").run()
-    app = finished(app.switch_page(PATH).run())
+    app = finished(app.switch_page(CALIBRATE).run())
     assert numbers(app)["Pairs that count"] == "3 of 4"
     columns(app).set_value(5).run()
     app.switch_page("app.py").run()
-    app.switch_page(PATH).run()
+    app.switch_page(CALIBRATE).run()
     assert columns(app).value == 5
 
 
@@ -157,7 +136,7 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     kept = app.session_state[KEPT]
     assert kept.content.rig is not None
     np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * calibrate.drawn_rig().translation, atol=1e-3)
-    app.switch_page("pages/3_Depth_maps.py").run()
+    app.switch_page(DEPTH).run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)
     app.button(key=f"{KEPT}.remove").click().run()

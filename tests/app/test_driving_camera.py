@@ -14,6 +14,7 @@ from stereolag.ui.driving import inputs
 from stereolag.ui.driving.work import OPENED
 from stereolag.ui.keys import HANDED
 from tests.app.driving import archive, finished, opened, player, work_of
+from tests.app.pages import CALIBRATE, DRIVING, captions
 
 pytestmark = pytest.mark.usefixtures("short_drive", "small_boards")
 ONE_VISITOR = True
@@ -32,15 +33,11 @@ def coverage(app: AppTest) -> float:
     return float(np.mean([one["values"] for one in chart["series"]]))
 
 
-def said(app: AppTest) -> str:
-    return " ".join(one.value for one in app.caption)
-
-
 def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() -> None:
     app = finished(opened(archive(straight_and_raw.raw_pair())))
     raw = coverage(app)
     app = with_both_cameras(app)
-    assert "Each frame was undistorted and rectified with its calibration: rows differ by 0." in said(app)
+    assert "Each frame was undistorted and rectified with its calibration: rows differ by 0." in captions(app)
     assert coverage(app) > raw + 0.2
     disparity = work_of(app).kept.colours
     assert disparity is not None and disparity[0] <= straight_and_raw.DISPARITY <= disparity[1]
@@ -51,16 +48,16 @@ def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() 
     middle = slice(60, -60), slice(60, -60)
     assert np.abs(handed.left[middle].astype(float) - straight[middle]).mean() < 3
     assert handed.calibration.rig is None
-    app.switch_page("pages/5_Driving.py").run()
+    app.switch_page(DRIVING).run()
     app.button(key="driving.rectifying.undo").click().run()
     app = finished(app)
-    assert "Each frame is rectified already, as you said" in said(app)
+    assert "Each frame is rectified already, as you said" in captions(app)
     assert coverage(app) == pytest.approx(raw, abs=0.05)
 
 
 def test_rectified_frames_stay_as_they_are() -> None:
     app = with_both_cameras(finished(opened(archive(straight_and_raw.straight_pair()))))
-    assert "Each frame is rectified already: rows differ by 0.0" in said(app)
+    assert "Each frame is rectified already: rows differ by 0.0" in captions(app)
     assert not app.error
     assert player(app)["legends"][0]["title"] == "disparity, px, and distance"
 
@@ -103,7 +100,7 @@ def test_settings_outlive_a_visit_to_another_page_and_nothing_is_computed_anew()
     next(box for box in app.number_input if box.label == "Disparities searched").set_value(96).run()
     app = finished(app)
     before = work_of(app)
-    app.switch_page("pages/4_Calibrate.py").run()
-    app.switch_page("pages/5_Driving.py").run()
+    app.switch_page(CALIBRATE).run()
+    app.switch_page(DRIVING).run()
     assert next(box for box in app.number_input if box.label == "Disparities searched").value == 96
     assert work_of(app) is before
