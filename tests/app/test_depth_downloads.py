@@ -62,13 +62,24 @@ def section() -> None:
 def opened(pair: Pair) -> AppTest:
     app = AppTest.from_function(section, default_timeout=60)
     app.session_state["pair"] = pair
-    app.session_state["depth.take.opened"] = True
     app.session_state[keys.BLOCK] = 9
-    return app.run()
+    assert not app.run().get("download_button")
+    app.session_state["depth.take.opened"] = True
+    app.run()
+    assert not app.exception
+    return app
 
 
-@pytest.mark.parametrize("matcher", [BLOCK, CORRELATION])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def loaded(app: AppTest, settings: StereoBM) -> StereoBM:
+    """Load a file of settings, and return those in use afterwards."""
+    app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
+    assert not app.exception
+    found = app.session_state["matcher"]
+    assert isinstance(found, StereoBM)
+    return found
+
+
+@pytest.mark.parametrize(("matcher", "dtype"), [(BLOCK, np.uint16), (CORRELATION, np.float32)])
 def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
@@ -203,12 +214,8 @@ def test_settings_that_the_own_size_does_not_allow_are_refused_and_the_map_is_en
 
 
 def test_settings_for_the_own_size_come_back_for_the_one_shown() -> None:
-    pair = large_view().pair
-    app = opened(pair)
     settings = StereoBM(num_disparities=96, block_size=17, speckle_window_size=400, speckle_range=9)
-    app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
-    assert not app.exception
-    found = app.session_state["matcher"]
+    found = loaded(opened(large_view().pair), settings)
     assert (found.num_disparities, found.block_size, found.speckle_window_size) == (48, 9, 100)
 
 
@@ -237,15 +244,8 @@ def offered(app: AppTest) -> set[str]:
     return {button.key.removeprefix("depth.take.") for button in app.get("download_button")}
 
 
-def test_nothing_is_offered_until_it_is_opened() -> None:
-    app = AppTest.from_function(section, default_timeout=60)
-    app.session_state["pair"] = small_pair()
-    assert not app.run().get("download_button")
-
-
 def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> None:
     app = opened(small_pair())
-    assert not app.exception
     buttons = {button.proto.label: button.proto.disabled for button in app.get("download_button")}
     assert buttons.keys() >= {one.label for one in EXPORTS if one.label and isinstance(one.label, str)}
     assert [label for label, disabled in buttons.items() if disabled] == ["Point cloud PLY"]
@@ -257,12 +257,9 @@ def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() ->
     app = opened(pair)
     app.session_state[keys.BLOCK_MORE] = True
     settings = StereoBM(min_disparity=-70, num_disparities=32, block_size=7, speckle_window_size=70, speckle_range=9)
-    app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
-    assert not app.exception
-    assert app.session_state["matcher"] == settings
-    assert (
-        app.slider(key=keys.setting("bm", "min_disparity", pair.id.searched)).min == -70
-    )  # smaller than the page's own smallest value
+    assert loaded(app, settings) == settings
+    # Smaller than the page's own smallest value.
+    assert app.slider(key=keys.setting("bm", "min_disparity", pair.id.searched)).min == -70
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40
     assert app.session_state["matcher"].speckle_window_size == 70

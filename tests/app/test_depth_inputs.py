@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.core.typography import typeset
 from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, given, own_files, shown
+from tests.app.pages import captions
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 ONE_VISITOR = True
@@ -56,10 +58,6 @@ def own(**files: tuple[str, bytes]) -> AppTest:
     return given(own_files(inputs), **(pair | files))
 
 
-def said(app: AppTest) -> str:
-    return " ".join(caption.value for caption in app.caption)
-
-
 def name(app: AppTest) -> str:
     """Return the name of the pair beside the heading."""
     assert not app.exception
@@ -96,8 +94,8 @@ def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> No
     app = given(own_files(inputs, "beside"), beside=("both.png", uploads.png(beside)))
     np.testing.assert_array_equal(shown(app).left, LEFT)
     np.testing.assert_array_equal(shown(app).right, RIGHT)
-    assert "split down the middle" in said(app)
-    assert (typeset("its width of 401 px is odd") in said(app).lower()) == (width == 401)
+    assert "split down the middle" in captions(app)
+    assert (typeset("its width of 401 px is odd") in captions(app).lower()) == (width == 401)
 
 
 STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"
@@ -117,10 +115,10 @@ def test_a_rectified_pair_is_left_so_with_the_calibration_of_both_cameras_and_th
     assert calibration is not None
     assert calibration.rig is None
     assert calibration.baseline_m == pytest.approx(np.linalg.norm(straight_and_raw.T))
-    assert "The pair is rectified already: rows differ by 0.0" in said(app)
+    assert "The pair is rectified already: rows differ by 0.0" in captions(app)
     app.button(key=UNDO).click().run()
     assert not np.array_equal(shown(app).left, STRAIGHT[0])
-    assert "undistorted and rectified with its calibration, as you said: rows differ by " in said(app)
+    assert "undistorted and rectified with its calibration, as you said: rows differ by " in captions(app)
     app.button(key=UNDO).click().run()
     np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
 
@@ -135,28 +133,21 @@ def test_the_frame_is_asked_where_the_file_does_not_say_how_it_was_rectified() -
     assert all(slider.key != "pairs.alpha" for slider in told.slider)
 
 
-def test_a_calibration_in_two_files_is_read_together() -> None:
-    entries = {name: np.asarray(value).tolist() for name, value in straight_and_raw.ENTRIES.items()}
-    first = {name: entries[name] for name in ("M1", "D1", "M2", "D2")}
-    parts = {"intrinsics": first, "extrinsics": {name: entries[name] for name in set(entries) - set(first)}}
-    app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
-    both = [(f"{name}.json", json.dumps(part).encode(), "application/json") for name, part in parts.items()]
-    app.file_uploader(key="pairs.calibration").set_value(both[:1]).run()
-    assert "lacks rotation (R), translation (T); give the file that holds it" in app.error[0].value
-    app.file_uploader(key="pairs.calibration").set_value(both).run()
-    assert not app.error
-    assert shown(app).calibration is not None
-
-
-def test_two_files_of_one_camera_each_are_told_apart_by_their_names() -> None:
+def test_files_of_a_calibration_are_read_together_and_told_apart_by_their_names() -> None:
     def camera(number: int) -> bytes:
         parts = {"mtx": straight_and_raw.ENTRIES[f"M{number}"], "dist": straight_and_raw.ENTRIES[f"D{number}"]}
         return json.dumps({name: np.asarray(part).tolist() for name, part in parts.items()}).encode()
 
     pose = json.dumps({"R": straight_and_raw.R.tolist(), "T": straight_and_raw.T.tolist()}).encode()
-    files = [("right.json", camera(2)), ("pose.json", pose), ("left.json", camera(1))]
+    files = [
+        (name, data, "application/json")
+        for name, data in {"right.json": camera(2), "left.json": camera(1), "pose.json": pose}.items()
+    ]
     app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
-    app.file_uploader(key="pairs.calibration").set_value([(*file, "application/json") for file in files]).run()
+    app.file_uploader(key="pairs.calibration").set_value(files[:2]).run()
+    assert "lacks rotation (R), translation (T); give the file that holds it" in app.error[0].value
+    app.file_uploader(key="pairs.calibration").set_value(files).run()
+    assert not app.error
     known = app.session_state["pairs.calibration.state"].kept.upload.content
     np.testing.assert_array_equal(known.rig.left_matrix, straight_and_raw.M1)
 
@@ -176,16 +167,16 @@ def set_range(app: AppTest, count: int) -> None:
     assert disparities(app) == count
 
 
-LATER = [
-    ("calibration", ("calib.txt", MIDDLEBURY.encode())),
-    ("calibration", ("rig.json", json.dumps(RIG).encode())),
-    ("calibration", ("plain.json", b'{"focal_px": 300, "baseline_m": 0.2, "num_disparities": 24}')),
-    ("truth", ("t.png", uploads.png(TRUTH))),
-]
-
-
-@pytest.mark.parametrize(("key", "file"), LATER, ids=[file[0] for _, file in LATER])
-@pytest.mark.parametrize("moved", [True, False])
+@pytest.mark.parametrize(
+    ("key", "file", "moved"),
+    [
+        ("calibration", ("calib.txt", MIDDLEBURY.encode()), True),
+        ("calibration", ("rig.json", json.dumps(RIG).encode()), False),
+        ("calibration", ("plain.json", b'{"focal_px": 300, "baseline_m": 0.2, "num_disparities": 24}'), False),
+        ("truth", ("t.png", uploads.png(TRUTH)), True),
+    ],
+    ids=["calib.txt", "rig", "plain", "truth"],
+)
 def test_what_is_added_later_leaves_the_range_in_use(key: str, file: tuple[str, bytes], moved: bool) -> None:
     app = own()
     if moved:
@@ -209,32 +200,25 @@ def test_two_typed_numbers_are_a_calibration() -> None:
     assert (calibration.focal_px, calibration.baseline_m) == (700, 0.12)
 
 
-def test_size_changes_pictures_truth_calibration_range_and_settings_together() -> None:
-    app = own(calibration=("calib.txt", MIDDLEBURY.encode()), truth=("t.png", uploads.png(TRUTH)))
+def test_size_changes_the_settings_too_and_they_are_as_before_unless_moved_at_another_size() -> None:
+    def at(size: str) -> tuple[Any, ...]:
+        app.button_group(key="pairs.size").set_value(size).run()
+        assert not app.exception
+        pair, block_matcher, correlation = app.session_state["shown"]
+        return pair, block_matcher, correlation
+
+    app = own(calibration=("calib.txt", MIDDLEBURY.encode()))
     app.slider(key=keys.WINDOW).set_value(30).run()
-    app.button_group(key="pairs.size").set_value("1/2").run()
-    pair, block_matcher, correlation = app.session_state["shown"]
+    first = app.session_state["shown"][1:]
+    pair, block_matcher, correlation = at("1/2")
     assert pair.left.shape == (60, 100, 3)
-    np.testing.assert_allclose(pair.truth, 2.5)
-    assert pair.calibration.focal_px == 100
-    assert pair.num_disparities == 16
     assert (correlation.window_size, correlation.search.num_disparities) == (15, 16)
     assert block_matcher.num_disparities == 16
-    assert "Shown at 1/2 of its size: 100 × 60 of 200 × 120 pixels." in said(app)
-    app.button_group(key="pairs.size").set_value("Full").run()
-    assert app.session_state["shown"][2].window_size == 30
-    assert shown(app).left.shape == LEFT.shape
-
-
-def test_settings_are_as_at_first_after_other_sizes_unless_they_were_moved_there() -> None:
-    app = own()
-    app.slider(key=keys.WINDOW).set_value(31).run()
-    first = app.session_state["shown"][1:]
-    for size in ("1/2", "1/4", "1/2", "Full"):
-        app.button_group(key="pairs.size").set_value(size).run()
-    assert app.session_state["shown"][1:] == first
-    app.button_group(key="pairs.size").set_value("1/2").run()
+    assert "Shown at 1/2 of its size: 100 × 60 of 200 × 120 pixels." in captions(app)
+    for size in ("1/4", "1/2", "Full"):
+        pair, *settings = at(size)
+    assert (pair.left.shape, *settings) == (LEFT.shape, *first)
+    at("1/2")
     app.slider(key=keys.WINDOW).set_value(19).run()
-    app.button_group(key="pairs.size").set_value("Full").run()
-    assert app.session_state["shown"][2].window_size == 38
-    assert app.session_state["shown"][1] == first[0]
+    _, block_matcher, correlation = at("Full")
+    assert (block_matcher, correlation.window_size) == (first[0], 38)

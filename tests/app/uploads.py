@@ -20,12 +20,6 @@ def png(picture: npt.NDArray[Any], **options: Any) -> bytes:
     return file.getvalue()
 
 
-def palette_png(picture: npt.NDArray[np.uint8]) -> bytes:
-    file = io.BytesIO()
-    Image.fromarray(picture).convert("P").save(file, "PNG")
-    return file.getvalue()
-
-
 @cache
 def huge_png(side: int = 30_000) -> bytes:
     """Return a valid PNG of side × side black 1-bit pixels: a small file, but far too large a picture."""
