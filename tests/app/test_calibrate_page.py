@@ -110,7 +110,6 @@ TEXTURE = uploads.png(uploads.texture(40, 60))
     ("contents", "sentence"),
     [
         ({"a.png": TEXTURE, "b.png": TEXTURE}, "No left and right pictures match by name"),
-        ({"left1.png": uploads.huge_png(), "right1.png": uploads.huge_png()}, "megapixels are accepted"),
         ({"left1.png": b"no picture", "right1.png": b"none"}, "accepted are"),
         ({"pairs.zip": b"PK\x03\x04 cut short"}, "damaged or cut short"),
     ],

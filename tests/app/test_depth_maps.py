@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,12 +19,10 @@ from stereolag.ui.depth import maps
 from stereolag.ui.depth.maps import OUTLINED
 from tests.app import keys
 from tests.app.conftest import figures, outlines, viewers
+from tests.app.pages import DEPTH, OpenPage
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
-OpenPage = Callable[..., AppTest]
-
-DEPTH = "pages/3_Depth_maps.py"
 NEAR, FAR = "depth.colours.range.pair cube.near", "depth.colours.range.pair cube.far"
 
 
@@ -111,7 +108,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
 
 
 def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
-    app = open_page("pages/3_Depth_maps.py")
+    app = open_page(DEPTH)
     before = figures(app)["Convolution"]
     began, gate, compute = threading.Event(), threading.Event(), CorrelationMatcher.compute
 

@@ -43,7 +43,9 @@ def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() 
     assert disparity is not None and disparity[0] <= straight_and_raw.DISPARITY <= disparity[1]
     app.session_state[OPENED] = 1
     app.run()
+    assert app.title[0].value == "Depth maps"
     handed = app.session_state[HANDED]
+    assert "Frame 2" in handed.description
     straight = straight_and_raw.straight_pair()[0]
     middle = slice(60, -60), slice(60, -60)
     assert np.abs(handed.left[middle].astype(float) - straight[middle]).mean() < 3

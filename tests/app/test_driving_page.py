@@ -17,8 +17,7 @@ from stereolag.io.images import read_disparity, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.driving import inputs
 from stereolag.ui.driving.inputs import EXAMPLE
-from stereolag.ui.driving.work import LINES, OPENED, _table
-from stereolag.ui.keys import HANDED
+from stereolag.ui.driving.work import LINES, _table
 from tests.app import uploads
 from tests.app.driving import finished, opened, page, player, work_of, zipped
 
@@ -149,17 +148,6 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
     app = finished(app)
     assert player(app)["computed"] == CANCELLED
     assert player(app)["name"] != shown["name"]
-
-
-def test_a_frame_is_opened_on_the_depth_page() -> None:
-    app = finished(opened(drive(count=4)))
-    app.session_state[OPENED] = 2
-    app.run()
-    pair = app.session_state[HANDED]
-    assert pair.left.shape[:2] == (ROWS, COLS)
-    assert "Frame 3" in pair.description
-    assert not app.exception
-    assert app.title[0].value == "Depth maps"
 
 
 @pytest.mark.parametrize(("data", "said"), [(b"PK\x03\x04nothing", "ZIP"), (b"no video at all" * 9, "video")])

@@ -19,17 +19,16 @@ from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels
 from stereolag.io.programs import script
-from stereolag.io.settings import read_matcher, settings_json
+from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.downloads import EXPORTS, Download, Export
 from tests.app import keys
-from tests.app.conftest import PROJECT, figures, viewers
+from tests.app.conftest import figures, viewers
+from tests.app.pages import DEPTH, address, linked
 from tests.programs import run_program
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
-
-DEPTH = "pages/3_Depth_maps.py"
 
 
 class MadeUp(StereoMatcher):
@@ -71,23 +70,13 @@ def listed() -> Iterator[type[StereoMatcher]]:
     METHODS.remove(MadeUp)
 
 
-def opened(**parameters: str) -> AppTest:
-    app = AppTest.from_file(PROJECT / "app.py", default_timeout=120).switch_page(DEPTH)
-    for name, value in parameters.items():
-        app.query_params[name.replace("__", ".")] = value
-    app.run()
-    assert not app.exception
-    assert not app.error
-    return app
-
-
 def sides(app: AppTest) -> object:
     return app.slider(key=keys.setting("madeup", "side"))
 
 
 @pytest.mark.usefixtures("listed")
 def test_a_new_method_has_its_controls_and_its_address() -> None:
-    app = opened(maps="madeup", madeup__side="15")
+    app = linked(DEPTH, maps="madeup", madeup__side="15")
     assert app.button_group(key=keys.TAB).value == "madeup"
     assert list(figures(app)) == ["Made up"]
     assert sides(app).value == 15  # type: ignore[attr-defined]
@@ -96,8 +85,7 @@ def test_a_new_method_has_its_controls_and_its_address() -> None:
     before = viewers(app)[0]["pictures"][0]["digest"]
     sides(app).set_value(5).run()  # type: ignore[attr-defined]
     assert viewers(app)[0]["pictures"][0]["digest"] != before
-    address = {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
-    assert address == {"maps": "madeup", "madeup.side": "5"}
+    assert address(app) == {"maps": "madeup", "madeup.side": "5"}
     app.session_state[keys.more("madeup")] = True
     app.run()
     assert app.slider(key=keys.setting("madeup", "slack")).disabled
@@ -109,7 +97,7 @@ def test_a_new_method_has_its_controls_and_its_address() -> None:
 
 @pytest.mark.usefixtures("listed")
 def test_a_new_method_joins_the_parts_below_the_maps() -> None:
-    app = opened()
+    app = linked(DEPTH)
     app.button_group(key=keys.PART).set_value("Scoreboard").run()
     assert not app.exception
     assert "Made up" in app.dataframe[0].value.index
@@ -121,27 +109,22 @@ def test_a_new_method_joins_the_parts_below_the_maps() -> None:
 
 
 @pytest.mark.usefixtures("listed")
-def test_a_new_method_goes_out_as_settings_and_as_a_program(tmp_path: Path) -> None:
-    matcher = MadeUp(side=7, num_disparities=24)
-    assert read_matcher(settings_json(matcher).encode()) == matcher
-    cv2.imwrite(str(tmp_path / "left.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
-    cv2.imwrite(str(tmp_path / "right.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
+def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8)
+    pair = [str(tmp_path / f"{side}.png") for side in ("left", "right")]
+    for name in pair:
+        cv2.imwrite(name, image)
+    assert main(["depth", *pair, "--method", "madeup", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
+    matcher = MadeUp(side=7, strict=True)
+    assert read_matcher(tmp_path / "settings.json") == matcher
+    assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
+    assert '"method": "MadeUp"' in capsys.readouterr().out
     program = tmp_path / "reproduce.py"
     program.write_text(script(matcher, "left.png", "right.png"), encoding="utf-8")
     run_program(program)
-    left = cv2.imread(str(tmp_path / "left.png"), cv2.IMREAD_GRAYSCALE)
-    np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), matcher.compute(left, left).disparity)
-
-
-@pytest.mark.usefixtures("listed")
-def test_a_new_method_has_its_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for side in ("left", "right"):
-        cv2.imwrite(str(tmp_path / f"{side}.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
-    pair = str(tmp_path / "left.png"), str(tmp_path / "right.png")
-    assert main(["depth", *pair, "--method", "madeup", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
-    assert read_matcher(tmp_path / "settings.json") == MadeUp(side=7, strict=True)
-    assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
-    assert '"method": "MadeUp"' in capsys.readouterr().out
+    np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), matcher.compute(image, image).disparity)
 
 
 @pytest.mark.usefixtures("listed")
@@ -163,7 +146,7 @@ def test_a_new_export_is_a_button_and_in_the_archive() -> None:
     export = Export("Mean", "mean.txt", mean, "The mean disparity.")
     EXPORTS.append(export)
     try:
-        app = opened()
+        app = linked(DEPTH)
         app.session_state["depth.take.opened"] = True
         app.run()
         assert not app.exception

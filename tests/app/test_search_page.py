@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -15,11 +13,9 @@ from stereolag.templates.trials import opencv_search
 from stereolag.ui.search.hand_marks import PaintedMask
 from stereolag.ui.search.sentences import differences
 from tests.app import uploads
+from tests.app.pages import FIND, OpenPage
 from tests.packed import told
 
-OpenPage = Callable[..., AppTest]
-
-PAGE = "pages/2_Rocketman_search.py"
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
 OTHER = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
 
@@ -30,7 +26,7 @@ def with_files(
     open_page: OpenPage, picture: np.ndarray, template: np.ndarray | None = None, **state: object
 ) -> AppTest:
     """Return the page with an image, and perhaps a template, of one's own."""
-    app = open_page(PAGE, {"pictures": "own"} | {name.replace("__", "."): value for name, value in state.items()})
+    app = open_page(FIND, {"pictures": "own"} | {name.replace("__", "."): value for name, value in state.items()})
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(picture), "image/png")
     app.run()
     if template is not None:
@@ -48,7 +44,7 @@ def pictures(app: AppTest) -> list[tuple[str, str, str]]:
 
 
 def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPage) -> None:
-    app = open_page(PAGE, {"pictures": "maze_dulled"})
+    app = open_page(FIND, {"pictures": "maze_dulled"})
     assert app.header[0].value == "Found at row 200, column 200"
     found, *_ = [url for url, _, alt in pictures(app) if alt.startswith("The image: ")]
     app.slider(key="template.min_score").set_value(0.95).run()
@@ -60,7 +56,7 @@ def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPag
 
 
 def test_he_is_found_among_other_sizes_and_angles(open_page: OpenPage) -> None:
-    app = open_page(PAGE)
+    app = open_page(FIND)
     app.slider(key="template.max_rotation").set_value(10.0).run()
     assert app.header[0].value == "Found at row 200, column 200"
     assert any("no score map" in caption.value for caption in app.caption)
@@ -76,7 +72,7 @@ def test_he_is_found_among_other_sizes_and_angles(open_page: OpenPage) -> None:
 
 
 def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
-    app = open_page(PAGE)
+    app = open_page(FIND)
     app.button_group(key="pictures.from").set_value("cut").run()
     (box,) = told(app, "box")
     assert (box["rows"], box["cols"]) == (400, 600)
@@ -93,7 +89,7 @@ def of_the_address(app: AppTest) -> str:
 
 
 def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page: OpenPage) -> None:
-    app = open_page(PAGE, {"template.take.opened": True})
+    app = open_page(FIND, {"template.take.opened": True})
     held = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
     given = "not in it: it opens the example’s template as it is."
     assert of_the_address(app) == held
@@ -114,7 +110,7 @@ def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
-    app = open_page(PAGE, {"pictures": "own", "pictures.from": "cut"})
+    app = open_page(FIND, {"pictures": "own", "pictures.from": "cut"})
     assert len(app.info) == 1
     app = with_files(open_page, SCENE, pictures__from="cut")
     assert not app.info
@@ -130,7 +126,7 @@ def cards(app: AppTest) -> list[str]:
 
 
 def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: OpenPage) -> None:
-    app = open_page(PAGE, {"template.see_why": "Damage it"})
+    app = open_page(FIND, {"template.see_why": "Damage it"})
     assert [text.split()[-1] for text in cards(app)] == ["found]"] * 3
     app.slider(key="degrade.noise").set_value(20).run()
     assert ["not found" in text for text in cards(app)] == [False, True, False]
@@ -162,7 +158,7 @@ def test_large_offsets_lead_opencv_astray() -> None:
 
 
 def test_he_can_be_searched_by_hand(open_page: OpenPage) -> None:
-    app = open_page(PAGE, {"template.see_why": "Step by step"})
+    app = open_page(FIND, {"template.see_why": "Step by step"})
     (search,), (score_map,), (funnel,) = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
     best = search["leaders"][0]
     assert (search["factor"], search["row"] + best["row"], search["col"] + best["col"]) == (1, 200, 200)

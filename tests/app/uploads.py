@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,17 +16,6 @@ def png(picture: npt.NDArray[Any], **options: Any) -> bytes:
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "PNG", **options)
     return file.getvalue()
-
-
-@cache
-def huge_png(side: int = 30_000) -> bytes:
-    """Return a valid PNG of side × side black 1-bit pixels: a small file, but far too large a picture."""
-    rows = zlib.compress(bytes((side + 7) // 8 + 1) * side, 1)
-    header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
-    )
 
 
 def wav(samples: npt.NDArray[np.float64], sampling_rate: int = 8_000) -> bytes:
