@@ -167,27 +167,20 @@ def test_a_warped_box_holds_the_template() -> None:
     assert warped_shape((40, 40), 1, 45) == (math.ceil(40 * math.sqrt(2)),) * 2
 
 
-def test_progress_rises_to_one_in_small_steps() -> None:
+def test_progress_rises_to_one_in_small_steps_and_cancels_if_it_raises() -> None:
     fractions: list[float] = []
     scene = blobs((160, 200, 3))
-    match_template(
-        scene,
-        scene[60:110, 90:140],
-        scales=(0.7, 1.4),
-        rotations=(-30, 30),
-        progress=fractions.append,
-    )
+    ranges = {"scales": (0.7, 1.4), "rotations": (-30, 30)}
+    match_template(scene, scene[60:110, 90:140], **ranges, progress=fractions.append)  # type: ignore[arg-type]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
     assert len(fractions) > 30
 
-
-def test_a_progress_that_raises_cancels_the_search() -> None:
     def cancel(fraction: float) -> None:
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        match_template(blobs((90, 90)), blobs((30, 30), seed=1), scales=(0.8, 1.2), progress=cancel)
+        match_template(scene, scene[60:110, 90:140], **ranges, progress=cancel)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
