@@ -55,40 +55,29 @@ def bounds_of(name: str) -> Bounds:
     return Bounds.of(Example.model_fields[name])
 
 
-def test_sliders_move_in_whole_steps_through_the_default() -> None:
+def test_sliders_move_in_whole_steps_through_the_default_within_bounds_that_are_never_widened() -> None:
     assert bounds_of("odd").through(7) == Bounds(3, 11, 2)
     assert bounds_of("sixteens").through(64) == Bounds(16, 96, 16)
     assert bounds_of("share").through(0.95) == Bounds(0.0, 0.95, 0.05)
-
-
-def test_an_open_end_stays_open() -> None:
     assert bounds_of("open_end") == Bounds(1.0, None, 1.0)
     assert bounds_of("perhaps") == Bounds(0, None, 1)
-
-
-def test_bounds_are_narrowed_never_widened() -> None:
     assert bounds_of("odd").narrowed(5, 20) == Bounds(5, 12, 2)
     assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(1.0, 9.0, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("bad", "said"),
+    ("kind", "bad", "said"),
     [
-        ({"odd": 13}, "odd is 13; allowed are whole numbers from 2 to 12."),
-        ({"sixteens": 15}, "sixteens is 15; allowed are multiples of 16 from 1 to 100."),
-        ({"share": "much"}, "share is 'much'; allowed are numbers from 0 below 1."),
+        (Example, {"odd": 13}, "odd is 13; allowed are whole numbers from 2 to 12."),
+        (Example, {"sixteens": 15}, "sixteens is 15; allowed are multiples of 16 from 1 to 100."),
+        (Example, {"share": "much"}, "share is 'much'; allowed are numbers from 0 below 1."),
+        (StereoBM, {"block_size": 20}, "block_size is 20; OpenCV allows odd sizes only."),
     ],
 )
-def test_a_refusal_is_one_sentence(bad: dict[str, Any], said: str) -> None:
+def test_a_refusal_is_one_sentence(kind: type[Settings], bad: dict[str, Any], said: str) -> None:
     with pytest.raises(SettingsError) as refusal:
-        Example(**bad)
+        kind(**bad)
     assert str(refusal.value) == said
-
-
-def test_a_refusal_of_our_own_is_given_as_it_is() -> None:
-    with pytest.raises(SettingsError) as refusal:
-        StereoBM(block_size=20)
-    assert str(refusal.value) == "block_size is 20; OpenCV allows odd sizes only."
 
 
 def test_every_method_has_a_name_and_an_explanation() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,56 +19,76 @@ from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown
 pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
 ONE_VISITOR = True
 
-# page: {control: its new value}
-MOVES: dict[str, dict[str, Any]] = {
-    LAG: {
-        "recordings": "harbour",
-        "lag.method": "phat",
-        "lag.rate.recordings coast": 48_000.0,
-        "lag.speed.recordings coast": 1_500.0,
-        "lag.max.recordings coast": 1_000,
-        "lag.from.recordings coast.50082": 1_000,
-        "lag.curve": "Plain Pearson",
-    },
-    FIND: {
-        "pictures": "maze_dulled",
-        "pictures.from": "cut",
-        "template.method": "sampled",
-        "template.min_score": 0.95,
-        "template.max_matches": 5,
-        "template.min_scale": 0.97,
-        "template.max_scale": 1.03,
-        "template.max_rotation": 2.0,
-        "degrade.contrast": 0.3,
-        "degrade.brightness": 60,
-        "degrade.noise": 20,
-        "degrade.turn": 10.0,
-        "degrade.resize": 0.8,
-        "degrade.cover": 0.5,
-    },
-    DEPTH: {
-        "pairs": "square",
-        "pairs.size": "1/2",
-        keys.PART: "Scoreboard",
-        "depth.colours.range.pair cube.far": 10.0,
-        "depth.colours.range.pair cube.near": 90.0,
-        "depth.colours.inverted": True,
-        "depth.colours.palette": "turbo",
-        "depth.colours.outlined": True,
-        keys.SHOWN: ["correlation", "sgbm"],
-    },
-}
-# Controls that must be set first.
-FIRST: dict[str, dict[str, Any]] = {
-    "template.min_score": {"template.max_matches": 5},  # the second match scores lower
-    "pairs.size": {keys.SHOWN: ["correlation"]},  # StereoBM's odd block is rounded on the way to half its size and back
-}
-for one in MOVES[FIND]:
-    if one != "pictures":
-        FIRST[one] = {"pictures": "own"} | FIRST.get(one, {})  # a part of the maze is searched faster than all of it
+
+@dataclass(frozen=True)
+class Moves:
+    """Controls of one page and their new values, moved one at a time after the controls in `first` are set."""
+
+    page: str
+    first: dict[str, Any]
+    values: dict[str, Any]
+
+    def __str__(self) -> str:
+        return " ".join([self.page, *(f"{name}={value}" for name, value in self.first.items())])
+
+
+OWN = {"pictures": "own"}
+"""A part of the maze, which is searched faster than all of it."""
+
+MOVES = [
+    Moves(
+        LAG,
+        {},
+        {
+            "recordings": "harbour",
+            "lag.method": "phat",
+            "lag.rate.recordings coast": 48_000.0,
+            "lag.speed.recordings coast": 1_500.0,
+            "lag.max.recordings coast": 1_000,
+            "lag.from.recordings coast.50082": 1_000,
+            "lag.curve": "Plain Pearson",
+        },
+    ),
+    Moves(FIND, {}, {"pictures": "maze_dulled"}),
+    Moves(FIND, OWN | {"template.max_matches": 5}, {"template.min_score": 0.95}),  # the second match scores lower
+    Moves(
+        FIND,
+        OWN,
+        {
+            "pictures.from": "cut",
+            "template.method": "sampled",
+            "template.max_matches": 5,
+            "template.min_scale": 0.97,
+            "template.max_scale": 1.03,
+            "template.max_rotation": 2.0,
+            "degrade.contrast": 0.3,
+            "degrade.brightness": 60,
+            "degrade.noise": 20,
+            "degrade.turn": 10.0,
+            "degrade.resize": 0.8,
+            "degrade.cover": 0.5,
+        },
+    ),
+    # StereoBM's odd block is rounded on the way to half its size and back.
+    Moves(DEPTH, {keys.SHOWN: ["correlation"]}, {"pairs.size": "1/2"}),
+    Moves(
+        DEPTH,
+        {},
+        {
+            "pairs": "square",
+            keys.PART: "Scoreboard",
+            "depth.colours.range.pair cube.far": 10.0,
+            "depth.colours.range.pair cube.near": 90.0,
+            "depth.colours.inverted": True,
+            "depth.colours.palette": "turbo",
+            "depth.colours.outlined": True,
+            keys.SHOWN: ["correlation", "sgbm"],
+        },
+    ),
+]
 SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
-# The same for the settings of methods, by the end of their keys.
+# What must be set first, by the end of a setting's key.
 FIRST_OF_METHODS: dict[str, dict[str, Any]] = {
     ".texture": {"pairs": "road"},  # its sky is flat
     "search.kind": {keys.OVERLAP: 0.5},  # few windows make a square search fast
@@ -81,12 +101,13 @@ def controls(app: AppTest) -> dict[str, Any]:
     return {widget.key: widget for widget in widgets if not widget.disabled and widget.key not in boxes}
 
 
-@pytest.mark.parametrize("page", MOVES)
+@pytest.mark.parametrize("page", [LAG, FIND, DEPTH])
 def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
     settings = tuple(f"depth.{method.short_name}." for method in METHODS)
     found = {key for key in controls(open_unfolded(page)) if not key.startswith(settings)}
     found -= SEEN_IN_THE_TIME_ALONE | {keys.TAB}
-    unmoved, absent = sorted(found - MOVES[page].keys()), sorted(MOVES[page].keys() - found)
+    moved = {key for moves in MOVES if moves.page == page for key in moves.values}
+    unmoved, absent = sorted(found - moved), sorted(moved - found)
     assert not unmoved, f"MOVES does not say what these are moved to: {unmoved}"
     assert not absent, f"MOVES names what is not on the page: {absent}"
 
@@ -110,31 +131,6 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
     assert app.slider(key=keys.SMALLEST).value == -100  # kept while it was folded away
 
 
-@dataclass(frozen=True)
-class Moves:
-    """Controls of one page that are moved one at a time, each starting from the state after `first` is set."""
-
-    page: str
-    first: dict[str, Any]
-    values: dict[str, Any]
-
-    def __str__(self) -> str:
-        return " ".join([self.page, *(f"{name}={value}" for name, value in self.first.items())])
-
-
-def grouped() -> list[Moves]:
-    """Return the controls of all pages, grouped by page and by the controls set first."""
-    groups: list[Moves] = []
-    for page, moves in MOVES.items():
-        for key, value in moves.items():
-            group = Moves(page, FIRST.get(key, {}), {})
-            if group not in (others := [replace(one, values={}) for one in groups]):
-                groups.append(group)
-                others.append(group)
-            groups[others.index(group)].values[key] = value
-    return groups
-
-
 def give_a_part_of_the_maze(app: AppTest) -> None:
     """Upload a part of the maze at half size with Rocketman in it twice, once dulled: the search is faster there."""
     maze = mazes()["maze"]
@@ -149,7 +145,7 @@ def give_a_part_of_the_maze(app: AppTest) -> None:
     assert app.header[0].value.startswith("Found")
 
 
-@pytest.mark.parametrize("moves", grouped(), ids=str)
+@pytest.mark.parametrize("moves", MOVES, ids=str)
 def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: Shown, moves: Moves) -> None:
     app = open_unfolded(moves.page)
     for name, value in moves.first.items():

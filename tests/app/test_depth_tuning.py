@@ -97,8 +97,11 @@ def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(truth: bool, nam
     assert ("estimated" in app.markdown[0].value) != truth
 
 
-def test_a_cell_is_taken_over_from_the_list_too_the_best_first() -> None:
+def test_a_cell_is_taken_over_from_the_list_too_the_best_first_and_other_values_ask_for_another_sweep() -> None:
     app = swept("48, 64", "11, 15")
+    for values, shown in (("11", 0), ("15, 11", 2)):
+        app.text_input[1].set_value(values).run()
+        assert len(app.get("plotly_chart")) == shown
     cells = next(box for box in app.selectbox if box.label == "Take settings over")
     shares = [float(option.rpartition(": ")[2].removesuffix(" %")) for option in cells.options]
     assert len(shares) == 4
@@ -108,13 +111,6 @@ def test_a_cell_is_taken_over_from_the_list_too_the_best_first() -> None:
     taken = app.session_state[ADOPTED]
     assert isinstance(taken, CorrelationMatcher)
     assert (taken.search.num_disparities, taken.window_size) == (row, col)
-
-
-def test_other_values_ask_for_another_sweep() -> None:
-    app = swept("48, 64", "11, 15")
-    for values, shown in (("11, 15", 2), ("11", 0), ("15, 11", 2)):
-        app.text_input[1].set_value(values).run()
-        assert len(app.get("plotly_chart")) == shown
 
 
 def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
@@ -134,19 +130,17 @@ def test_maps_of_the_judge_itself_have_no_figure() -> None:
     assert "not judged" in maps["data"][1]["text"][0]
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [("5, wide", "not a list of whole numbers"), ("", "has 0 values"), (", ".join(map(str, range(30))), "30 values")],
-)
-def test_values_that_are_none_are_named(text: str, said: str) -> None:
-    app = sweep_of(text, "15")
-    assert not app.exception
-    assert said in app.error[0].value
-    assert not app.button
-
-
-def test_one_setting_against_itself_is_refused() -> None:
+def test_values_that_are_none_and_one_setting_against_itself_are_refused() -> None:
     app = part_of_page(show_sweep)
+    for text, said in {
+        "5, wide": "not a list of whole numbers",
+        "": "has 0 values",
+        ", ".join(map(str, range(30))): "30 values",
+    }.items():
+        app.text_input[0].set_value(text).run()
+        assert not app.exception
+        assert said in app.error[0].value
+        assert not app.button
     app.selectbox[0].set_value("window_size").run()
     assert "two different settings" in app.error[0].value
 

@@ -9,9 +9,8 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from queue import Queue
 from threading import Thread
@@ -21,9 +20,9 @@ from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 
 from stereolag.commands.serving import page_fault
 from stereolag.streamlit_inside import served_fault
+from tests.browser.serving import PROJECT, free_port, served_process
 from tests.protocol import visit
 
-PROJECT = Path(__file__).resolve().parents[2]
 LAUNCHER = "stereolag/commands/serving.py"
 PATIENCE_S = 120
 
@@ -54,9 +53,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("localhost", 0))
-        return int(listener.getsockname()[1])
+    return free_port()
 
 
 def refused(environment: dict[str, str], *arguments: str, project: Path = PROJECT) -> str:
@@ -152,34 +149,17 @@ def test_a_probe_tells_what_is_wrong_with_the_page_of_a_healthy_process(
 ) -> None:
     page, part = tmp_path / "page.py", tmp_path / "part.py"
     page.write_text("import")
-    serving = [sys.executable, "-m", "streamlit", "run", "page.py", "--server.port", str(port)]
-    with subprocess.Popen(
-        [*serving, "--server.headless", "true", "--browser.serverAddress", "localhost"], cwd=tmp_path, env=environment
-    ) as process:
-        try:
-            wait_until_healthy(port)
-            assert served_fault(port) == "The page cannot be compiled."
-            page.write_text(f"exec(open({str(part)!r}).read())")
-            for script, fault in FAULTS.items():
-                part.write_text(script)
-                assert served_fault(port) == fault
-            probe = [sys.executable, "-P", LAUNCHER, "--probe", "--port", str(port)]
-            assert subprocess.run(probe, cwd=PROJECT, env=environment, check=False).returncode == 0
-            part.write_text("raise ValueError('nothing\\nthere')")
-            line = refused(environment, "--probe", "--port", str(port))
-            assert line == "stereolag serves no page: ValueError: nothing there"
-        finally:
-            process.terminate()
-
-
-def wait_until_healthy(port: int) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        with suppress(OSError), urllib.request.urlopen(f"http://localhost:{port}/_stcore/health", timeout=5) as answer:
-            assert answer.read() == b"ok"
-            return
-        time.sleep(0.1)
-    raise TimeoutError
+    with served_process(str(page), port=port, environment={"STREAMLIT_CLIENT_SHOW_ERROR_DETAILS": "full"}):
+        assert served_fault(port) == "The page cannot be compiled."
+        page.write_text(f"exec(open({str(part)!r}).read())")
+        for script, fault in FAULTS.items():
+            part.write_text(script)
+            assert served_fault(port) == fault
+        probe = [sys.executable, "-P", LAUNCHER, "--probe", "--port", str(port)]
+        assert subprocess.run(probe, cwd=PROJECT, env=environment, check=False).returncode == 0
+        part.write_text("raise ValueError('nothing\\nthere')")
+        line = refused(environment, "--probe", "--port", str(port))
+        assert line == "stereolag serves no page: ValueError: nothing there"
 
 
 def test_a_probe_tells_that_nobody_listens(port: int) -> None:

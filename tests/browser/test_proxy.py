@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, expect
 
 from stereolag.ui.navigation import PAGES
 from tests.app import uploads
-from tests.browser.serving import PROJECT, served_app
+from tests.browser.serving import PROJECT, free_port, served_app
 from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
 
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
@@ -68,9 +68,7 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
         patch = running.enter_context(pytest.MonkeyPatch.context())
         patch.setenv("STREAMLIT_SERVER_COOKIE_SECRET", "the same for all processes")
         ports = [running.enter_context(served_app()).rpartition(":")[2] for _ in range(2)]
-        with socket.socket() as listener:
-            listener.bind(("localhost", 0))
-            port = listener.getsockname()[1]
+        port = free_port()
         settings = (PROJECT / "deployment" / "nginx.conf").read_text(encoding="utf-8")
         for there, here, times in (
             ("listen 8080", f"listen {port}", 2),
