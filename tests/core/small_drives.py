@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import av
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pairs import texture
 
 from stereolag import StereoBM
+from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.io.images import image_png, kitti_png
@@ -36,12 +37,18 @@ def pairs_of(disparities: Sequence[int] = DISPARITIES) -> list[tuple[Grey, Grey]
 
 def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tuple[Path, Path, Path]:
     """Write pictures and truths to three folders, and return the folders."""
+    truths = (np.full((ROWS, COLS), disparity, np.float32) for disparity in disparities)
+    pairs = pairs_of(disparities)
+    return write_frames(folder, [(*both, truth) for both, truth in zip(pairs, truths, strict=True)])
+
+
+def write_frames(folder: Path, frames: Iterable[tuple[Grey, Grey, FloatMap]]) -> tuple[Path, Path, Path]:
+    """Write left and right pictures and truths to three folders, and return the folders."""
     folders = folder / "left", folder / "right", folder / "truth"
     for one in folders:
         one.mkdir(parents=True)
-    for number, (disparity, both) in enumerate(zip(disparities, pairs_of(disparities), strict=True)):
-        data = [*map(image_png, both), kitti_png(np.full((ROWS, COLS), disparity, np.float32))]
-        for one, content in zip(folders, data, strict=True):
+    for number, (left, right, truth) in enumerate(frames):
+        for one, content in zip(folders, (image_png(left), image_png(right), kitti_png(truth)), strict=True):
             (one / f"{number:03d}.png").write_bytes(content)
     return folders
 

@@ -37,12 +37,11 @@ def interior(result: DisparityMap, margin: int = 30) -> tuple[np.ndarray, np.nda
     return result.dy[inside], result.dx[inside]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("window_size", [20, 21])
+@pytest.mark.parametrize(("engine", "window_size"), [("window_sums", 20), ("fft", 21)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 @pytest.mark.parametrize(("dy", "dx"), [(0, 7), (3, -5), (-2.25, 4.5), (1.3, -6.7)])
 def test_known_shift_is_recovered(engine: str, window_size: int, dtype: type, dy: float, dx: float) -> None:
-    left, right = shifted_pair(110, 130, dy, dx, dtype=dtype)
+    left, right = shifted_pair(100, 120, dy, dx, dtype=dtype)
     matcher = CorrelationMatcher(
         window_size=window_size, overlap=0.75, search=SearchArea.centred(window_size + 18), engine=engine
     )
@@ -54,33 +53,26 @@ def test_known_shift_is_recovered(engine: str, window_size: int, dtype: type, dy
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_disparity_of_a_rectified_search_is_minus_dx(engine: str) -> None:
+def test_a_map_holds_minus_dx_and_a_reason_for_every_blank_pixel(engine: str) -> None:
     left, right = shifted_pair(80, 160, 0, -11.5)
-    result = CorrelationMatcher(window_size=15, search=SearchArea.rectified(24), engine=engine).compute(left, right)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(24), engine=engine)
+    result = matcher.compute(left, right)
     valid = result.valid
+    np.testing.assert_array_equal(valid, result.reason == Reason.MEASURED)
+    np.testing.assert_array_equal(valid, np.isfinite(result.dx))
     np.testing.assert_array_equal(result.disparity[valid], -result.dx[valid])
     np.testing.assert_allclose(result.disparity[20:-20, 40:-20], 11.5, atol=0.1)
     assert np.all(result.dy[valid] == 0)
     np.testing.assert_allclose(result.lag[valid], np.abs(result.dx[valid]))
+    assert result.disparity.shape == result.reason.shape == (80, 160)
+    assert result.disparity.dtype == np.float32
+    assert result.settings == matcher and result.elapsed_s > 0
 
 
-def test_swapped_images_flip_the_sign() -> None:
-    left, right = shifted_pair(90, 110, 2, -4, dtype=np.float64)
-    matcher = CorrelationMatcher(window_size=16, overlap=0.8, search=SearchArea.centred(34))
-    forward, backward = interior(matcher.compute(left, right)), interior(matcher.compute(right, left))
-    np.testing.assert_allclose(forward[0], -backward[0], atol=0.15)
-    np.testing.assert_allclose(forward[1], -backward[1], atol=0.15)
-    assert np.abs(np.mean(np.add(forward, backward), axis=(1, 2))).max() < 0.01
-
-
-@pytest.mark.parametrize("score", ["zncc", "ncc", "cross", "phase"])
-@pytest.mark.parametrize("window_size", [24, 25])
-def test_every_score_recovers_a_shift_by_fft(score: str, window_size: int) -> None:
+def test_phase_correlation_recovers_a_shift_in_a_padded_search() -> None:
     left, right = shifted_pair(100, 120, 2, -4)
-    matcher = CorrelationMatcher(
-        window_size=window_size, overlap=0.5, search=SearchArea.centred(window_size + 16), score=score, engine="fft"
-    )
-    dy, dx = interior(matcher.compute(left, right))
+    phase = CorrelationMatcher(window_size=25, overlap=0.5, search=SearchArea.centred(41), score="phase")
+    dy, dx = interior(phase.compute(left, right))
     assert abs(np.nanmedian(dy) - 2) < 0.3
     assert abs(np.nanmedian(dx) + 4) < 0.3
 
@@ -116,56 +108,33 @@ def test_a_shift_beyond_the_search_is_not_invented(engine: str) -> None:
     assert np.mean(result.reason[10:-10, 15:-15] == Reason.AT_SEARCH_EDGE) > 0.5
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
-def test_flat_windows_have_no_answer(engine: str, dtype: type) -> None:
-    left, right = shifted_pair(80, 100, 0, -4, dtype=dtype)
-    left, right = left.copy(), right.copy()
-    left[20:60, 30:80] = 100
-    right[20:60, 26:76] = 100
-    result = CorrelationMatcher(window_size=11, search=SearchArea.rectified(12), engine=engine).compute(left, right)
-    assert np.all(result.reason[26:54, 36:74] == Reason.LOW_TEXTURE)
-    assert np.isnan(result.disparity[26:54, 36:74]).all()
-
-
-def test_every_blank_pixel_has_a_reason_and_every_answer_none() -> None:
-    left, right = shifted_pair(80, 100, 1, -4)
-    result = CorrelationMatcher(window_size=11, overlap=0.7, search=SearchArea.centred(23)).compute(left, right)
-    assert np.array_equal(result.valid, result.reason == Reason.MEASURED)
-    assert np.array_equal(np.isnan(result.dx), ~result.valid)
-    assert result.disparity.shape == result.reason.shape == (80, 100)
-    assert result.disparity.dtype == np.float32
-    assert result.settings.window_size == 11  # type: ignore[attr-defined]
-    assert result.elapsed_s > 0
-
-
-def test_windows_spread_over_cells_around_their_centres() -> None:
-    left, right = shifted_pair(60, 80, 0, -3)
-    result = CorrelationMatcher(window_size=20, overlap=0.5, search=SearchArea.rectified(8)).compute(left, right)
-    valid_rows = np.flatnonzero(result.valid.any(axis=1))
-    assert (valid_rows[0], valid_rows[-1]) == (5, 54)
-    cells = result.score[5:55, 5:75].reshape(5, 10, 7, 10)
-    assert np.array_equal(cells.min(axis=(1, 3)), cells.max(axis=(1, 3)), equal_nan=True)
-
-
 @pytest.mark.parametrize(("overlap", "step"), [(0.0, 20), (0.5, 10), (0.9, 2), (0.95, 1), (0.999, 1)])
 def test_step_is_the_unshared_part_of_a_window(overlap: float, step: int) -> None:
     assert CorrelationMatcher(window_size=20, overlap=overlap).step == step
 
 
 @pytest.mark.parametrize(
-    ("settings", "names"),
+    ("matcher", "settings", "says"),
     [
-        ({"window_size": 2}, "window_size"),
-        ({"overlap": 1.0}, "overlap"),
-        ({"window_size": 41, "search": SearchArea.centred(40)}, "search_size"),
-        ({"score": "ssd"}, "score"),
-        ({"blocksize": 5}, "blocksize"),
+        (CorrelationMatcher, {"window_size": 2}, "window_size"),
+        (CorrelationMatcher, {"overlap": 1.0}, "overlap"),
+        (CorrelationMatcher, {"window_size": 41, "search": SearchArea.centred(40)}, "search_size"),
+        (CorrelationMatcher, {"score": "ssd"}, "score"),
+        (CorrelationMatcher, {"blocksize": 5}, "blocksize"),
+        (SemiGlobalMatcher, {"window_size": 4}, "window_size is 4; allowed are odd sizes"),
+        (SemiGlobalMatcher, {"window_size": 254}, "window_size is 254; allowed are odd sizes"),
+        (StereoBM, {"num_disparities": 0}, "num_disparities"),
+        (StereoBM, {"num_disparities": 40}, "multiples of 16"),
+        (StereoBM, {"block_size": 20}, "odd"),
+        (StereoSGBM, {"block_size": 4}, "odd"),
+        (StereoSGBM, {"num_disparities": 0}, "num_disparities"),
+        (StereoSGBM, {"p1": 800, "p2": 800}, "p2 > p1"),
+        (StereoSGBM, {"mode": "other"}, "mode is 'other'; allowed are 'sgbm', 'hh', 'sgbm_3way' and 'hh4'"),
     ],
 )
-def test_bad_settings_are_refused_by_name(settings: dict[str, object], names: str) -> None:
-    with pytest.raises(SettingsError, match=names):
-        CorrelationMatcher(**settings)
+def test_bad_settings_are_refused_by_name(matcher: type[StereoMatcher], settings: dict[str, object], says: str) -> None:
+    with pytest.raises(SettingsError, match=says):
+        matcher(**settings)
 
 
 CONTRADICTIONS: list[tuple[type[StereoMatcher], str, dict[str, object]]] = [
@@ -243,8 +212,7 @@ def test_bad_images_are_refused_with_the_value(
 
 
 @pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("channels", [None, 3, 4])
+@pytest.mark.parametrize(("dtype", "channels"), [(np.uint8, None), (np.uint8, 4), (np.uint16, 3), (np.float32, 3)])
 def test_every_matcher_takes_the_same_images(matcher: StereoBM, dtype: type, channels: int | None) -> None:
     images = shifted_pair(70, 180, 0, -6, dtype=dtype)
     if channels:
@@ -292,8 +260,7 @@ def test_the_reports_preset_is_the_reports_and_an_unknown_one_is_refused_by_name
 
 
 @pytest.mark.parametrize("name", ["fast", "accurate"])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shift", [0.0, 7.0, 11.4])
+@pytest.mark.parametrize(("dtype", "shift"), [(np.uint8, 0.0), (np.uint16, 7.0), (np.float32, 11.4), (np.uint8, 11.4)])
 def test_a_shifted_wall_is_measured(name: str, dtype: type, shift: float) -> None:
     left, right = shifted_pair(80, 140, 0, -shift, dtype=dtype)
     result = preset(name, num_disparities=16).compute(left, right)
@@ -458,31 +425,12 @@ def test_the_modes_are_all_of_opencv_and_its_own_is_the_first() -> None:
     names = {name for name in dir(cv2) if name.startswith("STEREO_SGBM_MODE_")}
     assert names == {f"STEREO_SGBM_MODE_{mode.upper()}" for mode in MODES}
     assert StereoSGBM().mode == "sgbm"
-    with pytest.raises(SettingsError, match="mode is 'other'; allowed are 'sgbm', 'hh', 'sgbm_3way' and 'hh4'"):
-        StereoSGBM(mode="other")
-
-
-@pytest.mark.parametrize(
-    ("matcher", "settings", "says"),
-    [
-        (StereoBM, {"num_disparities": 0}, "num_disparities"),
-        (StereoBM, {"num_disparities": 40}, "multiples of 16"),
-        (StereoBM, {"block_size": 20}, "odd"),
-        (StereoSGBM, {"block_size": 4}, "odd"),
-        (StereoSGBM, {"num_disparities": 0}, "num_disparities"),
-        (StereoSGBM, {"p1": 800, "p2": 800}, "p2 > p1"),
-    ],
-)
-def test_what_opencv_would_silently_change_is_refused(matcher: type[StereoBM], settings: dict, says: str) -> None:
-    with pytest.raises(SettingsError, match=says):
-        matcher(**settings)
 
 
 @pytest.mark.parametrize("matcher", [StereoBM, StereoSGBM])
 def test_images_too_narrow_for_the_search_are_refused(matcher: type[StereoBM]) -> None:
-    left, right = shifted_pair(60, 60, 0, -4)
     with pytest.raises(ValueError, match="num_disparities is 64"):
-        matcher(num_disparities=64).compute(left, right)
+        matcher(num_disparities=64).compute(*shifted_pair(60, 60, 0, -4))
 
 
 def test_minus_one_really_switches_the_left_right_check_off() -> None:

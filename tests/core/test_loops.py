@@ -13,7 +13,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
@@ -58,16 +57,6 @@ def inner(number):
     return number + {}
 """
 
-OLDER = f"stereolag-{0:016x}"
-
-
-@pytest.fixture
-def install(tmp_path: Path) -> Path:
-    """Return a folder that contains only a copy of the package, without machine code."""
-    folder = tmp_path / "install"
-    shutil.copytree(PROJECT / "stereolag", folder / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
-
 
 @pytest.fixture
 def loops(tmp_path: Path) -> Path:
@@ -100,29 +89,21 @@ def variables_for(folder: Path) -> dict[str, str]:
     }
 
 
-def run_alone(folder: Path, *arguments: str, before: Sequence[str] = ()) -> tuple[str, str]:
-    """Run Python with a folder as its only path, and return its output and errors."""
-    command = [*before, sys.executable, "-W", "error", *arguments]
-    environment = variables_for(folder)
-    ran = subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False)
-    return ran.stdout, ran.stderr
-
-
 def begun(folder: Path, *arguments: str, **variables: str) -> subprocess.Popen[str]:
-    """Start a program with the two loops of a folder."""
-    command = [sys.executable, "-B", "-W", "error", str(folder / "outer.py"), *arguments]
+    """Start Python with the environment of a folder."""
+    command = [sys.executable, "-B", "-W", "error", *arguments]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    return subprocess.Popen(command, env=variables_for(folder) | variables, text=True, **pipes)
+    return subprocess.Popen(command, cwd=folder.parent, env=variables_for(folder) | variables, text=True, **pipes)
 
 
 def run(folder: Path, **variables: str) -> tuple[str, str]:
     """Run the two loops of a folder and return its output and errors."""
-    return begun(folder, **variables).communicate()
+    return begun(folder, str(folder / "outer.py"), **variables).communicate()
 
 
 def waiting(folder: Path, **variables: str) -> subprocess.Popen[str]:
     """Run the two loops of a folder up to the first call, which waits for a line."""
-    process = begun(folder, "wait", **variables)
+    process = begun(folder, str(folder / "outer.py"), "wait", **variables)
     assert process.stdout is not None and process.stdout.readline() == "ready\n", process.communicate()
     return process
 
@@ -132,10 +113,12 @@ def code_in(folder: Path) -> dict[str, int]:
     return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.nbc")}
 
 
-def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(install: Path) -> None:
-    assert run_alone(install, "-c", SMALL_LAG) == ("4\n", "")
+def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(tmp_path: Path) -> None:
+    install = tmp_path / "install"
+    shutil.copytree(PROJECT / "stereolag", install / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
+    assert begun(install, "-c", SMALL_LAG).communicate() == ("4\n", "")
     assert code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
-    assert not code_in(install.parent / "temporary")
+    assert not code_in(tmp_path / "temporary")
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
@@ -164,63 +147,57 @@ def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one
     assert code_in(loops.parent / "named")
 
 
-@pytest.mark.parametrize("mtime", [0, 4_000_000_000])
-def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, mtime: int) -> None:
-    def answer() -> str:
+def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path) -> None:
+    def answer(mtime: int) -> str:
         for source in loops.glob("*.py"):
             os.utime(source, (mtime, mtime))
         out, err = run(loops)
         assert err == ""
         return out
 
-    assert answer() == "2\n"
+    late = 4_000_000_000
+    assert answer(late) == "2\n"
     kept = code_in(loops)
-    assert answer() == "2\n"
+    assert answer(0) == "2\n"
     assert code_in(loops) == kept
-    (loops / "inner.py").write_text(INNER.format(2))
-    assert answer() == "3\n"
+    for number, mtime in ((2, 0), (3, late)):
+        (loops / "inner.py").write_text(INNER.format(number))
+        assert answer(mtime) == f"{number + 1}\n"
 
 
 def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
-    processes = [waiting(loops, **kept) for loops in 3 * releases]
+    processes = [waiting(loops, **kept) for loops in 2 * releases]
     with ThreadPoolExecutor(len(processes)) as threads:
         ended = list(threads.map(lambda process: process.communicate("\n"), processes))
-    assert ended == 3 * [("2\n", ""), ("3\n", "")]
+    assert ended == 2 * [("2\n", ""), ("3\n", "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
     assert [run(loops, **kept) for loops in releases] == [("2\n", ""), ("3\n", "")]
     assert code_in(tmp_path / "kept") == code
 
 
-def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(loops: Path) -> None:
-    run(loops)
-    older = code_in(loops)
-    running = waiting(loops)
-    (loops / "inner.py").write_text(INNER.format(2))
-    assert run(loops) == ("3\n", "")
-    assert older.items() <= code_in(loops).items()
-    assert running.communicate("\n") == ("2\n", "")
-    assert run(loops) == ("3\n", "")
-
-
-def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(loops: Path) -> None:
+def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(loops: Path) -> None:
+    assert run(loops) == ("2\n", "")
     running = waiting(loops)
     (older,) = (loops / "__pycache__").iterdir()
-    os.utime(older, (0, 0))
+    code = code_in(older)
     others = [loops / "__pycache__" / name for name in ("another", "stereolag-notes")]
     for other in others:
         other.mkdir()
         os.utime(other, (0, 0))
     (loops / "inner.py").write_text(INNER.format(2))
     assert run(loops) == ("3\n", "")
+    assert code_in(older) == code
+    os.utime(older, (0, 0))
+    (loops / "inner.py").write_text(INNER.format(3))
+    assert run(loops) == ("4\n", "")
     assert not older.exists()
     assert all(other.exists() for other in others)
     assert running.communicate("\n") == ("2\n", "")
     assert code_in(older)
-    assert run(loops) == ("3\n", "")
-    assert code_in(older)
+    assert run(loops) == ("4\n", "")
 
 
 def modules_with_loops() -> dict[ModuleType, list[Dispatcher]]:

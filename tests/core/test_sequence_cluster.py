@@ -13,11 +13,12 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from small_drives import archive, write_folders
+from small_drives import archive, contents, write_folders
 
 from stereolag import preset
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, running
 
+pytestmark = pytest.mark.filterwarnings("ignore")
 distributed = pytest.importorskip("distributed")
 DISPARITIES = [4 + number % 6 for number in range(12)]
 ACCURATE = preset("accurate", num_disparities=16)
@@ -49,22 +50,16 @@ def cluster(bare_main: None) -> Iterator[Any]:
 
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
-    left, right, _ = write_folders(tmp_path / "drive", DISPARITIES)
-    return left, right
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in (out / "maps").iterdir()}
+    return write_folders(tmp_path / "drive", DISPARITIES)[:2]
 
 
 def flickers(out: Path) -> list[str]:
     return [line.split(",")[-2] for line in (out / "frames.csv").read_text().splitlines()]
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
     """Some frames wait for others, and are kept on the workers meanwhile."""
-    steadiness = Steadiness()
+    settings = SequenceSettings(steadiness=Steadiness())
     killed: list[int] = []
 
     async def stay_away() -> None:
@@ -94,25 +89,25 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
         sequence,
         {"maps": ACCURATE},
         away,
-        settings=SequenceSettings(steadiness=steadiness),
+        settings=settings,
         scheduler=cluster.scheduler_address,
         progress=kill,
     )
     assert killed
     assert (result.matched, list(result.damaged)) == (11, ["007"])
-    run_sequence(sequence, {"maps": ACCURATE}, here, settings=SequenceSettings(steadiness=steadiness))
+    run_sequence(sequence, {"maps": ACCURATE}, here, settings=settings)
     assert contents(away) == contents(here)
     assert flickers(away) == flickers(here)
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, tmp_path: Path) -> None:
+    """The workers read the archive from its bytes."""
     out, states = tmp_path / "out", list[SequenceState]()
 
     def cancelled() -> bool:
         return bool(states) and states[-1].done >= 3
 
-    sequence, address = open_sequence(*folders), cluster.scheduler_address
+    sequence, address = open_sequence(archive(DISPARITIES)), cluster.scheduler_address
     result = run_sequence(
         sequence, {"maps": ACCURATE}, out, scheduler=address, progress=states.append, cancelled=cancelled
     )
@@ -124,7 +119,6 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple
     assert away.items() <= contents(tmp_path / "here").items()
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
     folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,13 +135,6 @@ def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
     result = run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="local", progress=interrupt)
     assert told and result.matched == 12
     assert capfd.readouterr().err == ""
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_workers_read_an_archive_from_its_bytes(cluster: Any, tmp_path: Path) -> None:
-    drive, address = open_sequence(archive([5])), cluster.scheduler_address
-    result = run_sequence(drive, {"maps": ACCURATE}, tmp_path / "out", scheduler=address)
-    assert result.matched == 1
 
 
 def test_a_scheduler_that_is_not_there_is_told_of(folders: tuple[Path, Path], tmp_path: Path) -> None:

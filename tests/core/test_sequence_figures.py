@@ -14,7 +14,7 @@ from pairs import texture
 
 from stereolag import Calibration, StereoSGBM
 from stereolag.geometry.scene import ground_of
-from stereolag.io.images import kitti_png, pfm, read_disparity
+from stereolag.io.images import kitti_png, pfm
 from stereolag.sequences.frames import (
     COLUMNS,
     FrameMap,
@@ -55,33 +55,22 @@ def test_flicker_is_the_change_where_the_picture_stays() -> None:
     now[:, :30] = np.nan
     assert flicker(before, now, still) == 0
     assert math.isnan(flicker(before, np.full_like(now, np.nan), still))
-
-
-def test_noise_of_a_camera_is_no_change() -> None:
-    random = np.random.default_rng(1)
-    picture = texture(80, 90)
-    frames = [np.clip(picture + random.normal(0, 1.5, picture.shape), 0, 255).astype(np.uint8) for _ in range(2)]
-    assert still_pixels(*frames).all()
-    wide = [frame.astype(np.uint16) * 257 for frame in frames]
-    assert still_pixels(*wide).mean() > 0.99
-
-
-def test_flicker_refuses_maps_of_different_sizes() -> None:
     with pytest.raises(ValueError, match="all must be one"):
-        flicker(np.zeros((4, 4)), np.zeros((4, 5)), np.ones((4, 4), bool))
+        flicker(before, now[1:], still)
 
 
-def test_the_ground_is_found_and_is_no_obstacle() -> None:
-    ground = ground_of(road())
-    assert ground is not None
-    assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
-    # Only the far wall stands on it.
-    assert nearest_obstacle(road()) < 3
+@pytest.mark.parametrize("unit", [np.uint8(1), np.uint16(257)])
+def test_noise_of_a_camera_is_no_change(unit: np.unsignedinteger) -> None:
+    noise = np.random.default_rng(1).normal(0, 1.5, (2, 80, 90))
+    frames = np.clip(texture(80, 90) + noise, 0, 255).astype(np.uint8) * unit
+    assert still_pixels(*frames).mean() > 0.99
 
 
 @pytest.mark.parametrize(
     ("things", "nearest", "within"),
     [
+        # Only the far wall stands on the ground.
+        ([], 1.5, 1.5),
         # Two cars, whose wheels touch the ground at rows 114 and 126.
         ([(np.s_[90:115, 50:90], 12.0), (np.s_[80:127, 180:230], 16.1)], 16.1, 0.6),
         # A bridge, three times as high as the camera, and a few wrong matches: the far wall is left.
@@ -93,6 +82,9 @@ def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, withi
     for place, near in things:
         disparity[place] = near
     assert nearest_obstacle(disparity) == pytest.approx(nearest, abs=within)
+    ground = ground_of(road())
+    assert ground is not None
+    assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
 
 
 def test_without_a_ground_everything_counts() -> None:
@@ -119,20 +111,17 @@ def test_figures_of_a_frame() -> None:
     assert "epe_px" not in blind and math.isnan(blind["nearest_m"])
 
 
-def test_a_map_is_what_is_read_back_from_its_file() -> None:
-    disparity = np.random.default_rng(0).uniform(-0.3, 255, (40, 50)).astype(np.float32)
-    disparity[::3, ::2] = np.nan
-    assert np.array_equal(as_stored(disparity, ".png"), read_disparity(kitti_png(disparity)), equal_nan=True)
-    assert as_stored(disparity, ".pfm") is disparity
-
-
-@pytest.mark.parametrize("encode", [kitti_png, pfm])
-def test_a_map_without_any_disparity_is_read_back_too(encode: Callable[[FloatMap], bytes]) -> None:
-    blank = np.full((4, 5), np.nan, np.float32)
-    assert np.array_equal(read_back(encode(blank)), blank, equal_nan=True)
-    some = blank.copy()
-    some[1, 2] = 3.5
-    assert np.array_equal(read_back(encode(some)), some, equal_nan=True)
+@pytest.mark.parametrize(("encode", "ending"), [(kitti_png, ".png"), (pfm, ".pfm")])
+@pytest.mark.parametrize("missing", [0.0, 0.3, 1.0])
+def test_a_map_is_what_is_read_back_from_its_file(
+    encode: Callable[[FloatMap], bytes], ending: str, missing: float
+) -> None:
+    rng = np.random.default_rng(0)
+    disparity = rng.uniform(-0.3, 255, (40, 50)).astype(np.float32)
+    disparity[rng.random((40, 50)) < missing] = np.nan
+    stored = as_stored(disparity, ending)
+    assert np.array_equal(stored, read_back(encode(disparity)), equal_nan=True)
+    assert (stored is disparity) == (ending == ".pfm")
 
 
 def test_a_map_travels_as_its_file() -> None:

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import shutil
 import threading
 import time
 from concurrent.futures import Future
@@ -15,17 +16,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from small_drives import (
-    COLS,
-    DISPARITIES,
-    ROWS,
-    Counting,
-    archive,
-    contents,
-    matched,
-    numbered,
-    write_folders,
-)
+from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.core.inputs import Image
@@ -97,51 +88,41 @@ def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path
         assert float(row["nearest_m"]) == pytest.approx(50 / float(row["nearest_px"]), rel=1e-3)
         assert float(row["bad_2_percent"]) < 15 and float(row["epe_px"]) < 1
         assert row["flicker_px"] == "", "every picture is another one"
+    for side in ("left", "right"):
+        shutil.copy(tmp_path / "drive" / side / "000.png", tmp_path / "drive" / side / "001.png")
+    run_sequence(drive, FAST, tmp_path / "still")
+    assert [row["flicker_px"] for row in rows_of(tmp_path / "still")[:3]] == ["", "0", ""]
     assert (states[-1].done, states[-1].total) == (6, 6) and states[-1].remaining_s == 0
     assert all(one.done <= other.done for one, other in pairwise(states))
 
 
-def test_flicker_of_a_still_picture_is_what_its_noise_makes(tmp_path: Path) -> None:
-    left, right, _ = write_folders(tmp_path / "drive", [6] * 3)
-    for side in (left, right):
-        data = (side / "000.png").read_bytes()
-        (side / "001.png").write_bytes(data)
-    out = tmp_path / "out"
-    run_sequence(open_sequence(left, right), FAST, out)
-    first, second, third = rows_of(out)
-    assert (first["flicker_px"], second["flicker_px"], third["flicker_px"]) == ("", "0", "")
-
-
-def test_finished_frames_are_not_matched_again(drive: StereoSequence, tmp_path: Path) -> None:
-    out, matcher = tmp_path / "out", Counting(num_disparities=16, block_size=9)
+def test_finished_frames_are_not_matched_again_and_half_a_file_is_not_finished(
+    drive: StereoSequence, tmp_path: Path
+) -> None:
+    out, methods = tmp_path / "out", {"fast": FAST, "bm": Counting(num_disparities=16, block_size=9)}
 
     def after_three(state: SequenceState) -> None:
         if state.done >= 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_sequence(drive, {"bm": matcher}, out, progress=after_three)
-    assert len(rows_of(out)) == 3
+        run_sequence(drive, methods, out, progress=after_three)
+    assert len(rows_of(out)) == 6
     matched.clear()
-    result = run_sequence(drive, {"bm": matcher}, out)
+    result = run_sequence(drive, methods, out)
     assert (result.finished_before, result.matched, len(matched)) == (3, 3, 3)
     whole = tmp_path / "whole"
-    run_sequence(drive, {"bm": matcher}, whole)
+    run_sequence(drive, methods, whole)
     assert contents(out) == contents(whole) and untimed(out) == untimed(whole)
-    matched.clear()
-    assert run_sequence(drive, {"bm": matcher}, out).matched == 0 and not matched
-    assert run_sequence(drive, {"bm": matcher}, out, again=True).matched == 6
-
-
-def test_half_a_file_is_not_finished(drive: StereoSequence, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    run_sequence(drive, BOTH, out)
-    before = contents(out)
-    (out / "bm" / "002.png").write_bytes(before["bm/002.png"][:-8])
-    (out / "fast" / "004.png").unlink()
-    result = run_sequence(drive, BOTH, out)
+    cut, gone = out / "bm" / "002.png", out / "fast" / "004.png"
+    cut.write_bytes(cut.read_bytes()[:-8])
+    gone.unlink()
+    result = run_sequence(drive, methods, out)
     assert (result.matched, result.finished_before) == (2, 4)
-    assert contents(out) == before
+    assert contents(out) == contents(whole)
+    matched.clear()
+    assert run_sequence(drive, methods, out).matched == 0 and not matched
+    assert run_sequence(drive, methods, out, again=True).matched == 6
 
 
 def test_other_settings_are_refused_and_may_begin_again(drive: StereoSequence, tmp_path: Path) -> None:
@@ -175,6 +156,11 @@ def test_a_damaged_frame_is_left_out_and_tried_again_later(drive: StereoSequence
     result = run_sequence(drive, BOTH, out)
     assert (result.matched, result.finished_before, result.damaged) == (1, 5, {})
     assert not any(row["problem"] for row in rows_of(out))
+    for path in (tmp_path / "drive" / "left").iterdir():
+        path.write_bytes(b"no picture")
+    result = run_sequence(drive, FAST, tmp_path / "none", video=tmp_path / "none.mp4")
+    assert list(result.damaged) == list(drive.names)
+    assert not (tmp_path / "none.mp4").exists() and not list(tmp_path.glob(".*"))
 
 
 def shown(video: bytes | Path) -> list[np.ndarray]:
@@ -183,37 +169,23 @@ def shown(video: bytes | Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
-def test_every_frame_may_be_damaged(tmp_path: Path) -> None:
-    left, right, _ = write_folders(tmp_path / "drive", [4, 5])
-    for path in left.iterdir():
-        path.write_bytes(b"no picture")
-    result = run_sequence(open_sequence(left, right), FAST, tmp_path / "out", video=tmp_path / "none.mp4")
-    assert list(result.damaged) == ["000", "001"]
-    assert not (tmp_path / "none.mp4").exists() and not list(tmp_path.glob(".*"))
-
-
-def test_it_ends_within_a_second_when_called_off(drive: StereoSequence, tmp_path: Path) -> None:
-    off = threading.Timer(0.3, lambda: called.set())
-    called = threading.Event()
-    off.start()
+def test_it_ends_within_a_second_when_called_off_and_what_was_done_can_be_watched(
+    drive: StereoSequence, tmp_path: Path
+) -> None:
+    called, path, states = threading.Event(), tmp_path / "part.mp4", list[SequenceState]()
+    threading.Timer(0.3, called.set).start()
     start = time.perf_counter()
-    result = run_sequence(drive, Slow(num_disparities=16), tmp_path / "out", cancelled=called.is_set)
+    result = run_sequence(drive, Slow(num_disparities=16), tmp_path / "slow", cancelled=called.is_set)
     assert result.cancelled and result.matched == 0
     assert time.perf_counter() - start < 1.8
 
+    def two_done() -> bool:
+        return bool(states) and states[-1].done >= 2
 
-def test_what_was_done_when_it_was_called_off_can_be_watched(drive: StereoSequence, tmp_path: Path) -> None:
-    path, states = tmp_path / "part.mp4", list[SequenceState]()
-    result = run_sequence(
-        drive,
-        FAST,
-        tmp_path / "out",
-        video=path,
-        progress=states.append,
-        cancelled=lambda: bool(states) and states[-1].done >= 2,
-    )
+    out = tmp_path / "out"
+    result = run_sequence(drive, FAST, out, video=path, progress=states.append, cancelled=two_done)
     assert result.cancelled and result.matched == 2 == len(shown(path))
-    assert run_sequence(drive, FAST, tmp_path / "out", video=path).finished_before == 2
+    assert run_sequence(drive, FAST, out, video=path).finished_before == 2
     assert len(shown(path)) == 6
 
 
@@ -242,10 +214,15 @@ def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: St
     assert np.array_equal(stored, matcher.compute(frame.left, frame.right).disparity, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "x" * 80])
-def test_a_method_that_names_no_folder_is_refused(drive: StereoSequence, tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="not a folder name"):
-        run_sequence(drive, {name: FAST}, tmp_path / "out")
+def test_methods_that_name_no_folder_and_colours_that_are_no_range_are_refused(
+    drive: StereoSequence, tmp_path: Path
+) -> None:
+    for name in ("", "..", "a/b", ".hidden", "x" * 80):
+        with pytest.raises(ValueError, match="not a folder name"):
+            run_sequence(drive, {name: FAST}, tmp_path / "out")
+    for colours in ((5.0, 5.0), (9.0, 1.0), (math.nan, 1.0), (0.0, math.inf)):
+        with pytest.raises(ValueError, match=r"colours are .* allowed are two finite numbers, the lower first"):
+            SequenceVideo("drive.mp4", colours)
 
 
 def test_the_video_shows_the_pictures_beside_the_maps(drive: StereoSequence, tmp_path: Path) -> None:
@@ -302,16 +279,6 @@ def test_every_piece_adds_a_second_that_can_be_shown_and_all_make_one_file() -> 
         assert (stream.frames, stream.average_rate) == (13, rate)
 
 
-def test_the_job_draws_into_pieces(drive: StereoSequence) -> None:
-    video, kept = VideoPieces(10.0), SequenceMemory()
-    run_sequence(drive, StereoBM(num_disparities=16, block_size=9), kept, video=SequenceVideo(video))
-    video.close()
-    assert [number for number, _ in kept.records] == [*range(len(DISPARITIES))]
-    assert video.frames == video.collected == len(DISPARITIES)
-    assert kept.colours is not None
-    assert shown(b"".join(video.pieces))[0].shape == (ROWS, 2 * COLS, 3)
-
-
 def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Path) -> None:
     target = io.BytesIO()
     with VideoWriter(target, 10, 2) as writer:
@@ -344,6 +311,12 @@ def test_memory_keeps_the_same_and_touches_no_disk(
     assert film.getvalue() == (tmp_path / "drive.mp4").read_bytes()
     assert [(one.number, one.method) for one in kept.records.values()] == [(n, m) for n in range(6) for m in BOTH]
     assert run_sequence(uploaded, BOTH, kept).finished_before == 6
+    pieces = VideoPieces(10.0)
+    run_sequence(uploaded, BOTH, kept, video=SequenceVideo(pieces))
+    pieces.close()
+    assert pieces.frames == pieces.collected == len(DISPARITIES)
+    assert kept.colours is not None
+    assert shown(b"".join(pieces.pieces))[0].shape == (ROWS, 3 * COLS, 3)
 
 
 def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
@@ -370,9 +343,3 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
     frames = [*in_order(runner, runner.submit, tasks, lambda: None)]
     assert [frame.number for frame in frames] == list(range(20))
     assert [frame.number for frame in frames if frame.problem == "This frame crashed every worker that took it."] == [5]
-
-
-@pytest.mark.parametrize("colours", [(5.0, 5.0), (9.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
-def test_colours_that_are_no_range_are_refused(colours: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match=r"colours are .* allowed are two finite numbers, the lower first"):
-        SequenceVideo("drive.mp4", colours)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pairs import shifted_pair, texture
+from pairs import shifted_pair
 
-from stereolag.core.inputs import Image
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.engines import NO_RIGHT_MATCH, match_windows, score_surface
 from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
@@ -96,7 +95,7 @@ def cases(draw):
 
 
 @given(cases())
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_equals_the_plain_formula(query):
     assert_equals_reference(query)
 
@@ -111,7 +110,7 @@ def test_a_faint_picture_beside_a_bright_one_loses_nothing():
 def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
     monkeypatch.setattr("stereolag.stereo.windows.engines.CACHE_BYTES", columns_in_cache)
     monkeypatch.setattr("stereolag.stereo.windows.engines.BAND_WORK", 1.0)
-    left, right = picture(rng, (40, 130), np.uint8), picture(rng, (40, 130), np.uint8)
+    left, right = picture(rng, (24, 90), np.uint8), picture(rng, (24, 90), np.uint8)
     assert_equals_reference(WindowQuery(left, right, 6, 1, LagRange(-1, 1, -20, 13), "zncc"))
 
 
@@ -126,16 +125,6 @@ def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype, engine
     half = np.s_[:, 12:36]
     assert (found.dx[half] == -5).all()
     np.testing.assert_allclose(found.score[half], 1, atol=1e-4)
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_the_unit_of_float_images_does_not_matter(rng, scale):
-    scene = rng.normal(size=(30, 80)) + 0.3
-    left, right = scene[:, :60], scene[:, 4:64] + 0.1 * rng.normal(size=(30, 60))
-    query = WindowQuery(left, right, 9, 2, LagRange(0, 0, -12, 12))
-    found, scaled = match_windows(query), match_windows(replace(query, left=left * scale, right=right * scale))
-    np.testing.assert_array_equal(scaled.dx, found.dx)
-    np.testing.assert_allclose(scaled.score, found.score, atol=2e-6)
 
 
 def test_equal_scores_go_to_the_shortest_displacement(rng):
@@ -225,65 +214,35 @@ def test_the_cost_model_knows_where_each_engine_pays() -> None:
 @settings(max_examples=60)
 @given(
     seed=st.integers(0, 1000),
-    dtype=st.sampled_from([np.uint8, np.uint16]),
+    dtype=st.sampled_from(DTYPES),
     window_size=st.integers(3, 14),
     step=st.integers(1, 9),
     lags=st.tuples(st.integers(-6, 0), st.integers(0, 6), st.integers(-12, 3), st.integers(3, 8)),
-    score=st.sampled_from(["zncc", "ncc", "cross"]),
+    score=st.sampled_from(SCORES),
     flat=st.booleans(),
+    sky=st.booleans(),
 )
 def test_both_engines_give_the_same_to_the_bit(
-    seed: int, dtype: type, window_size: int, step: int, lags: tuple[int, int, int, int], score: Score, flat: bool
+    seed: int,
+    dtype: type,
+    window_size: int,
+    step: int,
+    lags: tuple[int, int, int, int],
+    score: Score,
+    flat: bool,
+    sky: bool,
 ) -> None:
+    """With ncc, 12 % of a photograph with much sky used to differ: each engine had its own ties and flatness rules."""
     left, right = (image.copy() for image in shifted_pair(36, 52, 1, -3, dtype=dtype, seed=seed))
     if flat:
         left[5:25, 10:30] = right[8:28, 12:40] = 100
+    if sky:
+        faint = np.random.default_rng(seed).normal(200, 0.7, (20, 52)) * (np.asarray(left).max() / 255)
+        left[:20], right[:20] = faint, np.roll(faint, -3, axis=1)
     query = WindowQuery(left, right, window_size, step, LagRange(*lags), score, runner_up=True)
     sums, fft = find_matches(query, "window_sums"), find_matches(query, "fft")
     for name in ("dy", "dx", "score", "around", "texture", "runner_up"):
         np.testing.assert_array_equal(getattr(sums, name), getattr(fft, name), err_msg=name)
-
-
-SEARCHES = {
-    "square": (20, 0.95, SearchArea.centred(40)),
-    "strip": (11, 0.9, SearchArea.rectified(32)),
-    "reach": (15, 0.8, SearchArea.rectified(16, -4, 3)),
-    "apart": (16, 0.0, SearchArea.centred(33)),
-}
-
-
-def landscape(part: str, dtype: type) -> tuple[Image, Image]:
-    """Return a bright, plain sky above a texture, and the same scene moved by 5 px, with noise."""
-    rng = np.random.default_rng(0)
-    left = np.linspace(190, 215, 90)[:, None] + rng.normal(0, 0.7, (90, 120))
-    left[54:] = texture(36, 120)
-    left = np.clip(np.rint(left), 0, 255)[{"whole": np.s_[:], "sky": np.s_[:50]}[part]]
-    right = np.clip(np.rint(np.roll(left, -5, axis=1) + rng.normal(0, 1, left.shape)), 0, 255)
-    unit = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
-    return (left * unit).astype(dtype), (right * unit).astype(dtype)
-
-
-TYPES = (np.uint8, np.uint16, np.float32)
-
-
-@pytest.mark.parametrize("part", ["whole", "sky"])
-@pytest.mark.parametrize(
-    ("search", "score", "dtype"),
-    [(name, score, TYPES[(row + col) % 3]) for row, name in enumerate(SEARCHES) for col, score in enumerate(SCORES)],
-)
-def test_both_engines_give_the_same_map(part: str, dtype: type, score: str, search: str) -> None:
-    """With ncc, 12 % of a photograph with much sky used to differ: each engine had its own ties and flatness rules."""
-    window_size, overlap, area = SEARCHES[search]
-    pair = landscape(part, dtype)
-    sums, fft = (
-        CorrelationMatcher(window_size=window_size, overlap=overlap, search=area, score=score, engine=engine).compute(
-            *pair
-        )
-        for engine in ("window_sums", "fft")
-    )
-    np.testing.assert_array_equal(sums.reason, fft.reason)
-    np.testing.assert_allclose(sums.disparity, fft.disparity, atol=0.01)
-    np.testing.assert_allclose(sums.dy, fft.dy, atol=0.01)
 
 
 @pytest.mark.parametrize("score", ["zncc", "ncc", "cross", "phase"])
@@ -335,41 +294,23 @@ def test_the_top_of_an_oblique_gaussian_is_found(dy: float, dx: float, tilt: flo
     y, x = np.mgrid[-1:2, -1:2]
     hill = np.exp(-0.2 * (y - dy) ** 2 - 0.3 * (x - dx) ** 2 - tilt * (y - dy) * (x - dx))
     around = hill.astype(np.float32)[:, :, None, None]
-    for found in (fit_peaks_reference(around), fit_peaks(around)):
-        assert found[0].item() == pytest.approx(dy, abs=1e-3)
-        assert found[1].item() == pytest.approx(dx, abs=1e-3)
+    assert [offset.item() for offset in fit_peaks(around)] == pytest.approx([dy, dx], abs=1e-3)
 
 
-@pytest.mark.parametrize("scores", [(np.nan, 1.0, 0.5), (1.0, 1.0, 1.0), (0.5, 1.0, np.nan)])
-def test_nothing_to_fit_is_no_offset(scores: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize(
+    ("scores", "offset"),
+    [
+        ((np.nan, 1.0, 0.5), 0),
+        ((1.0, 1.0, 1.0), 0),
+        ((0.5, 1.0, np.nan), 0),
+        ((-0.1, 0.4, 0.3), (-0.1 - 0.3) / (2 * (-0.1 - 0.8 + 0.3))),
+    ],
+)
+def test_negative_scores_are_fitted_by_a_parabola_and_missing_or_equal_ones_not_at_all(
+    scores: tuple[float, float, float], offset: float
+) -> None:
     around = np.array(scores, dtype=np.float32).reshape(1, 3, 1, 1)
-    assert fit_peaks(around)[1].item() == 0
-    assert fit_peaks_reference(around)[1].item() == 0
-
-
-def test_negative_scores_are_fitted_by_a_parabola() -> None:
-    around = np.array([-0.1, 0.4, 0.3], dtype=np.float32).reshape(1, 3, 1, 1)
-    parabola = (-0.1 - 0.3) / (2 * (-0.1 - 0.8 + 0.3))
-    assert fit_peaks(around)[1].item() == pytest.approx(parabola, abs=1e-6)
-
-
-@pytest.mark.parametrize("vertical", [0, 2])
-@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
-def test_the_surface_of_one_window_is_fitted_as_the_map_is(vertical: int, dtype: type) -> None:
-    """The explanation of a match and the map share one fit, so they cannot disagree."""
-    left, right = shifted_pair(40, 70, 0.3 * bool(vertical), -5.4, dtype=dtype)
-    search = SearchArea.rectified(12, 0, vertical)
-    matcher = CorrelationMatcher(window_size=9, search=search)
-    result, query = matcher.compute(left, right), matcher.query(left, right)
-    for row, col in ((8, 30), (20, 41), (29, 55)):
-        surface = score_surface(query, row, col)
-        dy, dx = np.unravel_index(np.nanargmax(surface), surface.shape)
-        rows = slice(dy - 1, dy + 2) if vertical else slice(0, 1)
-        around = surface[rows, dx - 1 : dx + 2, None, None].astype(np.float32)
-        offset_dy, offset_dx = fit_peaks(around)
-        pixel = row + 4, col + 4
-        assert dx + query.lags.dx_first + offset_dx.item() == pytest.approx(result.dx[pixel], abs=1e-5)
-        assert dy + query.lags.dy_first + offset_dy.item() == pytest.approx(result.dy[pixel], abs=1e-5)
+    assert fit_peaks(around)[1].item() == pytest.approx(offset, abs=1e-6)
 
 
 @settings(max_examples=60)
