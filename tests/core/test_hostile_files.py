@@ -100,14 +100,14 @@ def test_the_originals_are_valid(reader: str, kind: str) -> None:
 
 
 @CASES
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(draws=st.data())
 def test_mutated_files(reader: str, kind: str, draws: st.DataObject) -> None:
     survives(reader, draws.draw(mutated(VALID[kind])))
 
 
 @CASES
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.one_of(st.binary(max_size=200), st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace"))))
 def test_random_bytes(reader: str, kind: str, data: bytes) -> None:
     survives(reader, data)

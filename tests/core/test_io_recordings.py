@@ -56,17 +56,14 @@ def test_lossy_audio_sounds_alike(kind):
         ("# a remark\nV, V\n% another\n1,2\n// 7\n3,4 # at the end", [[1, 3], [2, 4]]),
         ("\ufeff1\n2", [[1, 2]]),
         ("Sampling rate: 44100 Hz\nSensor 1\n\n1\n2", [[1, 2]]),
+        ("Spannung in µV\n1\n2".encode("latin-1"), [[1, 2]]),
+        ("U\n1\n2".encode("utf-16"), [[1, 2]]),
     ],
 )
 def test_columns_of_numbers(text, expected):
-    recording = read_signal(text.encode())
+    recording = read_signal(text if isinstance(text, bytes) else text.encode())
     assert recording.sampling_rate is None
     np.testing.assert_array_equal(recording.channels, expected)
-
-
-def test_other_encodings():
-    np.testing.assert_array_equal(read_signal("Spannung in µV\n1\n2".encode("latin-1")).channels, [[1, 2]])
-    np.testing.assert_array_equal(read_signal("U\n1\n2".encode("utf-16")).channels, [[1, 2]])
 
 
 @pytest.mark.parametrize(
@@ -180,13 +177,19 @@ def lines(columns: int = 1, separator: str = ";") -> list[str]:
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_nul_bytes_behind_a_number_go_and_are_counted(newline: str) -> None:
-    text = lines()
-    for number in (3, 99, 599):
+def test_nul_bytes_behind_a_number_go_and_gaps_are_filled_and_both_are_counted(newline: str) -> None:
+    text = lines(2)
+    for number in (3, 99):
         text[number] += "\0\0"
+    for number in (20, 21, 599):
+        text[number] = text[number].split(";")[0] + ";"
     recording = read_signal(newline.join(text).encode())
-    assert recording.mended_lines == 3
-    np.testing.assert_array_equal(recording.channels, VALUES[:, :1].T)
+    expected = VALUES.T.copy()
+    before, after = VALUES[19, 1], VALUES[22, 1]
+    expected[1, 20:22] = before + (after - before) * np.array([1, 2]) / 3
+    expected[1, 599] = VALUES[598, 1]
+    assert recording.mended_lines == 5
+    np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("separator", [";", ",", "\t"])
@@ -201,17 +204,6 @@ def test_an_empty_field_lies_between_its_neighbours(separator: str, column: int)
     expected[column, 50] = (expected[column, 49] + expected[column, 51]) / 2
     assert recording.mended_lines == 1
     np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
-
-
-def test_two_in_a_row_and_the_last_are_filled_too() -> None:
-    text = lines(2)
-    for number in (20, 21, 599):
-        text[number] = text[number].split(";")[0] + ";"
-    recording = read_signal("\n".join(text).encode())
-    before, after = VALUES[19, 1], VALUES[22, 1]
-    np.testing.assert_allclose(recording.channels[1, 20:22], before + (after - before) * np.array([1, 2]) / 3)
-    assert recording.channels[1, 599] == VALUES[598, 1]
-    assert recording.mended_lines == 3
 
 
 @pytest.mark.parametrize("damage", ["nul", "field", "both"])
@@ -258,14 +250,12 @@ def _soon_long(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("kind", ["WAV", "FLAC"])
 def test_long_audio_is_held_as_float32(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "sound"
-    soundfile.write(path, LONG, 8000, format=kind, subtype="PCM_24")
-    recording = read_signal(path)
-    assert recording.channels.dtype == np.float32
-    assert recording.sampling_rate == 8000
-    np.testing.assert_allclose(recording.channels.T, LONG, atol=2**-22)
-    np.testing.assert_array_equal(recording.channels, read_signal(path.read_bytes()).channels)
-    soundfile.write(path, LONG[:30_000], 8000, format=kind, subtype="PCM_24")
-    assert read_signal(path).channels.dtype == np.float64
+    for length, held in ((40_000, np.float32), (30_000, np.float64)):
+        soundfile.write(path, LONG[:length], 8000, format=kind, subtype="PCM_24")
+        recording = read_signal(path)
+        assert (recording.channels.dtype, recording.sampling_rate) == (held, 8000)
+        np.testing.assert_allclose(recording.channels.T, LONG[:length], atol=2**-22)
+        np.testing.assert_array_equal(recording.channels, read_signal(path.read_bytes()).channels)
 
 
 @pytest.mark.usefixtures("_soon_long")
@@ -337,18 +327,15 @@ def recorded(rate: float | None, later: float = 0.0) -> Recording:
     return Recording(tones(8_000, 1.0, later)[np.newaxis], rate)
 
 
-def test_recordings_bring_their_rate_with_them() -> None:
+def test_recordings_bring_their_rate_with_them_and_without_one_that_of_audio_is_taken() -> None:
     first, second = recorded(8_000.0), recorded(8_000.0, later=0.1)
-    result = signal_lag(first, second)
-    assert (result.lag, result.time_s) == (800, 0.1)
+    unknown, later = recorded(None), recorded(None, later=0.1)
+    assert signal_lag(first, second).lag == 800
     assert signal_lag(first, second, sampling_rate=8_000).time_s == 0.1
-    assert signal_lag(first, recorded(None, later=0.1)).time_s == 0.1
-    assert signal_lag(recorded(None), second).time_s == 0.1
-
-
-def test_without_a_rate_that_of_audio_is_taken() -> None:
-    assert signal_lag(recorded(None), recorded(None, later=0.1)).time_s == 800 / 44_100
-    assert signal_lag(recorded(8_000.0).channels[0], recorded(8_000.0, 0.1).channels[0]).time_s == 800 / 44_100
+    for pair in ((first, second), (first, later), (unknown, second)):
+        assert signal_lag(*pair).time_s == 0.1
+    for alone in ((unknown, later), (first.channels[0], second.channels[0])):
+        assert signal_lag(*alone).time_s == 800 / 44_100
 
 
 def test_rates_that_contradict_each_other_are_refused() -> None:
@@ -362,14 +349,12 @@ def test_rates_that_contradict_each_other_are_refused() -> None:
     assert signal_lag(first.channels[0], second.channels[0], sampling_rate=1000).time_s == 0.8
 
 
-def test_a_recording_of_that_rate_stays_as_it_is() -> None:
-    recording = Recording(tones(8_000, 0.1)[np.newaxis], 8_000.0)
+def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recording = Recording(np.ones((1, 600_000)), 8_000.0)
     assert recording.resampled(8_000.0) is recording
     assert recording.resampled_from is None
-
-
-def test_what_cannot_be_resampled_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    recording = Recording(np.ones((1, 600_000)), 8_000.0)
     with pytest.raises(ValueError, match="states no sampling rate, so it cannot be resampled to 8000 Hz"):
         Recording(recording.channels, None).resampled(8_000.0)
     with pytest.raises(ValueError, match=r"sampling_rate is 0.0 Hz; it must be a positive"):

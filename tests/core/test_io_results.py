@@ -48,8 +48,7 @@ def without_time(document: str) -> dict[str, Any]:
     return {name: value for name, value in json.loads(document).items() if name not in ("elapsed_s", "recordings")}
 
 
-@pytest.mark.parametrize("lag", [-700, 0, 123])
-@pytest.mark.parametrize("method", ["fft", "phat", "direct"])
+@pytest.mark.parametrize(("lag", "method"), [(-700, "fft"), (0, "direct"), (123, "phat")])
 def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None:
     result = measured(lag, LagSearch(method=method))  # type: ignore[arg-type]
     lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
@@ -58,8 +57,6 @@ def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None
     np.testing.assert_array_equal([int(line["lag_samples"]) for line in lines], result.lags)
     np.testing.assert_array_equal([float(line["correlation"]) for line in lines], result.correlation)
     np.testing.assert_array_equal([float(line["time_s"]) for line in lines], result.lags / 8000)
-    best = max(lines, key=lambda line: float(line["correlation"]))
-    assert int(best["lag_samples"]) == lag
     for most in (1, 100, 10_000):
         shorter = csv.DictReader(io.StringIO(curve_csv(result, 8000.0, most)))
         lags = [int(line["lag_samples"]) for line in shorter]
@@ -208,7 +205,9 @@ QUERIES = [
 
 
 @pytest.mark.parametrize("query", QUERIES, ids=str)
-def test_the_find_command_says_what_the_file_says(query: TemplateQuery, pictures: Path, ran: Command) -> None:
+def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(
+    query: TemplateQuery, pictures: Path, ran: Command
+) -> None:
     command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
     told = without_time(ran(*command[1:], "--json").out)
     result = found(query)
@@ -216,11 +215,6 @@ def test_the_find_command_says_what_the_file_says(query: TemplateQuery, pictures
     assert told["found"] == (query not in QUERIES[2:4])
     assert told["matches"] == [asdict(match) for match in result.matches]
     assert told["settings"] == query.model_dump()
-
-
-@pytest.mark.parametrize("query", QUERIES, ids=str)
-def test_the_matches_come_back(query: TemplateQuery, pictures: Path) -> None:
-    result = found(query)
     lines = [*csv.DictReader(io.StringIO(matches_csv(result)))]
     kinds = {field.name: int if field.type == "int" else float for field in fields(sl.TemplateMatch)}
     assert [int(line.pop("clear")) for line in lines] == [1] * result.clear + [0] * (len(lines) - result.clear)
@@ -252,32 +246,34 @@ def by_script(program: str, folder: Path) -> str:
 
 def test_the_lag_program_measures_it_again(recordings: Path) -> None:
     search = LagSearch(method="phat", sampling_rate=8000.0, max_lag=500)
-    result = measured(123, search)
     said = by_script(lag_script(search, "x/first.npy", "second.npy"), recordings)
-    assert said == f"lag 123 samples, 0.015375 s, score {result.score:.3f}: sure\n"
+    assert said == f"lag 123 samples, 0.015375 s, score {measured(123, search).score:.3f}: sure\n"
 
 
-@pytest.mark.parametrize("mask", ["mask.png", None])
-def test_the_find_program_finds_it_again(pictures: Path, mask: str | None) -> None:
-    query = TemplateQuery(max_matches=3, min_score=0.5)
-    said = by_script(find_script(query, "image.png", "template.png", mask), pictures)
-    assert len(said.splitlines()) == 2
-    score = f"{found(query).matches[0].score:.3f}" if mask else ""
-    assert said.startswith(f"row 20, column 30, score {score}")
+def test_the_find_program_finds_it_again_or_says_why_not(pictures: Path) -> None:
+    def said(mask: str | None, **settings: Any) -> list[str]:
+        query = TemplateQuery(**settings)
+        return by_script(find_script(query, "image.png", "template.png", mask), pictures).splitlines()
+
+    query = {"max_matches": 3, "min_score": 0.5}
+    first, second = said("mask.png", **query)
+    score = found(TemplateQuery(**query)).matches[0].score  # type: ignore[arg-type]
+    assert first.startswith(f"row 20, column 30, score {score:.3f}")
+    assert second.startswith("row 60, column 70, score ")
+    assert said(None, **query)[0].startswith("row 20, column 30, score ")
+    nothing = said("mask.png", min_scale=0.9, max_rotation=5.0, max_matches=1)
+    assert nothing == ["Not found: look_alikes"]
 
 
-def test_the_find_program_says_why_nothing_is_found(pictures: Path) -> None:
-    query = TemplateQuery(min_scale=0.9, max_rotation=5.0, max_matches=1)
-    said = by_script(find_script(query, "image.png", "template.png", "mask.png"), pictures)
-    assert said == "Not found: look_alikes\n"
-
-
-def test_metrics_come_back_from_the_table():
+def test_metrics_come_back_from_the_table_and_coverage_and_time_need_no_ground_truth() -> None:
     truth = np.array([[1.0, 2.0, 3.0, 40.0]])
     found = sl.evaluate([[1.0, 2.75, np.nan, 44.0]], truth)
     nothing = sl.evaluate(np.full((1, 4), np.nan), truth, thresholds=(3.0,))
-    rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM, 21 px": found, "none": nothing}))))
-    assert [row["method"] for row in rows] == ["BM, 21 px", "none"]
+    images = np.random.default_rng(0).integers(0, 255, (2, 40, 90), dtype=np.uint8)
+    map_of_bm = sl.StereoBM(num_disparities=16, block_size=9).compute(*images)
+    table = metrics_csv({"BM, 21 px": found, "none": nothing}, {"BM": map_of_bm}, {"BM": 12.5})
+    rows = list(csv.DictReader(io.StringIO(table)))
+    assert [row["method"] for row in rows] == ["BM, 21 px", "none", "BM"]
     first = "method truth_pixels density epe_px d1_all_percent bad_0.5_percent bad_1_percent"
     assert list(rows[0])[:7] == first.split()
     assert float(rows[0]["epe_px"]) == found.epe
@@ -286,15 +282,7 @@ def test_metrics_come_back_from_the_table():
     assert float(rows[0]["bad_measured_4_percent"]) == found.bad_measured[4.0]
     assert rows[0]["bad_3_percent"] == rows[1]["epe_px"] == rows[1]["bad_measured_3_percent"] == ""
     assert float(rows[1]["bad_3_percent"]) == float(rows[1]["d1_all_percent"]) == 100
-
-
-def test_coverage_and_time_need_no_ground_truth():
-    images = np.random.default_rng(0).integers(0, 255, (2, 40, 90), dtype=np.uint8)
-    maps = {"BM": sl.StereoBM(num_disparities=16, block_size=9).compute(*images)}
-    truth = sl.evaluate([[1.0]], [[1.0]])
-    rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM (non-occluded)": truth}, maps, {"BM": 12.5}))))
-    assert [row["method"] for row in rows] == ["BM (non-occluded)", "BM"]
-    assert float(rows[1]["coverage"]) == float(rows[1]["measured"]) == maps["BM"].coverage
-    assert float(rows[1]["elapsed_s"]) == maps["BM"].elapsed_s
-    assert float(rows[1]["estimated_bad_2_percent"]) == 12.5
-    assert rows[1]["epe_px"] == rows[0]["coverage"] == ""
+    assert float(rows[2]["coverage"]) == float(rows[2]["measured"]) == map_of_bm.coverage
+    assert float(rows[2]["elapsed_s"]) == map_of_bm.elapsed_s
+    assert float(rows[2]["estimated_bad_2_percent"]) == 12.5
+    assert rows[2]["epe_px"] == rows[0]["coverage"] == ""
