@@ -1,4 +1,4 @@
-"""Rectified pairs: rows and depths of marks on a slanted board are right; pairs are split, cropped and reduced."""
+"""Rectified pairs: rows and depths are those of OpenCV; pairs are split, cropped and reduced."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from straight_and_raw import D1, D2, M1, M2, P1, P2, R1, R2, SIZE, R, T
+from straight_and_raw import D1, D2, DISPARITY, M1, M2, P1, P2, R1, R2, SIZE, R, T, raw_pair, straight_pair
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import (
@@ -24,8 +24,6 @@ from stereolag.geometry.rectification import (
 from stereolag.io.calibrations import read_calibration
 
 WIDTH, HEIGHT = SIZE
-MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)
-MARK_RADIUS = 0.018
 
 
 @pytest.fixture(scope="module")
@@ -38,62 +36,9 @@ def unrectified(rig: StereoRig) -> Calibration:
     return replace(rectified_calibration(rig, (WIDTH, HEIGHT)), rig=rig)
 
 
-def photograph(matrix, distortion, rotation, translation) -> np.ndarray:
-    """Return an image of the board z = 1.6 + 0.15 x - 0.1 y with Gaussian marks, one ray per pixel."""
-    cols, rows = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
-    pixels = np.stack([cols.ravel(), rows.ravel()], axis=-1)[:, None]
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
-    straight = cv2.undistortPoints(pixels, matrix, distortion, criteria=criteria)[:, 0]
-    rays = np.column_stack([straight, np.ones(len(straight))]) @ rotation  # into the left frame
-    centre, normal = -rotation.T @ translation, np.array([-0.15, 0.1, 1.0])
-    distance = (1.6 - normal @ centre) / (rays @ normal)
-    spots = centre[:2] + rays[:, :2] * distance[:, None]
-    squared = ((spots[:, None] - MARKS) ** 2).sum(axis=2)
-    return np.exp(-squared / (2 * MARK_RADIUS**2)).sum(axis=1).reshape(HEIGHT, WIDTH)
-
-
-@pytest.fixture(scope="module")
-def pair(rig):
-    return (
-        photograph(rig.left_matrix, rig.left_distortion, np.eye(3), np.zeros(3)),
-        photograph(rig.right_matrix, rig.right_distortion, rig.rotation, rig.translation),
-    )
-
-
-def centroids(image: np.ndarray, expected: np.ndarray, reach: int = 11) -> np.ndarray:
-    """Return the centres of mass (col, row) of the marks near their expected positions."""
-    found = []
-    for col, row in np.rint(expected).astype(int):
-        patch = image[row - reach : row + reach + 1, col - reach : col + reach + 1].astype(float)
-        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
-        found.append([(patch * cols).sum() / patch.sum(), (patch * rows).sum() / patch.sum()])
-    return np.array(found)
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_rows_align_and_depths_are_right(rig, pair, dtype):
-    peak = 1 if dtype == np.float32 else np.iinfo(dtype).max
-    images = [np.rint(image * peak).astype(dtype) if peak > 1 else image.astype(dtype) for image in pair]
-    left, right, calibration = rectify(*images, unrectified(rig))
-    assert left.dtype == right.dtype == dtype
-    assert left.shape == right.shape == (HEIGHT, WIDTH)
-
-    marks = np.column_stack([MARKS, 1.6 + MARKS @ [0.15, -0.1]]) @ R1.T
-    expected = calibration.focal_px * marks[:, :2] / marks[:, 2:] + [calibration.cx, calibration.cy]
-    shift = calibration.focal_px * calibration.baseline_m / marks[:, 2]
-    inside = (np.abs(expected[:, 1] - HEIGHT / 2) < HEIGHT / 2 - 13) & (expected[:, 0] < WIDTH - 13)
-    inside &= expected[:, 0] - shift > 13
-    assert inside.sum() >= 20
-    in_left = centroids(left, expected[inside])
-    in_right = centroids(right, expected[inside] - np.column_stack([shift, 0 * shift])[inside])
-    assert np.abs(in_left[:, 1] - in_right[:, 1]).max() < 0.1
-    np.testing.assert_allclose(calibration.depth(in_left[:, 0] - in_right[:, 0]), marks[inside, 2], rtol=0.005)
-
-
 def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
-    grey = [np.rint(image * 255).astype(np.uint8) for image in pair]
-    rgba = [np.dstack([image, 255 - image, image, np.full_like(image, 255)]) for image in grey]
-    left, right, _ = rectify(*grey, unrectified(rig))
+    rgba = [np.dstack([image, 255 - image, image, np.full_like(image, 255)]) for image in pair]
+    left, right, _ = rectify(*pair, unrectified(rig))
     left_rgba, right_rgba, _ = rectify(*rgba, unrectified(rig))
     np.testing.assert_array_equal(left_rgba[:, :, 0], left)
     np.testing.assert_array_equal(right_rgba[:, :, 2], right)
@@ -118,6 +63,11 @@ def test_what_does_not_fit_is_refused(rig, pair):
             act()
 
 
+@pytest.fixture(scope="module")
+def pair():
+    return raw_pair()
+
+
 def by_hand(rig: StereoRig, images, alpha: float, zero_disparity: bool = True):
     """Rectify with OpenCV alone; return both images and the result of `stereoRectify`."""
     cameras = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
@@ -132,10 +82,20 @@ def by_hand(rig: StereoRig, images, alpha: float, zero_disparity: bool = True):
     return [cv2.remap(image, *one, cv2.INTER_LINEAR) for image, one in zip(images, maps, strict=True)], made
 
 
-@pytest.mark.parametrize("alpha", [None, 0.0, 0.4, 1.0])
-def test_alpha_is_that_of_opencv(rig, pair, alpha):
+def test_a_raw_pair_is_straight_again(rig, pair):
+    left, right, _ = rectify(*pair, unrectified(rig))
+    inner = np.s_[12:-12, 12:-40]
+    for found, straight in zip((left, right), straight_pair(), strict=True):
+        assert np.abs(found.astype(float) - straight)[inner].mean() < 1.5
+    np.testing.assert_allclose(left[:, DISPARITY:][inner], right[:, :-DISPARITY][inner], atol=12)
+
+
+@pytest.mark.parametrize(("alpha", "dtype"), [(None, np.uint8), (0.0, np.uint16), (0.4, np.float32), (1.0, np.uint8)])
+def test_every_type_is_rectified_as_by_opencv_with_this_alpha(rig, pair, alpha, dtype):
+    pair = [image.astype(dtype) * dtype(1 if dtype == np.uint8 else 200) for image in pair]
     expected, made = by_hand(rig, pair, alpha or 0.0)
     left, right, calibration = rectify(*pair, unrectified(rig), alpha=alpha)
+    assert left.dtype == right.dtype == dtype
     np.testing.assert_array_equal(left, expected[0])
     np.testing.assert_array_equal(right, expected[1])
     assert calibration.focal_px == made[2][0, 0]
@@ -162,12 +122,13 @@ def test_how_its_maker_rectified_the_pair_is_used_unless_alpha_is_given(rig, pai
 
 def test_resized_images_scale_how_its_maker_rectified_the_pair(rig, pair):
     known = replace(rig, rectification=Rectification(R1, R2, P1, P2))
+    pair = [cv2.GaussianBlur(image.astype(np.float32), (0, 0), 3) for image in pair]
     small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
     full, half = rectify(*pair, unrectified(known)), rectify(*small, unrectified(known))
     assert half.calibration.focal_px == pytest.approx(full.calibration.focal_px / 2)
     assert half.calibration.baseline_m == pytest.approx(full.calibration.baseline_m)
     expected = cv2.resize(full.left, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
-    assert np.abs(half.left - expected)[4:-4, 4:-4].mean() < 0.01
+    assert np.abs(half.left - expected)[4:-4, 4:-4].mean() < 0.5
 
 
 def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_dir):

@@ -46,15 +46,11 @@ def test_the_distance_of_projected_points_is_that_of_the_points(first: tuple, se
 def test_its_error_is_what_noisy_disparities_spread_it_by() -> None:
     rng = np.random.default_rng(0)
     first, second = seen((-1.0, 0.2, 4.0)), seen((1.5, -0.5, 6.0))
-    spread = [
-        distance_between(
-            CAMERA,
-            SeenPoint(first.row, first.col, first.disparity + rng.normal(0, 0.05)),
-            SeenPoint(second.row, second.col, second.disparity + rng.normal(0, 0.05)),
-            **SIZE,
-        ).metres
-        for _ in range(2000)
-    ]
+
+    def noisy(point: SeenPoint) -> SeenPoint:
+        return SeenPoint(point.row, point.col, point.disparity + rng.normal(0, 0.05))
+
+    spread = [distance_between(CAMERA, noisy(first), noisy(second), **SIZE).metres for _ in range(2000)]
     apart = distance_between(CAMERA, first, second, **SIZE, disparity_error=0.05)
     assert apart.error == pytest.approx(np.std(spread), rel=0.06)
 
@@ -89,30 +85,17 @@ def two_walls() -> np.ndarray:
     return disparity
 
 
-def test_the_smear_between_near_and_far_flies():
-    disparity = two_walls()
-    disparity[:, 18:22] = [14, 18, 22, 26]
-    expected = np.zeros(disparity.shape, dtype=bool)
-    expected[:, 18:22] = True
-    np.testing.assert_array_equal(flying_pixels(disparity), expected)
+UNKNOWN = st.sampled_from([np.nan, np.inf, -np.inf])
 
 
-@pytest.mark.parametrize("hole", [np.nan, np.inf, -np.inf])
-def test_islands_fly_and_holes_do_not(hole):
-    disparity = np.full((20, 20), hole, dtype=np.float32)
-    disparity[4:6, 4:7] = 12
-    disparity[10:15, 10:15] = 12
-    flying = flying_pixels(disparity)
-    assert flying.sum() == 6
-    assert flying[4:6, 4:7].all()
-
-
-@given(hnp.arrays(np.float32, (7, 9), elements=st.just(float("nan")) | st.floats(-50, 50, width=32)), st.floats(0, 9))
+@settings(max_examples=40)
+@given(hnp.arrays(np.float32, (7, 9), elements=UNKNOWN | st.floats(-50, 50, width=32)), st.floats(0, 9))
 def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity, tolerance):
     flying = flying_pixels(disparity, tolerance=tolerance)
     rows, cols = ([*range(2, 0, -1), *range(size), size - 2, size - 3] for size in disparity.shape)  # mirrored
     for row, col in np.ndindex(disparity.shape):
         square = disparity[np.ix_(rows[row : row + 5], cols[col : col + 5])]
+        square = square[np.isfinite(square)]
         alike = np.count_nonzero(np.abs(square - disparity[row, col]) <= np.float32(tolerance))
         assert flying[row, col] == (np.isfinite(disparity[row, col]) and alike < 9)
 
@@ -146,24 +129,18 @@ def test_a_clean_cloud_leaves_out_what_flies_and_keeps_colours_in_place():
 GREY = np.uint8([[100, 100, 100]])
 
 
-def test_points_fall_into_their_cells_whatever_their_height() -> None:
-    points = np.array([[0, 5, 1], [0, -5, 1], [9.9, 0, 1], [0, 0, 10.9]])
-    colours = np.uint8([[10, 20, 30], [30, 40, 50], [0, 0, 255], [255, 0, 0]])
+def test_points_fall_into_their_cells_whatever_their_height_and_more_of_them_are_more_opaque() -> None:
+    points = np.array([[0, 5, 1], [0, -5, 1], [9.9, 0, 1], *[[0, 0, 10.9]] * 40])
+    colours = np.uint8([[10, 20, 30], [30, 40, 50], [0, 0, 255], *[[255, 0, 0]] * 40])
     view = seen_from_above(points, colours, cells=10)
     assert view.picture.shape == (10, 10, 4)
     assert view.cell == pytest.approx(0.99)
     assert (view.left, view.near) == (0, 1)
-    assert view.picture[0, 0, :3].tolist() == [20, 30, 40]
-    assert view.picture[0, 9, :3].tolist() == [0, 0, 255]
-    assert view.picture[9, 0, :3].tolist() == [255, 0, 0]
-    assert np.count_nonzero(view.picture[:, :, 3]) == 3
-
-
-def test_cells_with_more_points_are_more_opaque() -> None:
-    points = np.array([[0.0, 0, 1]] * 40 + [[1, 0, 1]] * 3 + [[2, 0, 1]])
-    opacity = seen_from_above(points, GREY.repeat(44, axis=0), cells=3).picture[0, :, 3]
-    assert opacity[0] == 255
-    assert opacity[0] > opacity[1] > opacity[2] > 0
+    opacity = view.picture[:, :, 3]
+    for place, colour in (((0, 0), [20, 30, 40]), ((0, 9), [0, 0, 255]), ((9, 0), [255, 0, 0])):
+        assert view.picture[place][:3].tolist() == colour
+    assert np.count_nonzero(opacity) == 3
+    assert opacity[9, 0] == 255 > opacity[0, 0] > opacity[0, 9]
 
 
 @given(st.integers(1, 300), st.integers(1, 64), st.integers(0, 2**32 - 1))
