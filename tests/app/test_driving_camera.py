@@ -57,14 +57,7 @@ def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() 
     assert coverage(app) == pytest.approx(raw, abs=0.05)
 
 
-def test_rectified_frames_stay_as_they_are() -> None:
-    app = with_both_cameras(finished(opened(archive(straight_and_raw.straight_pair()))))
-    assert "Each frame is rectified already: rows differ by 0.0" in captions(app)
-    assert not app.error
-    assert player(app)["legends"][0]["title"] == "disparity, px, and distance"
-
-
-def test_a_calibration_of_another_shape_is_told_of_and_the_drive_is_measured_without_it() -> None:
+def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rectified_frames_as_they_are() -> None:
     app = opened(archive(straight_and_raw.straight_pair()))
     other = {"focal_px": 500, "baseline_m": 0.1, "width": 640, "height": 640}
     app.file_uploader(key="driving.calibration").set_value(
@@ -76,6 +69,18 @@ def test_a_calibration_of_another_shape_is_told_of_and_the_drive_is_measured_wit
     assert error.value.endswith("The drive is processed without it.")
     assert player(app)["computed"] == 2
     assert player(app)["legends"][0]["title"] == "disparity, px"
+    app = with_both_cameras(app)
+    assert "Each frame is rectified already: rows differ by 0.0" in captions(app)
+    assert not app.error
+    assert player(app)["legends"][0]["title"] == "disparity, px, and distance"
+    # Nothing is computed anew after a visit to another page, and the settings are as they were.
+    next(box for box in app.number_input if box.label == "Disparities searched").set_value(96).run()
+    app = finished(app)
+    before = work_of(app)
+    app.switch_page(CALIBRATE).run()
+    app.switch_page(DRIVING).run()
+    assert next(box for box in app.number_input if box.label == "Disparities searched").value == 96
+    assert work_of(app) is before
 
 
 @pytest.mark.parametrize(
@@ -95,14 +100,3 @@ def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
     app = finished(app)
     assert {box.label: box for box in app.number_input}["Disparities searched"].value <= 48
     assert not any(player(app)["problems"])
-
-
-def test_settings_outlive_a_visit_to_another_page_and_nothing_is_computed_anew() -> None:
-    app = finished(opened(archive(straight_and_raw.straight_pair())))
-    next(box for box in app.number_input if box.label == "Disparities searched").set_value(96).run()
-    app = finished(app)
-    before = work_of(app)
-    app.switch_page(CALIBRATE).run()
-    app.switch_page(DRIVING).run()
-    assert next(box for box in app.number_input if box.label == "Disparities searched").value == 96
-    assert work_of(app) is before

@@ -65,6 +65,10 @@ class Drive:
     def video(self, what: str) -> Any:
         return self.page.locator(".player video").evaluate(f"(video) => video.{what}")
 
+    def wait_for_video(self, what: str) -> None:
+        roots = "[...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
+        self.page.wait_for_function(f"() => {roots}.find((one) => one)?.{what}")
+
     def shown(self) -> list[float]:
         """Return the mean brightness of each canvas."""
         found: list[float] = self.page.locator(".player canvas").evaluate_all(
@@ -97,10 +101,7 @@ def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
     assert min(visit.shown()) > 30
     expect(visit.where).to_contain_text(f"frame 1 of {COUNT}")
     visit.page.get_by_role("button", name="Play").click()
-    visit.page.wait_for_function(
-        "() => [...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
-        ".find((one) => one).currentTime > 0.5"
-    )
+    visit.wait_for_video("currentTime > 0.5")
     expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")  # it has played to the end
     visit.page.get_by_role("button", name="One frame back").click()
     expect(visit.where).to_contain_text(f"frame {COUNT - 1} of {COUNT}")
@@ -147,10 +148,7 @@ def test_a_frame_is_opened_on_the_depth_page(visit: Drive) -> None:
 
 def test_it_is_watched_while_it_is_computed_and_called_off(open_page: OpenPage) -> None:
     visit = Drive(open_page("Driving"), long_drive(LONG), LONG)
-    visit.page.wait_for_function(
-        "() => [...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
-        ".find((one) => one)?.buffered.length"
-    )
+    visit.wait_for_video("buffered.length")
     visit.page.get_by_role("button", name="Cancel").click()
     expect(visit.page.get_by_role("button", name="Go on")).to_be_visible()
     settled(visit.page)
