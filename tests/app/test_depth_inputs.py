@@ -211,7 +211,7 @@ def test_size_changes_the_settings_too_and_they_are_as_before_unless_moved_at_an
     app.slider(key=keys.WINDOW).set_value(30).run()
     first = app.session_state["shown"][1:]
     pair, block_matcher, correlation = at("1/2")
-    assert pair.left.shape == (60, 100, 3)
+    assert (pair.left.shape, pair.num_disparities) == ((60, 100, 3), 16)
     assert (correlation.window_size, correlation.search.num_disparities) == (15, 16)
     assert block_matcher.num_disparities == 16
     assert "Shown at 1/2 of its size: 100 × 60 of 200 × 120 pixels." in captions(app)

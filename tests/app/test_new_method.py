@@ -121,6 +121,7 @@ def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(
     assert read_matcher(tmp_path / "settings.json") == matcher
     assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
     assert '"method": "MadeUp"' in capsys.readouterr().out
+    (tmp_path / "disparity.npy").unlink()
     program = tmp_path / "reproduce.py"
     program.write_text(script(matcher, "left.png", "right.png"), encoding="utf-8")
     run_program(program)
