@@ -68,8 +68,11 @@ def defined_in(module: str) -> frozenset[str]:
 
 
 @pytest.mark.parametrize("page", [*PAGES, PROJECT / "README.md"], ids=lambda page: page.relative_to(PROJECT).as_posix())
-def test_links_and_included_files_are_there(page: Path) -> None:
-    assert not [name for name in INCLUDE.findall(text_of(page)) if not (page.parent / name).is_file()]
+def test_links_lead_to_what_is_there_also_those_of_included_files(page: Path) -> None:
+    for name in INCLUDE.findall(text_of(page)):
+        file = page.parent / name
+        for target in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text_of(file)):
+            assert (file.parent / target).is_file(), f"{name}: {target}"
     for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text_of(page)):
         name, _, anchor = target.partition("#")
         led_to = page.parent / name if name else page
@@ -85,14 +88,6 @@ def test_pictures_are_there_and_say_what_they_show() -> None:
             assert shown[-1].is_file(), name
             assert re.search(r"^:alt: .{30,}\.$", options, re.MULTILINE), name
     assert sorted(shown) == sorted([*(DOCS / "pictures").iterdir(), *(DOCS / "screens").iterdir()])
-
-
-def test_included_files_lead_to_what_is_there() -> None:
-    for page in PAGES:
-        for name in INCLUDE.findall(text_of(page)):
-            file = page.parent / name
-            for target in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text_of(file)):
-                assert (file.parent / target).is_file(), f"{name}: {target}"
 
 
 def test_the_contents_hold_every_page_once() -> None:
@@ -120,34 +115,21 @@ def test_what_pages_name_is_in_the_code(page: Path) -> None:
         assert (PROJECT / path).exists(), path
 
 
-def test_the_page_of_modules_lists_those_that_pages_name() -> None:
-    named = {name for page in PAGES for kind, name in ROLE.findall(text_of(page)) if kind == "mod"}
-    assert re.findall(r"^   (stereolag\.[\w.]+)$", own("modules.md"), re.MULTILINE) == sorted(named)
-
-
-def test_the_reference_lists_every_public_name_once() -> None:
+def test_the_reference_lists_every_public_name_once_and_the_page_of_modules_those_that_pages_name() -> None:
     listed = re.findall(r"^   stereolag\.(\w+)$", own("reference.md"), re.MULTILINE)
     assert sorted(listed) == sorted(set(sl.__all__) - {"__version__"})
     sequences = ast.parse(text_of(PROJECT / "stereolag/sequences/__init__.py"))
     offered = {alias.name for node in sequences.body if isinstance(node, ast.ImportFrom) for alias in node.names}
     assert set(re.findall(r"^   stereolag\.sequences\.(\w+)$", own("reference.md"), re.MULTILINE)) <= offered
+    named = {name for page in PAGES for kind, name in ROLE.findall(text_of(page)) if kind == "mod"}
+    assert re.findall(r"^   (stereolag\.[\w.]+)$", own("modules.md"), re.MULTILINE) == sorted(named)
 
 
-def test_every_reason_is_told() -> None:
+def test_tables_tell_every_reason_every_finding_of_the_doctor_and_every_benchmark() -> None:
     told = re.findall(r"^\| `([A-Z_]+)` \|", own("method/finishing.md"), re.MULTILINE)
     assert told == [reason.name for reason in sl.Reason]
-
-
-def test_every_finding_of_the_doctor_is_told() -> None:
-    codes = [
-        code
-        for row in re.findall(r"^\| (`[a-z_`, ]+) \|", own("own_camera.md"), re.MULTILINE)
-        for code in row.split(", ")
-    ]
-    assert [code.strip("`") for code in codes] == [code.value for code in FindingCode]
-
-
-def test_every_table_of_the_benchmarks_is_told() -> None:
+    rows = re.findall(r"^\| (`[a-z_`, ]+) \|", own("own_camera.md"), re.MULTILINE)
+    assert [code.strip("`") for row in rows for code in row.split(", ")] == [code.value for code in FindingCode]
     tables = set()
     for node in ast.parse(text_of(PROJECT / "benchmarks/__main__.py")).body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("USUAL", "TABLES"):

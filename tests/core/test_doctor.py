@@ -33,6 +33,7 @@ from stereolag.samples import stereo_pairs
 Pair = tuple[np.ndarray, np.ndarray]
 SHAPE = (480, 640)
 NAN = float("nan")
+ROTATION = FindingCode.ROTATION
 GEOMETRY = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
 PAIRS = pytest.mark.parametrize("name", ["road", "cube"])
 
@@ -74,17 +75,32 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
     assert abs(found(diagnosis, FindingCode.ROWS).numbers["offset_px"]) < 0.3
 
 
-@PAIRS
 @pytest.mark.parametrize(
-    ("damage", "code", "expected"),
+    ("name", "damage", "code", "expected"),
     [
-        (lambda view: np.roll(view, -5, axis=0), FindingCode.ROWS, {"offset_px": (-5, 0.3)}),
+        ("road", lambda view: np.roll(view, -5, axis=0), FindingCode.ROWS, {"offset_px": (-5, 0.3)}),
         # getRotationMatrix2D takes anticlockwise as positive, but rows grow downwards.
-        (lambda view: turned(view, -2.0), FindingCode.ROTATION, {"rotation_deg": (2, 0.15), "scale": (1, 0.005)}),
-        (lambda view: turned(view, 0, 1.02), FindingCode.ROTATION, {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)}),
-        (darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.08)}),
+        (
+            "cube",
+            lambda view: turned(view, -2.0),
+            FindingCode.ROTATION,
+            {"rotation_deg": (2, 0.15), "scale": (1, 0.005)},
+        ),
+        (
+            "road",
+            lambda view: turned(view, -2.0),
+            FindingCode.ROTATION,
+            {"rotation_deg": (2, 0.15), "scale": (1, 0.005)},
+        ),
+        (
+            "cube",
+            lambda view: turned(view, 0, 1.02),
+            FindingCode.ROTATION,
+            {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)},
+        ),
+        ("cube", darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.08)}),
     ],
-    ids=["offset", "rotation", "scale", "exposure"],
+    ids=["offset", "rotation", "rotation of the road", "scale", "exposure"],
 )
 def test_a_fault_is_measured_and_fixed(name: str, damage: Any, code: FindingCode, expected: dict[str, Any]) -> None:
     left, right, _ = bundled(name)
@@ -112,17 +128,14 @@ def test_a_remedy_that_cannot_be_applied_is_refused() -> None:
         apply_remedy(*noise, Remedy.LEVEL)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (1, 3_000), (30, 200), (64, 1)])
-def test_images_too_small_for_features_are_examined_all_the_same(shape: tuple[int, int]) -> None:
-    left, right = np.random.default_rng(3).integers(0, 256, (2, *shape), dtype=np.uint8)
-    assert len(find_correspondences(left, right)) == 0
-    assert FindingCode.MATCHES in amber(diagnose(left, right))
-
-
-def test_low_texture_is_found() -> None:
+def test_low_texture_is_found_and_images_too_small_for_features_are_examined_all_the_same() -> None:
     flat = np.full((200, 300), 90, np.uint8)
     flat[80:120, 100:180] = np.random.default_rng(0).integers(0, 255, (40, 80))
     assert FindingCode.TEXTURE in amber(diagnose(flat, flat))
+    for shape in ((1, 1), (2, 2), (1, 3_000), (30, 200), (64, 1)):
+        left, right = np.random.default_rng(3).integers(0, 256, (2, *shape), dtype=np.uint8)
+        assert len(find_correspondences(left, right)) == 0
+        assert FindingCode.MATCHES in amber(diagnose(left, right)), shape
 
 
 @pytest.mark.parametrize("quality", [None, 70])
@@ -163,9 +176,8 @@ def test_real_pairs(data_dir: Path) -> None:
 # The range
 
 
-@PAIRS
-def test_the_range_is_judged_against_the_disparities_in_the_pair(name: str) -> None:
-    diagnosis = healthy(name)
+def test_the_range_is_judged_against_the_disparities_in_the_pair_and_not_of_swapped_sides() -> None:
+    diagnosis = healthy()
     assert diagnosis.suggested_range is not None
     first, count = diagnosis.suggested_range
     assert count % 16 == 0
@@ -179,12 +191,8 @@ def test_the_range_is_judged_against_the_disparities_in_the_pair(name: str) -> N
     well = judge_range(diagnosis, first, count)
     assert well is not None
     assert well.healthy
-
-
-def test_a_range_judged_later_is_judged_alike_and_not_of_swapped_sides() -> None:
     left, right, _ = bundled("cube")
-    wide = diagnose(left, right, num_disparities=256)
-    assert judge_range(healthy(), 0, 256) == wide.finding(FindingCode.RANGE)
+    assert judge_range(diagnosis, 0, 256) == diagnose(left, right, num_disparities=256).finding(FindingCode.RANGE)
     swapped = diagnose(right, left)
     assert found(swapped, FindingCode.SWAPPED).remedy is Remedy.SWAP_SIDES
     assert apply_remedy(right, left, Remedy.SWAP_SIDES)[0] is left
@@ -269,7 +277,7 @@ def test_a_fit_is_not_led_by_outliers() -> None:
 # Unrectified pairs: lenses and rotated cameras
 
 
-@pytest.mark.parametrize(("name", "k1"), [("cube", -0.05), ("road", -0.3), ("cube", -0.3), ("giraffes", -0.3)])
+@pytest.mark.parametrize(("name", "k1"), [("cube", -0.05), ("road", -0.3), ("cube", -0.3)])
 def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1: float) -> None:
     left, right, disparity = bundled(name)
     views, shape = (barrel(left, k1), barrel(right, k1)), left.shape[:2]

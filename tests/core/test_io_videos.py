@@ -39,13 +39,6 @@ def test_any_frame_is_the_one_asked_for(codec: str, kind: str, options: dict[str
     assert [number_in(file.frame(number)) for number in order] == order
 
 
-def test_a_frame_is_the_same_by_seeking_as_in_turn(mp4: bytes) -> None:
-    in_turn, sought = VideoFile(mp4), VideoFile(mp4)
-    frames = [in_turn.frame(number) for number in range(COUNT)]
-    for number in (40, 3, 41, 17, 59, 0):
-        assert np.array_equal(sought.frame(number), frames[number])
-
-
 def test_grey_stays_grey() -> None:
     pictures = [picture[:, :, 0] for picture in numbered(4)]
     file = VideoFile(video(pictures, codec="ffv1", kind="matroska", pixels="gray"))
@@ -78,9 +71,13 @@ def test_a_guarded_video_is_the_same_and_survives_the_end_of_its_worker(mp4: byt
         GuardedVideo(b"no video at all" * 9)
 
 
-def test_a_number_beyond_the_end_is_refused(mp4: bytes) -> None:
+def test_a_frame_is_the_same_by_seeking_as_in_turn_and_one_beyond_the_end_is_refused(mp4: bytes) -> None:
+    in_turn, sought = VideoFile(mp4), VideoFile(mp4)
+    frames = [in_turn.frame(number) for number in range(COUNT)]
+    for number in (40, 3, 41, 17, 59, 0):
+        assert np.array_equal(sought.frame(number), frames[number])
     with pytest.raises(IndexError, match="frame 60 of a video of 60; allowed are 0 to 59"):
-        VideoFile(mp4).frame(COUNT)
+        sought.frame(COUNT)
 
 
 def test_a_damaged_frame_concerns_no_other() -> None:

@@ -103,7 +103,7 @@ def test_the_divisor_of_8_bits_is_found_from_the_pair_and_said() -> None:
     assert np.unique(truth_in_px(StoredDisparity(stored, 2.0, True), left, right)[0]) == 16
 
 
-def test_size_divides_all_that_is_known() -> None:
+def test_size_divides_all_that_is_known_and_by_itself_leaves_a_megapixel() -> None:
     pair = assemble_pair(LEFT, LEFT, TRUTH, CALIBRATION, id=ID)
     pair = replace(pair, min_disparity=-3, visible=np.ones((120, 200), np.bool_))
     small = prepare(pair, Preparation(divisor=2))
@@ -116,9 +116,6 @@ def test_size_divides_all_that_is_known() -> None:
     assert (small.id.size, small.full) == ("1/2", pair)
     assert small.changes[-1].sentence == "Shown at 1/2 of its size: 100 × 60 of 200 × 120 pixels."
     assert prepare(pair, Preparation()) is pair
-
-
-def test_the_automatic_size_leaves_a_megapixel() -> None:
     large = np.zeros((1200, 2000), np.uint8)
     assert resized(Pair(large, large, ID), None).left.shape == (600, 1000)
     assert resized(Pair(LEFT, LEFT, ID), None).left is LEFT
