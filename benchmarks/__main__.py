@@ -23,13 +23,14 @@ from benchmarks.load import load_table, short_load_table
 from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
+from benchmarks.recordings import KINDS
 from benchmarks.rocketman import rocketman_table
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
-from benchmarks.verdict import verdict_table
+from benchmarks.verdict import TRIALS, methods_table, recordings_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
 TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "hostile"]
@@ -93,6 +94,11 @@ def main() -> None:
     )
     parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
     parser.add_argument("--lengths", nargs="*", choices=LENGTHS, help="of long: which recordings; all unless named")
+    verdict = parser.add_argument_group("of verdict", "a part of the table is printed, but not kept")
+    verdict.add_argument("--kinds", nargs="*", choices=KINDS, help="which kinds of recordings; all unless named")
+    verdict.add_argument("--trials", type=int, default=TRIALS, help="pairs of each kind; %(default)s unless given")
+    verdict.add_argument("--seed", type=int, default=0, help="the first pair's; others draw other pairs")
+    verdict.add_argument("--jobs", type=int, default=1, help="processes at once")
     options = parser.parse_args()
     wanted = options.tables or USUAL
     if "speed" in wanted:
@@ -128,7 +134,13 @@ def main() -> None:
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "verdict" in wanted:
-        keep("verdict", "Verdicts on lags", *verdict_table())
+        part = {"trials": options.trials, "seed": options.seed, "jobs": options.jobs}
+        body, figures = recordings_table(options.kinds or list(KINDS), **part)
+        if options.kinds or options.trials != TRIALS or options.seed:
+            print(body, flush=True)
+        else:
+            methods, verdicts = methods_table()
+            keep("verdict", "Verdicts on lags", f"{body}\n\n{methods}", {"recordings": figures, "methods": verdicts})
     if "long" in wanted:
         keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "rocketman" in wanted:

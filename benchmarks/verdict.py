@@ -1,16 +1,22 @@
-"""How often a lag is called sure, wrongly and rightly: synthetic recordings with known truth."""
+"""How often a lag is called sure, wrongly and rightly: recordings with known truth, drawn from their seeds."""
 
 from __future__ import annotations
 
+import multiprocessing
+import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import chain, repeat
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from scipy import fft, signal
 
-from stereolag import SignalLag, signal_lag
+from benchmarks.recordings import KINDS, Trial, trial
+from stereolag import signal_lag
 from stereolag.core.searches import SignalMethod
 
 Vector: TypeAlias = npt.NDArray[np.float64]
@@ -19,8 +25,9 @@ Pair: TypeAlias = tuple[Vector, Vector]
 METHODS: tuple[SignalMethod, ...] = ("fft", "phat", "sampled", "direct")
 SIZES = (2_000, 6_000, 20_000)
 DIRECT_SIZES = (2_000, 6_000)
-TRIALS = 300
-RATE = 44_100.0
+
+TRIALS = 40
+"""Pairs of each kind, and of each simple kind by each method twice as many."""
 
 
 def noise(size: int, random: np.random.Generator) -> Vector:
@@ -127,56 +134,173 @@ def drifting(size: int, lag: int, ppm: float, noise_level: float, seed: int) -> 
     return first + level * random.normal(size=size), second + level * random.normal(size=size)
 
 
-def _counted(results: Iterable[SignalLag]) -> Counter[str]:
-    return Counter(result.verdict for result in results)
+@dataclass(frozen=True)
+class Judged:
+    """What became of one pair.
+
+    Attributes
+    ----------
+    kind, seed
+        What :func:`benchmarks.recordings.trial` drew it from.
+    expected, verdict
+        See :class:`benchmarks.recordings.Trial`.
+    lag, truth
+        The lag found, and the ranges of right ones over the recordings, samples.
+    inside
+        Whether the lag occurs at some time of the recordings.
+    named
+        Whether all lags that a sure answer must name are named.
+    simple
+        Whether the highest point of the plain or of the whitened correlation is a right lag.
+    drift_right
+        Whether the drift is right; None where there is none to measure.
+    over_time
+        Whether the lag is right at all times; None where the result does not tell.
+    seconds
+        Duration of search and judgement.
+    """
+
+    kind: str
+    seed: int
+    expected: str
+    verdict: str
+    lag: float
+    truth: tuple[tuple[float, float], ...]
+    inside: bool
+    named: bool
+    simple: bool
+    drift_right: bool | None
+    over_time: bool | None
+    seconds: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the lag is called sure, rightly."""
+        return self.verdict == "sure" and self.expected in ("sure", "any") and self.inside and self.named
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the lag is called sure, wrongly."""
+        return self.verdict == "sure" and not self.right
 
 
-def verdict_table() -> tuple[str, dict[str, Any]]:
-    """Return the verdicts over all trials as Markdown, and as figures."""
+def judged(kind: str, seed: int) -> Judged:
+    """Return what becomes of one pair."""
+    given = trial(kind, seed)
+    start = time.perf_counter()
+    found = signal_lag(*given.recordings, sampling_rate=given.rate)
+    verdict = found.verdict
+    seconds = time.perf_counter() - start
+    arrivals = (lag for lag, *_ in getattr(found, "arrivals", ()))
+    lag_at = getattr(found, "lag_at", None)
+    return Judged(
+        kind=kind,
+        seed=seed,
+        expected=given.expected,
+        verdict=verdict,
+        lag=found.lag_subsample,
+        truth=given.ranges(),
+        inside=given.is_right(found.lag_subsample),
+        named=given.names_all((found.lag_subsample, *found.rivals, *arrivals)),
+        simple=any(map(given.is_right, simple_lags(given))),
+        drift_right=given.is_right_drift(found.drift_ppm) if given.ppm and given.expected == "sure" else None,
+        over_time=given.is_right_over_time(lag_at) if lag_at and given.lags and verdict == "sure" else None,
+        seconds=seconds,
+    )
+
+
+def simple_lags(given: Trial) -> Iterator[int]:
+    """Yield the lags of the highest points of the plain correlation and of the whitened one (GCC-PHAT)."""
+    one, other = (recording - recording.mean() for recording in given.recordings)
+    points = int(fft.next_fast_len(one.size + other.size, real=True))
+    spectrum = np.conj(fft.rfft(one, points)) * fft.rfft(other, points)
+    for weighted in (spectrum, spectrum / (np.abs(spectrum) + np.finfo(float).tiny)):
+        highest = int(np.argmax(fft.irfft(weighted, points)))
+        yield highest if highest < other.size else highest - points
+
+
+def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iterator[Judged]:
+    """Yield what becomes of the pairs of these kinds with these seeds, computed by so many processes."""
+    names = list(chain.from_iterable(repeat(kind, len(seeds)) for kind in kinds))
+    numbers = [*seeds] * len(kinds)
+    if jobs == 1:
+        yield from map(judged, names, numbers)
+        return
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as processes:
+        yield from processes.map(judged, names, numbers, chunksize=4)
+
+
+def recordings_table(
+    kinds: Sequence[str] = tuple(KINDS), *, trials: int = TRIALS, seed: int = 0, jobs: int = 1
+) -> tuple[str, list[dict[str, Any]]]:
+    """Return what becomes of pairs of each kind as Markdown, with the mistakes one by one, and as figures."""
+    every = list(judged_trials(kinds, range(seed, seed + trials), jobs))
+    lines = [
+        "| recordings | pairs | sure, right | **sure, wrong** | ambiguous | nothing | found by argmax | of these sure,"
+        " right | lag inside | drift right | right over time | s |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for kind in kinds:
+        lines.append(f"| {kind} | " + " | ".join(_cells([one for one in every if one.kind == kind])) + " |")
+    lines.append("| **all** | " + " | ".join(_cells(every)) + " |")
+    mistakes = [
+        f"- {one.kind}, seed {one.seed}: sure of {one.lag:.2f}; {_true_lags(one)}" for one in every if one.wrong
+    ]
+    return "\n".join([*lines, "", "Sure and wrong:", "", *(mistakes or ["- none"])]), [asdict(one) for one in every]
+
+
+def _cells(judged: Sequence[Judged]) -> list[str]:
+    verdicts = Counter(one.verdict for one in judged)
+    simple = [one for one in judged if one.simple]
+    known = [one for one in judged if one.truth]
+    drifting = [one for one in judged if one.drift_right is not None]
+    told = [one for one in judged if one.over_time is not None]
+
+    def share(good: Iterable[bool], of: Sequence[Judged]) -> str:
+        return f"{sum(good)} of {len(of)}" if of else ""
+
+    return [
+        str(len(judged)),
+        str(sum(one.right for one in judged)),
+        f"**{sum(one.wrong for one in judged)}**",
+        str(verdicts["ambiguous"]),
+        str(verdicts["nothing"]),
+        share((one.simple for one in known), known),
+        share((one.right for one in simple), simple),
+        share((one.inside for one in known), known),
+        share((one.right and bool(one.drift_right) for one in drifting), drifting),
+        share((bool(one.over_time) for one in told), told),
+        f"{np.mean([one.seconds for one in judged]):.2f}",
+    ]
+
+
+def _true_lags(one: Judged) -> str:
+    if one.expected in ("ambiguous", "nothing"):
+        return f"{one.expected} is right"
+    lags = " or ".join(f"{low:.2f}" if low == high else f"{low:.2f} to {high:.2f}" for low, high in one.truth)
+    return f"right is {lags}" + ("" if one.named else ", and not all that are true are named")
+
+
+def methods_table() -> tuple[str, dict[str, Any]]:
+    """Return the verdicts of every method on simple pairs as Markdown, and as figures."""
     figures: dict[str, Any] = {}
-    lines = ["| recordings | method | trials | sure | ambiguous | nothing | right |", "|---|---|---|---|---|---|---|"]
-
-    def tell(name: str, method: str, results: list[SignalLag], right: int | None) -> None:
-        counts = _counted(results)
-        entry = {verdict: counts[verdict] for verdict in ("sure", "ambiguous", "nothing")} | {"right": right}
-        figures[f"{name}, {method}"] = entry | {"trials": len(results)}
-        told = "" if right is None else str(right)
-        cells = [name, method, len(results), entry["sure"], entry["ambiguous"], entry["nothing"], told]
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-
-    for kind in UNRELATED:
-        for method in METHODS:
-            sizes = DIRECT_SIZES if method == "direct" else SIZES
-            pairs = (unrelated(kind, sizes[seed % len(sizes)], seed) for seed in range(TRIALS))
-            tell(kind, method, [signal_lag(*pair, method=method, seed=0) for pair in pairs], None)
-    for method in ("fft", "phat"):
-        results, right = [], 0
-        for seed in range(TRIALS):
-            size = (6_000, 20_000)[seed % 2]
-            lag = int(np.random.default_rng(seed).integers(-size // 2, size // 2))
-            results.append(signal_lag(*common(size, lag, seed, colour=(0.0, 0.8)[seed // 2 % 2]), method=method))
-            right += results[-1].verdict == "sure" and results[-1].lag == lag
-        tell("one sound at 0 dB", method, results, right)
+    lines = ["| recordings | method | pairs | sure | ambiguous | nothing |", "|---|---|---|---|---|---|"]
     for method in METHODS:
-        pairs = (
-            tones(6_000, np.random.default_rng(seed).uniform(0.01, 0.4), (0.0, 0.1, 1.0)[seed % 3], seed)
-            for seed in range(60)
-        )
-        tell("tones", method, [signal_lag(*pair, method=method, seed=0) for pair in pairs], None)
-    return "\n".join([*lines, "", *_drift_lines(figures)]), figures
+        sizes = DIRECT_SIZES if method == "direct" else SIZES
+        makers: dict[str, Callable[[int], Pair]] = {
+            kind: lambda seed, kind=kind, sizes=sizes: unrelated(kind, sizes[seed % len(sizes)], seed)  # type: ignore[misc]
+            for kind in UNRELATED
+        }
+        makers["tones"] = any_tones
+        for kind, maker in makers.items():
+            counts = Counter(signal_lag(*maker(seed), method=method, seed=0).verdict for seed in range(2 * TRIALS))
+            entry = {verdict: counts[verdict] for verdict in ("sure", "ambiguous", "nothing")}
+            figures[f"{kind}, {method}"] = entry
+            lines.append(f"| {kind} | {method} | {2 * TRIALS} | " + " | ".join(map(str, entry.values())) + " |")
+    return "\n".join(lines), figures
 
 
-def _drift_lines(figures: dict[str, Any]) -> list[str]:
-    lines = ["| drift, ppm | length, s | noise, dB | measured, ppm | verdict | score |", "|---|---|---|---|---|---|"]
-    for seconds in (3, 60):
-        for ppm in (50.0, -50.0, 10.0, 0.0):
-            for level, decibels in ((0.0, "none"), (1.0, "0")):
-                pair = drifting(round(seconds * RATE), 700, ppm, level, 3)
-                found = signal_lag(*pair, max_lag=5_000)
-                reason = found.judgement.reason if found.judgement else ""
-                figures[f"{ppm:g} ppm, {seconds} s, noise {decibels}"] = found.drift_ppm
-                lines.append(
-                    f"| {ppm:g} | {seconds} | {decibels} | {found.drift_ppm:.2f} | {found.verdict}, {reason} |"
-                    f" {found.score:.3f} |"
-                )
-    return lines
+def any_tones(seed: int) -> Pair:
+    """Return a tone of any frequency at two phases, without noise, with a little, or with as much."""
+    frequency = np.random.default_rng(seed).uniform(0.01, 0.4)
+    return tones(6_000, frequency, (0.0, 0.1, 1.0)[seed % 3], seed)
