@@ -140,11 +140,8 @@ def test_the_figure_has_the_windows_their_centres_and_the_part_of_the_image() ->
     assert figure.layout.yaxis.scaleanchor == "x"
     (picture,) = figure.layout.images
     assert (picture.sizex, picture.sizey) == (grid.cut.width, grid.cut.height)
-
-
-def test_at_the_corner_of_the_image_the_cut_ends_with_it() -> None:
-    grid = grid_at(0, 399, 20, 0.5)
-    assert (grid.cut.row, grid.cut.col + grid.cut.width) == (0, 400)
-    assert len(grid.neighbours()) == 4
+    corner = grid_at(0, 399, 20, 0.5)
+    assert (corner.cut.row, corner.cut.col + corner.cut.width) == (0, 400)
+    assert len(corner.neighbours()) == 4
     with pytest.raises(ValueError, match=r"\(3, 4\) is not on a grid of step 2"):
         window_grid(SHAPE, Box(3, 4, 20, 20), 2)

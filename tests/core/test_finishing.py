@@ -36,7 +36,6 @@ from stereolag.stereo.finishing.surfaces import (
     choose_patches,
     choose_patches_reference,
     filled_along_surfaces,
-    fitted,
     mean_centres,
     neighbours,
     refitted,
@@ -186,21 +185,19 @@ def test_speckles_are_those_of_opencv(
     np.testing.assert_array_equal(reason, np.where(small, Reason.SPECKLE, measured(disparity)))
 
 
-def test_a_gap_takes_the_farther_end() -> None:
-    disparity = np.array([[NAN, 4, NAN, NAN, 9, NAN]], np.float32)
-    filled, reason = filled_from_behind(disparity, measured(disparity))
-    np.testing.assert_array_equal(filled, [[4, 4, 4, 4, 9, 9]])
-    np.testing.assert_array_equal(reason == Reason.FILLED, np.isnan(disparity))
-
-
-def test_an_empty_row_repeats_the_nearest_that_is_not_and_an_empty_map_stays_empty() -> None:
+def test_a_gap_takes_the_farther_end_and_an_empty_row_the_nearest_that_is_not() -> None:
+    gaps = np.array([[NAN, 4, NAN, NAN, 9, NAN]], np.float32)
+    np.testing.assert_array_equal(gaps_filled(gaps), [[4, 4, 4, 4, 9, 9]])
     disparity = np.full((7, 3), NAN)
-    filled, reason = filled_from_behind(disparity, measured(disparity))
-    assert np.isnan(filled).all() and (reason == Reason.LEFT_RIGHT).all()
+    empty, reason = filled_from_behind(disparity, measured(disparity))
+    assert np.isnan(empty).all() and (reason == Reason.LEFT_RIGHT).all()
     disparity[2], disparity[5] = 1, 2
-    filled, reason = filled_from_behind(disparity, measured(disparity))
-    np.testing.assert_array_equal(filled[:, 0], [1, 1, 1, 1, 2, 2, 2])
-    assert (reason[[0, 1, 3, 4, 6]] == Reason.FILLED).all() and (reason[[2, 5]] == Reason.MEASURED).all()
+    full, reason = filled_from_behind(disparity, measured(disparity))
+    np.testing.assert_array_equal(full[:, 0], [1, 1, 1, 1, 2, 2, 2])
+    np.testing.assert_array_equal(reason == Reason.FILLED, np.isnan(disparity))
+    for value in (NAN, np.float32(3)):
+        whole = np.full((30, 40), value)
+        np.testing.assert_array_equal(filled_along_surfaces(whole, whole, painted((30, 40)), SurfaceFilling()), whole)
 
 
 @settings(max_examples=40, deadline=None)
@@ -310,31 +307,6 @@ def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     )
 
 
-def test_a_trial_plane_ignores_what_lies_elsewhere() -> None:
-    rng = np.random.default_rng(0)
-    x, y = rng.uniform(0, 30, (2, 1, 60)).astype(np.float32)
-    z = 10 + 0.2 * x - 0.1 * y
-    z[0, ::5] += 25
-    found = best_of_trials(
-        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), TRIALS
-    )
-    np.testing.assert_allclose(found, [[0.2, -0.1, 11.5]], atol=0.01)
-
-
-def test_patches_of_fewer_than_three_guesses_have_no_plane_and_all_others_have() -> None:
-    patches = superpixels(np.full((1, 40, 60), 50, np.float32), 15, 20)
-    values = np.full((40, 60), 6, np.float32)
-    guesses = np.full((40, 60), NAN)
-    guesses[:, :20] = 6
-    count = len(patches.centres)
-    guessed = Samples(*sampled(patches.labels, guesses, count, 16))
-    planes = fitted(patches, Samples(*sampled(patches.labels, values, count, 32)), guessed)
-    np.testing.assert_array_equal(np.isnan(planes[:, 2]), guessed.kept < 3)
-    np.testing.assert_allclose(
-        planes[guessed.kept >= 3], np.tile([[0, 0, 6]], ((guessed.kept >= 3).sum(), 1)), atol=1e-3
-    )
-
-
 @pytest.mark.parametrize(
     ("across", "down", "channels"), [(0.0, 0.0, None), (0.0, 0.1, 1), (0.04, 0.1, 3), (-0.05, -0.03, 3)]
 )
@@ -373,13 +345,6 @@ def test_what_is_hidden_behind_a_box_is_the_wall_and_not_the_box() -> None:
     disparity[30:90, 73:90] = np.nan
     found = filled(disparity, guide)
     np.testing.assert_allclose(found[30:90, 73:90], 8, atol=0.3)
-
-
-def test_a_map_without_measurements_or_without_gaps_stays_as_it_is() -> None:
-    guide = painted((30, 40))
-    for value in (NAN, np.float32(3)):
-        disparity = np.full((30, 40), value)
-        np.testing.assert_array_equal(filled_along_surfaces(disparity, disparity, guide, SurfaceFilling()), disparity)
 
 
 def test_alpha_of_sixteen_bits_changes_nothing() -> None:
