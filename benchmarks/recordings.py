@@ -48,6 +48,20 @@ SPREAD: tuple[Source, ...] = tuple(sound for sound in SOUNDS if sound is not eng
 
 
 @dataclass(frozen=True)
+class Piece:
+    """A stretch that both recordings hold, without a step: its ends in recording 1, and the lags there, samples."""
+
+    first: float
+    last: float
+    lag_first: float
+    lag_last: float
+
+    def lag(self, place: float) -> float:
+        """Return the lag at a place in recording 1."""
+        return float(np.interp(place, (self.first, self.last), (self.lag_first, self.lag_last)))
+
+
+@dataclass(frozen=True)
 class Trial:
     """Two recordings and the answer.
 
@@ -83,29 +97,27 @@ class Trial:
     named: tuple[float, ...] = ()
     tolerance: float = 2.0
 
-    def lines(self) -> list[list[tuple[float, float, float, float]]]:
-        """Return, for each of `lags`, where and how much both recordings lag.
-
-        Each piece is (first, last, lag at first, lag at last): places in recording 1 that recording 2 holds too.
-        """
+    def lines(self) -> list[list[Piece]]:
+        """Return the lag over time, for each of `lags`."""
         (size_1, size_2), growth = (one.size for one in self.recordings), self.ppm * 1e-6
         every = []
         for start in self.lags:
-            pieces = [(0.0, start), *self.steps]
-            ends = [place for place, _ in pieces[1:]] + [size_1 - 1.0]
+            starts = [(0.0, start), *self.steps]
+            ends = [place for place, _ in self.steps] + [size_1 - 1.0]
             line = []
-            for (place, lag), end in zip(pieces, ends, strict=True):
+            for (place, lag), end in zip(starts, ends, strict=True):
                 # Sample i corresponds to sample i + lag + growth * (i - place) of recording 2.
                 first = max(place, (growth * place - lag) / (1 + growth))
                 last = min(end, (size_2 - 1 + growth * place - lag) / (1 + growth))
-                if first <= last:
-                    line.append((first, last, lag + growth * (first - place), lag + growth * (last - place)))
+                if first < last:
+                    line.append(Piece(first, last, lag + growth * (first - place), lag + growth * (last - place)))
             every.append(line)
         return every
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Return the lags that occur, from lowest to highest, for each piece of each line."""
-        return tuple((min(ends), max(ends)) for line in self.lines() for _, _, *ends in line)
+        ends = ((piece.lag_first, piece.lag_last) for line in self.lines() for piece in line)
+        return tuple((min(pair), max(pair)) for pair in ends)
 
     def is_right(self, lag: float) -> bool:
         """Return whether a lag occurs at some time of both recordings, within the tolerance."""
@@ -122,13 +134,9 @@ class Trial:
         Compared at the quarters of each piece between steps.
         """
 
-        def agrees(piece: tuple[float, float, float, float]) -> bool:
-            first, last, lag_1, lag_2 = piece
-            return all(
-                abs(lag_at((first + share * (last - first)) / self.rate) - lag_1 - share * (lag_2 - lag_1))
-                <= self.tolerance
-                for share in (0.25, 0.5, 0.75)
-            )
+        def agrees(piece: Piece) -> bool:
+            quarters = np.linspace(piece.first, piece.last, 5)[1:-1].tolist()
+            return all(abs(lag_at(place / self.rate) - piece.lag(place)) <= self.tolerance for place in quarters)
 
         return any(all(map(agrees, line)) for line in self.lines())
 
@@ -361,28 +369,39 @@ def clocks_far_apart(random: Random) -> Trial:
     return by_two_clocks(sign(random) * random.uniform(1_000, 10_000), random)
 
 
-def dropped_buffers(random: Random) -> Trial:
-    """One to three times, 20 ms to half a second are missing in either recording."""
-    rate = 8000.0
+def interrupted(ppm: float, random: Random) -> Trial:
+    """Return 15 to 40 s of a sound by two clocks; one to three times, 20 ms to half a second are missing in either."""
+    rate, growth = 8000.0, ppm * 1e-6
     size, start = int(random.uniform(15, 40) * rate), int(random.integers(-2000, 2001))
     count = int(random.integers(1, 4))
-    lost = [int(random.uniform(0.02, 0.5) * rate) for _ in range(count)]
-    in_second = [random.random() < 0.5 for _ in range(count)]
-    places = [int((number + random.uniform(0.8, 1.2)) * size / (count + 1)) for number in range(count)]
-    sound = one_of(SPREAD, random)(size + sum(lost) + abs(start) + 2 * MARGIN, rate, random)
-    at_1 = np.arange(size) + MARGIN + max(0, start)
-    at_2 = at_1 - start
-    steps, lag = [], float(start)
-    for place, gone, second in zip(places, lost, in_second, strict=True):
-        if second:
-            at_2[max(0, place + int(lag)) :] += gone
+    heard = [np.arange(size, dtype=np.float64), (np.arange(size) - start) / (1 + growth)]
+    steps, missing = [], 0.0
+    for number in range(count):
+        place = (number + random.uniform(0.8, 1.2)) * size / (count + 1)
+        gone = int(random.uniform(0.02, 0.5) * rate)
+        lag = start + growth * place + missing * (1 + growth)
+        if random.random() < 0.5:
+            heard[0][int(place) :] += gone
+            missing += gone
         else:
-            at_1[place:] += gone
-        lag += -gone if second else gone
-        steps.append((float(place), lag))
+            heard[1][int(place + lag) :] += gone
+            missing -= gone
+        steps.append((place, start + growth * place + missing * (1 + growth)))
+    before = 2 * MARGIN
+    sound = one_of(SPREAD, random)(before + int(max(places[-1] for places in heard)) + MARGIN, rate, random)
     decibels = random.uniform(6, 25)
-    noisy = [with_noise(sound[places], decibels, random) for places in (at_1, at_2)]
-    return Trial(noisy, rate, (float(start),), steps=tuple(steps))
+    noisy = [with_noise(at_places(sound, before + places), decibels, random) for places in heard]
+    return Trial(noisy, rate, (float(start),), ppm=ppm, steps=tuple(steps))
+
+
+def dropped_buffers(random: Random) -> Trial:
+    """Parts of 20 ms to half a second are missing in either recording."""
+    return interrupted(0.0, random)
+
+
+def drift_and_dropped_buffers(random: Random) -> Trial:
+    """Parts are missing in either recording, and the clocks differ by 20 to 300 ppm."""
+    return interrupted(sign(random) * random.uniform(20, 300), random)
 
 
 def silent_gaps(random: Random) -> Trial:
@@ -628,6 +647,7 @@ KINDS: dict[str, Kind] = {
         drifting_clocks,
         clocks_far_apart,
         dropped_buffers,
+        drift_and_dropped_buffers,
         silent_gaps,
         common_noise,
         louder_echo,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import fft
 
-from benchmarks.recordings import KINDS, Trial, trial
+from benchmarks.recordings import KINDS, Piece, Trial, trial
 
 REACH = 300
 """Samples on either side of the true lag within which the recordings could agree better."""
@@ -20,9 +20,9 @@ def errors(given: Trial) -> Iterator[float]:
     """Yield, for each piece of each true line, how far from it the recordings agree best, samples."""
     one, other = given.recordings
     for line in given.lines():
-        for first, last, lag_first, lag_last in line:
-            places = np.arange(int(np.ceil(first)), int(last) + 1)
-            lags = np.interp(places, (first, last), (lag_first, lag_last))
+        for piece in line:
+            places = np.arange(int(np.ceil(piece.first)), int(piece.last) + 1)
+            lags = np.interp(places, (piece.first, piece.last), (piece.lag_first, piece.lag_last))
             here, there = one[places], np.interp(places + lags, np.arange(other.size), other)
             points = fft.next_fast_len(places.size + REACH, real=True)
             spectrum = np.conj(fft.rfft(here - here.mean(), points)) * fft.rfft(there - there.mean(), points)
@@ -36,7 +36,7 @@ def errors(given: Trial) -> Iterator[float]:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_recordings_agree_best_at_their_true_lags(kind: str) -> None:
-    pairs = [trial(kind, seed) for seed in range(3)]
+    pairs = [trial(kind, seed) for seed in range(2)]
     assert all(np.isfinite(one).all() and np.ptp(one) > 0 for pair in pairs for one in pair.recordings)
     assert all((pair.expected == "nothing") <= (not pair.lags) for pair in pairs)
     right = [abs(error) <= pair.tolerance for pair in pairs for error in errors(pair)]
@@ -53,7 +53,7 @@ def test_a_pair_is_drawn_from_its_kind_and_seed() -> None:
 def test_a_lag_is_right_where_it_occurs_in_both_recordings() -> None:
     """By a clock 1 % faster from 100 on; 400 samples are missing in recording 2 from the middle on."""
     given = Trial([np.zeros(1000), np.zeros(1000)], 100.0, (100.0,), ppm=1e4, steps=((500.0, -295.0),), tolerance=1.0)
-    assert given.lines() == [[(0.0, 500.0, 100.0, 105.0), (500.0, 999.0, -295.0, pytest.approx(-290.01))]]
+    assert given.lines() == [[Piece(0.0, 500.0, 100.0, 105.0), Piece(500.0, 999.0, -295.0, pytest.approx(-290.01))]]
     assert [
         lag for lag in (98.9, 99.0, 106.0, 106.1, -100.0, -296.1, -296.0, -289.1, -289.0) if given.is_right(lag)
     ] == [
