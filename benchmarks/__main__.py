@@ -30,7 +30,7 @@ from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
-from benchmarks.verdict import TRIALS, methods_table, recordings_table
+from benchmarks.verdict import METHODS, TRIALS, methods_table, recordings_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
 TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "hostile"]
@@ -98,6 +98,7 @@ def main() -> None:
     verdict.add_argument("--kinds", nargs="*", choices=KINDS, help="which kinds of recordings; all unless named")
     verdict.add_argument("--trials", type=int, default=TRIALS, help="pairs of each kind; %(default)s unless given")
     verdict.add_argument("--seed", type=int, default=0, help="the first pair's; others draw other pairs")
+    verdict.add_argument("--method", choices=METHODS, default="fft", help="of the search; %(default)s unless named")
     verdict.add_argument("--jobs", type=int, default=1, help="processes at once")
     options = parser.parse_args()
     wanted = options.tables or USUAL
@@ -134,9 +135,14 @@ def main() -> None:
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "verdict" in wanted:
-        part = {"trials": options.trials, "seed": options.seed, "jobs": options.jobs}
-        body, figures = recordings_table(options.kinds or list(KINDS), **part)
-        if options.kinds or options.trials != TRIALS or options.seed:
+        body, figures = recordings_table(
+            options.kinds or list(KINDS),
+            trials=options.trials,
+            seed=options.seed,
+            method=options.method,
+            jobs=options.jobs,
+        )
+        if options.kinds or options.trials != TRIALS or options.seed or options.method != "fft":
             print(body, flush=True)
         else:
             methods, verdicts = methods_table()

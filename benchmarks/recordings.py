@@ -151,10 +151,13 @@ def at_places(sound: Vector, places: Vector) -> Vector:
     first = max(0, int(places[0]) - MARGIN)
     near = sound[first : int(places[-1]) + MARGIN]
     size = int(fft.next_fast_len(near.size + 256))
-    spectrum = fft.rfft(near, size)
+    # Single precision: half the time, and errors 130 dB below the sound.
+    spectrum = fft.rfft(near.astype(np.float32), size)
     spectrum[int(0.93 * spectrum.size) :] = 0
-    fine = 8 * fft.irfft(spectrum, 8 * size)
-    return np.interp(8 * (places - first), np.arange(fine.size), fine)
+    fine = 8.0 * fft.irfft(spectrum, 8 * size)
+    whole, rest = np.divmod(8 * (places - first), 1)
+    index = whole.astype(np.int64)
+    return np.asarray(fine[index] * (1 - rest) + fine[index + 1] * rest)
 
 
 def two_places(
@@ -418,13 +421,13 @@ def silent_gaps(random: Random) -> Trial:
 
 
 def common_noise(random: Random) -> Trial:
-    """Two microphones on one recorder, which adds the same hum or noise to both, 5 to 15 dB below the sound."""
+    """Two microphones on one recorder, which adds the same hum or noise to both, 0 to 15 dB below the sound."""
     rate = 16_000.0
     size, lag = int(random.uniform(2, 6) * rate), float(sign(random) * random.integers(4, 400))
     pair = two_places(one_of(SPREAD, random), (size, size), rate, lag, random)
     level = pair[0].std()
     own = red(size, random.choice([0, 0.9]), random) if random.random() < 0.7 else hum(size, rate, random)
-    own *= level / own.std() * 10 ** (-random.uniform(5, 15) / 20)
+    own *= level / own.std() * 10 ** (-random.uniform(0, 15) / 20)
     noisy = [one + own + 0.03 * level * random.normal(size=size) for one in pair]
     return Trial(noisy, rate, (lag, 0.0), "any", named=(lag,))
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from itertools import chain, repeat
+from itertools import starmap
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -187,11 +187,11 @@ class Judged:
         return self.verdict == "sure" and not self.right
 
 
-def judged(kind: str, seed: int) -> Judged:
-    """Return what becomes of one pair."""
+def judged(kind: str, seed: int, method: SignalMethod = "fft") -> Judged:
+    """Return what becomes of one pair by a method."""
     given = trial(kind, seed)
     start = time.perf_counter()
-    found = signal_lag(*given.recordings, sampling_rate=given.rate)
+    found = signal_lag(*given.recordings, sampling_rate=given.rate, method=method, seed=0)
     verdict = found.verdict
     seconds = time.perf_counter() - start
     arrivals = (lag for lag, *_ in getattr(found, "arrivals", ()))
@@ -222,22 +222,26 @@ def simple_lags(given: Trial) -> Iterator[int]:
         yield highest if highest < other.size else highest - points
 
 
-def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iterator[Judged]:
+def judged_trials(kinds: Sequence[str], seeds: Sequence[int], method: SignalMethod, jobs: int) -> Iterator[Judged]:
     """Yield what becomes of the pairs of these kinds with these seeds, computed by so many processes."""
-    names = list(chain.from_iterable(repeat(kind, len(seeds)) for kind in kinds))
-    numbers = [*seeds] * len(kinds)
+    pairs = [(kind, seed, method) for kind in kinds for seed in seeds]
     if jobs == 1:
-        yield from map(judged, names, numbers)
+        yield from starmap(judged, pairs)
         return
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as processes:
-        yield from processes.map(judged, names, numbers, chunksize=4)
+        yield from processes.map(judged, *zip(*pairs, strict=True), chunksize=4)
 
 
 def recordings_table(
-    kinds: Sequence[str] = tuple(KINDS), *, trials: int = TRIALS, seed: int = 0, jobs: int = 1
+    kinds: Sequence[str] = tuple(KINDS),
+    *,
+    trials: int = TRIALS,
+    seed: int = 0,
+    method: SignalMethod = "fft",
+    jobs: int = 1,
 ) -> tuple[str, list[dict[str, Any]]]:
     """Return what becomes of pairs of each kind as Markdown, with the mistakes one by one, and as figures."""
-    every = list(judged_trials(kinds, range(seed, seed + trials), jobs))
+    every = list(judged_trials(kinds, range(seed, seed + trials), method, jobs))
     lines = [
         "| recordings | pairs | sure, right | **sure, wrong** | ambiguous | nothing | found by argmax | of these sure,"
         " right | lag inside | drift right | right over time | s |",
