@@ -10,33 +10,39 @@ from stereolag.commands.arguments import DONE, CommandParser, SettingsFlags, rea
 from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:
-    from stereolag.io.recordings import Recording
+    from stereolag.io.clocks import Recording
 
 
 def run(arguments: Sequence[str]) -> int:
     """Measure the lag that the arguments ask for, print it, and return the exit code."""
+    from stereolag.io.formats import ACCEPTED
+
     parser = CommandParser(
         "lag",
         "Measure how many samples the second recording lags behind the first: positive where it hears the event later. "
-        "Recordings are WAV, FLAC, OGG, MP3, AIFF, NPY or columns of numbers; one file with two channels is enough. "
+        f"Recordings are {ACCEPTED}; one file with two channels is enough. Times in a column give rate and gaps. "
         "The sampling rate is that of the files, unless they state none or another is given; of two rates, the lower.",
         "FIRST [SECOND] [--speed M/S] [--method NAME] [--json] [further settings]",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
     parser.add_argument("--channels", type=int, nargs=2, metavar=("A", "B"), help="which channel of each, from 1")
+    tracks = "which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name"
+    parser.add_argument("--tracks", nargs=2, metavar=("A", "B"), default=("1", "1"), help=tracks)
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
     from stereolag.core.inputs import checked_signal
-    from stereolag.io.recordings import at_one_rate
+    from stereolag.io.clocks import at_one_rate, starts_apart
     from stereolag.io.results import lag_figures
 
-    first = read(sl.read_signal, options.first)
-    second = first if options.second is None else read(sl.read_signal, options.second)
-    numbers = options.channels or (1, 2 if options.second is None else 1)
     names = options.first, options.second or options.first
+    first = second = read(sl.read_signal, names[0], track=options.tracks[0])
+    if options.second is not None or options.tracks[0] != options.tracks[1]:
+        second = read(sl.read_signal, names[1], track=options.tracks[1])
+    numbers = options.channels or (first.numbers[0], (*second.numbers, 2)[second is first])
     channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
+    apart = starts_apart(*channels)
     rate = settings.sampling_rate
     if "sampling_rate" not in vars(options):
         channels = at_one_rate(*channels)
@@ -50,17 +56,22 @@ def run(arguments: Sequence[str]) -> int:
     ]
     signals = [checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True)]
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    figures = lag_figures(result, settings) | {"recordings": facts}
-    tell(figures, _in_words(result, settings, facts), as_json=options.json)
+    figures = lag_figures(result, settings) | {"recordings": facts, "starts_apart_s": apart}
+    words = _in_words(result, settings, facts)
+    if apart:
+        words += f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first."
+    tell(figures, words, as_json=options.json)
     return DONE
 
 
 def _channel(recording: Recording, number: int, name: str) -> Recording:
     """Return a channel, counted from 1; ValueError if there is no such channel."""
-    count = len(recording.channels)
-    if not 1 <= number <= count:
+    from stereolag.io.clocks import numbered
+
+    if number not in recording.numbers:
         raise ValueError(
-            f"channel {number} is asked for, and {name} has {count}: give a second recording, or other --channels."
+            f"channel {number} is asked for, and {name} has {numbered(recording.numbers)}: give a second recording, or "
+            "other --channels."
         )
     return recording.channel(number)
 
@@ -77,6 +88,11 @@ def _facts(recording: Recording, name: str, number: int, count: int, rate: float
         "sampling_rate_in_file": recording.resampled_from or recording.sampling_rate,
         "resampled": recording.resampled_from is not None,
         "mended_lines": recording.mended_lines,
+        "track": recording.tracks[recording.track - 1],
+        "start_s": recording.start_s,
+        "start": recording.start and recording.start.isoformat(),
+        "gaps": [[gap.start_s, gap.length_s] for gap in recording.gaps],
+        "remarks": recording.remarks,
     }
 
 
@@ -88,9 +104,7 @@ def _fact_line(facts: dict[str, Any], rate: float) -> str:
         told.append(f"resampled from {facts['sampling_rate_in_file']:g} Hz")
     if facts["sampling_rate_in_file"] is None:
         told.append("rate assumed, the file states none")
-    if facts["mended_lines"]:
-        told.append(f"{facts['mended_lines']} damaged line{'s' * (facts['mended_lines'] > 1)} mended")
-    return f"{facts['file']}: {', '.join(told)}"
+    return f"{facts['file']}: {', '.join([*told, *facts['remarks']])}"
 
 
 _REASONS = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,10 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import Image, as_image, as_signal
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Problem, SettingsError
+from stereolag.io.clocks import Recording, at_one_rate
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
-from stereolag.io.recordings import Recording, at_one_rate, read_signal
+from stereolag.io.recordings import read_signal
 from stereolag.ui import prose
 from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
@@ -80,17 +82,12 @@ def _own_recordings() -> RecordingPair | None:
     """Ask for two files, or for one with several channels; return the last usable pair."""
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        first = upload(
-            "Sensor 1",
-            guarded(read_signal),
-            key=f"{RECORDINGS}.file_1",
-            types=RECORDING_TYPES,
-            note="A file of two channels is enough. Columns of numbers are channels too.",
-        )
+        note = "Audio, the sound of a video, columns of numbers or an array. A file of two channels is enough."
+        first = _recording("Sensor 1", "file_1", note)
         channel_1 = _channel(first, 0, key=f"{RECORDINGS}.channel_1")
     with columns[1]:
-        second = upload("Sensor 2", guarded(read_signal), key=f"{RECORDINGS}.file_2", types=RECORDING_TYPES)
-        both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
+        second = _recording("Sensor 2", "file_2")
+        both_in_one = second is None and first is not None and len(first.content.channels) > 1
         holder = first if both_in_one else second
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{RECORDINGS}.channel_2")
     show_limits(upload_limits())
@@ -101,25 +98,35 @@ def _own_recordings() -> RecordingPair | None:
     return put_together(lambda: _pair(first, channel_1, holder, channel_2, digest), f"{RECORDINGS}.own", digest)
 
 
-def _signals(recording: Recording) -> list[int]:
-    """Return the numbers, from 1, of all channels except the clock."""
-    return [number for number in range(1, len(recording.channels) + 1) if number - 1 != recording.clock]
+def _recording(label: str, name: str, note: str = "") -> Upload[Recording] | None:
+    """Ask for a file, and for one of its tracks if it has several."""
+    key = f"{RECORDINGS}.{name}"
+    held = st.session_state.get(key)
+    chooser = f"{key}.track.{held.file_id if held else ''}"  # another file has other tracks
+    track = st.session_state.get(chooser, 1)
+    read = partial(guarded(read_signal), track=track)
+    variant = f" track {track}" if track != 1 else ""
+    file = upload(label, read, key=key, types=RECORDING_TYPES, note=note, variant=variant)
+    if file is not None and len(file.content.tracks) > 1:
+        tracks = file.content.tracks
+        st.selectbox("Track", range(1, len(tracks) + 1), format_func=lambda number: tracks[number - 1], key=chooser)
+    return file
 
 
 def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
     """Ask for the channel of a file that has several; return its number, from 1.
 
-    `at_first` is the index of the signal that is selected initially: 0 is the first.
+    `at_first` is the index of the channel that is selected initially: 0 is the first.
     """
     if file is None or len(file.content.channels) == 1:
-        return 1
-    clock = file.content.clock
+        return 1 if file is None else file.content.numbers[0]
+    names = dict(zip(file.content.numbers, file.content.names, strict=True))
     return int(
         st.selectbox(
             "Channel",
-            range(1, len(file.content.channels) + 1),
-            index=_signals(file.content)[at_first] - 1,
-            format_func=lambda number: f"{number} (rises evenly: time)" if number - 1 == clock else str(number),
+            names,
+            index=at_first,
+            format_func=lambda number: f"{number}: {names[number]}" if names[number] else str(number),
             key=f"{key}.{file.digest}",
         )
     )

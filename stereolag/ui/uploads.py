@@ -13,6 +13,7 @@ import streamlit as st
 
 from stereolag.core.jobs import limits
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
+from stereolag.io.formats import RECORDING_SUFFIXES
 from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES
 from stereolag.io.sources import quote
 from stereolag.streamlit_inside import UploadedFile
@@ -23,7 +24,7 @@ from stereolag.ui.elements import show_refused
 T = TypeVar("T")
 
 PICTURE_TYPES = IMAGE_SUFFIXES
-RECORDING_TYPES = ("wav", "flac", "ogg", "mp3", "aif", "aiff", "txt", "csv", "tsv", "dat", "npy")
+RECORDING_TYPES = RECORDING_SUFFIXES
 DISPARITY_TYPES = DISPARITY_SUFFIXES
 CALIBRATION_TYPES = CALIBRATION_SUFFIXES
 

@@ -29,7 +29,7 @@ GOOD = {
 NO_PICTURE = "b.png", b"not a picture at all\n" * 20
 BAD = {
     "recordings": [
-        (("a.wav", uploads.wav_without_channels()), "without channels"),
+        (("a.wav", uploads.wav_without_channels()), "0 channels"),
         (("a.wav", uploads.wav(np.array([0.5]))), "at least 2 are needed"),
         # Must be last: the file is readable, so it stays in use.
         (("a.wav", uploads.wav(np.full(500, 0.25))), "constant"),

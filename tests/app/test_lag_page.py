@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import plotly.io
 import pytest
+from recording_bytes import filmed
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
@@ -117,6 +118,28 @@ def test_the_channel_and_the_limits_are_named(open_page: OpenPage) -> None:
     assert "channel 1 of 2." in captions(app) and "channel 2 of 2." in captions(app)
     limits = "At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one"
     assert typeset(limits) in captions(app)
+
+
+def test_a_time_column_gives_the_rate_and_its_gap_and_a_column_is_chosen_by_name(open_page: OpenPage) -> None:
+    sound = SOUND.round(6)
+    whole = "\n".join(["time_s,B (V),A (V)", *(f"{i / 100:.2f},{sound[i]},{sound[i + 37]}" for i in range(3000))])
+    there = (i for i in range(3000) if not 1000 <= i < 1300)
+    gap = "\n".join(["t,A", *(f"{i / 100:.2f},{sound[i]}" for i in there)])
+    app = measured(open_page, ("a.csv", whole.encode()), ("b.csv", gap.encode()))
+    chooser = app.selectbox(key=next(one.key for one in app.selectbox if one.label == "Channel"))
+    assert chooser.options == ["2: B (V)", "3: A (V)"]
+    chooser.set_value(3).run()
+    assert (numbers(app)["Lag, samples"], numbers(app)["Time"]) == ("37", typeset("0.37 s"))
+    assert typeset("Sensor 2: 30 s, 3,000 samples, 100 Hz, 3 s missing after 9.99 s, filled, times") in captions(app)
+
+
+def test_a_video_of_two_tracks_has_a_control_for_them(open_page: OpenPage) -> None:
+    film = filmed("matroska", "flac", SOUND[100:], SOUND[:-100], rate=16_000)
+    app = measured(open_page, ("film.mkv", film), ("alone.wav", uploads.wav(SOUND[:-100], 16_000)))
+    assert numbers(app)["Lag, samples"] == "100"
+    next(one for one in app.selectbox if one.label == "Track").set_value(2).run()
+    assert numbers(app)["Lag, samples"] == "0"
+    assert "track 2 of 2" in captions(app)
 
 
 # All methods

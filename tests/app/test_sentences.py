@@ -34,7 +34,7 @@ from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.match import window_grid
-from stereolag.io.recordings import Recording
+from stereolag.io.clocks import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import phasors, signal_lag
 from stereolag.stereo.evaluation import CoverageCurve

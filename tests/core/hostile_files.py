@@ -49,7 +49,7 @@ from picture_bytes import (
     webp_with,
 )
 from PIL import Image
-from recording_bytes import id3, lying_flac, npy, npy_of, plain_wav, saved, sound, wav
+from recording_bytes import filmed, id3, lying_flac, matlab, npy, npy_of, plain_wav, saved, sound, wav, zipped
 
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.images import read_disparity, read_image
@@ -111,7 +111,13 @@ def valid_files() -> dict[str, list[bytes]]:
     pictures += [by_pillow(kind, pixels[:, :, 0] > 99) for kind in ("PNG", "TIFF", "PPM")]
     pictures += [b"P3 2 2 255\n1 2 3 4 5 6 7 8 9 10 11 12\n", bmp(9, 3, 8, 1, b"\x09\1\0\0" * 3 + b"\0\1")]
     samples = rng.uniform(-0.5, 0.5, (300, 2))
-    sounds = [sound(kind, samples=samples) for kind in ("WAV", "FLAC", "OGG", "MP3", "AIFF")]
+    sounds = [
+        sound(kind, samples=samples) for kind in ("WAV", "FLAC", "OGG", "MP3", "AIFF", "AU", "CAF", "W64", "RF64")
+    ]
+    filming = (("mp4", "aac"), ("mov", "alac"), ("webm", "libopus"), ("matroska", "flac"), ("adts", "aac"))
+    filming += (("avi", "ac3"), ("mpegts", "mp2"), ("asf", "mp2"), ("mpeg", "ac3"))
+    sounds += [filmed(*kind, samples[:, 0].repeat(10), rate=48_000) for kind in filming]
+    sounds += [filmed("amr", "libopencore_amrnb", samples[:, 0], rate=8000), zipped(samples), matlab(y=samples, fs=8e3)]
     sounds += [
         sound("WAV", kind, samples=samples[:, 0]) for kind in ("GSM610", "MS_ADPCM", "IMA_ADPCM", "ULAW", "FLOAT")
     ]
@@ -119,6 +125,8 @@ def valid_files() -> dict[str, list[bytes]]:
         sound("OGG", "OPUS", samples=samples),
         saved(samples),
         b"Samples\r\n0.5,1\r\n-2e3,7\r\n3,4\r\n# a\n1,2\n",
+        b"Date;Time;A;Alarm\n" + b"".join(b"13.05.2024;10:00:%02d,5;+ 0,%d;LL\n" % (row, row) for row in range(30)),
+        b"time,A\n" + b"".join(b"2024-05-13T10:00:%02d.5Z,%d\n" % (row, row) for row in (*range(9), *range(20, 30))),
     ]
     maps = [
         b"Pf\n3 2\n-1.0\n" + np.arange(6, dtype="<f4").tobytes(),
@@ -226,7 +234,7 @@ def images() -> dict[str, Case]:
 
 
 def signals() -> dict[str, Case]:
-    broken = "damaged, cut short or without channels"
+    broken = "of 0 channels by its header"
     most = "at most 30,000,000"
     header = "header cannot be read"
     silence = np.zeros(30_000_000, np.int16)
@@ -265,10 +273,20 @@ def signals() -> dict[str, Case]:
         "MP3, tag of 60 MB": (lambda: id3(60 * MB), ""),
         "MP3, 60 MB of its mark": (lambda: b"\xff\xfb\x90\0" * (15 * MB), ""),
         "MP3, 60 MB of noise": (lambda: b"\xff\xfb\x90\0" + np.random.default_rng(1).bytes(60 * MB), ""),
-        "AIFF, DWVW_16": (lambda: sound("AIFF", "DWVW_16"), "encoding DWVW"),
+        "MP4, 20 minutes of AAC": (lambda: filmed("mp4", "aac", silence[:20_000_000] / 1.0, rate=16_000), ""),
+        "MP4, a box of 2^63 bytes": (lambda: b"\0\0\0\1ftyp" + b"\x7f" * 8 + bytes(900), "damaged, cut short"),
+        "MP4, 3 million boxes": (lambda: b"\0\0\0\x08free" * 3_000_000, ""),
+        "MKV, noise": (lambda: b"\x1aE\xdf\xa3" + np.random.default_rng(1).bytes(9 * MB), "damaged, cut short"),
+        "AAC, 60 MB of its mark": (lambda: b"\xff\xf1\x50\x80\x01\x1f\xfc" * (8 * MB), ""),
+        "NPZ, 64 MB of zeros": (lambda: zipped(np.zeros(8 * MB)), READ),
+        "NPZ, 900 MB of zeros": (lambda: zipped(np.zeros(112 * MB)), "more than 256 MB|at most 256 MB"),
+        "MAT, 31 million zeros": (lambda: matlab(y=np.zeros(31_000_000, np.uint8)), most),
+        "MAT, 64 MB of zeros": (lambda: matlab(y=np.zeros(8 * MB)), READ),
+        "text, a clock of 10 million dates": (lambda: b"2024-05-13 10:00:00,1.5\n" * 2_500_000, ""),
+        "AIFF, DWVW_16": (lambda: sound("AIFF", "DWVW_16"), "coding DWVW"),
         "NPY, 30 million": (lambda: saved(np.zeros(30_000_000)), READ),
         "NPY, 31 million": (lambda: saved(np.zeros(31_000_000, np.uint8)), most),
-        "NPY, halves that overflow": (lambda: saved(np.full(9, np.inf, np.float16)), "9 NaN or infinite"),
+        "NPY, halves that overflow": (lambda: saved(np.full(9, np.inf, np.float16)), "9 infinite"),
         "NPY, shape (True, True)": (lambda: npy_of("(True, True)"), header),
         "NPY, shape (-1,)": (lambda: npy_of("(-1,)"), header),
         "NPY, shape ('a',)": (lambda: npy_of("('a',)"), header),

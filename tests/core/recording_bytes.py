@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import io
 import struct
+from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
+import av
 import numpy as np
+import scipy.io
 import soundfile
 from picture_bytes import riff_chunk
 
@@ -35,6 +39,40 @@ def sound(kind: str, subtype: str | None = None, *, samples: np.ndarray | None =
     return stream.getvalue()
 
 
+def filmed(
+    kind: str,
+    codec: str,
+    *tracks: np.ndarray,
+    rate: int = 16_000,
+    languages: Sequence[str] = (),
+    late: int = 0,
+    gap: tuple[int, int] = (0, 0),
+    picture: bool = False,
+) -> bytes:
+    """Return a file of FFmpeg with one mono track per array, `late` samples late, the samples of `gap` left out."""
+    stream = io.BytesIO()
+    with av.open(stream, "w", format=kind) as container:
+        film = container.add_stream("mpeg4", rate=10, width=16, height=16) if picture else None
+        streams = [container.add_stream(codec, rate=rate, layout="mono", bit_rate=64_000) for _ in tracks]
+        for track, language in zip(streams, languages, strict=False):
+            track.metadata["language"] = language
+        for number in range(10) if film else ():
+            frame = av.VideoFrame.from_ndarray(np.full((16, 16, 3), 20 * number, np.uint8))
+            frame.pts, frame.time_base = number, Fraction(1, 10)
+            container.mux(film.encode(frame))
+        if film:
+            container.mux(film.encode(None))
+        for track, samples in zip(streams, tracks, strict=True):
+            for first in range(0, samples.size, 1024):
+                if not gap[0] <= first < gap[1]:
+                    part = samples[np.newaxis, first : first + 1024].astype(np.float32)
+                    frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="mono")
+                    frame.sample_rate, frame.pts, frame.time_base = rate, first + late, Fraction(1, rate)
+                    container.mux(track.encode(frame))
+            container.mux(track.encode(None))
+    return stream.getvalue()
+
+
 def lying_flac(samples: int) -> bytes:
     data = bytearray(sound("FLAC", samples=np.zeros(100)))
     data[21] = (data[21] & 0xF0) | samples >> 32
@@ -59,4 +97,16 @@ def npy_of(shape: str, descr: str = "'<f8'", order: str = "False") -> bytes:
 def saved(array: np.ndarray) -> bytes:
     stream = io.BytesIO()
     np.save(stream, array)
+    return stream.getvalue()
+
+
+def zipped(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, a=array)
+    return stream.getvalue()
+
+
+def matlab(**arrays: Any) -> bytes:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, arrays, do_compression=True)
     return stream.getvalue()

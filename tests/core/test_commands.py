@@ -244,8 +244,12 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["lag", "first.wav"], 1, "channel 2 is asked for, and first.wav has 1"),
-        (["lag", "first.wav", "second.wav", "--channels", "1", "0"], 1, "channel 0 is asked for, and second.wav has 1"),
+        (["lag", "first.wav"], 1, "channel 2 is asked for, and first.wav has channel 1"),
+        (
+            ["lag", "first.wav", "second.wav", "--channels", "1", "0"],
+            1,
+            "channel 0 is asked for, and second.wav has channel 1",
+        ),
         (["lag", "first.wav", "odd.wav"], 1, "their ratio is 8000 : 16001"),
         (["lag", "first.wav", "silence.wav"], 1, "silence.wav"),
         (["lag", "first.wav", "none.wav"], 1, "none.wav: No such file or directory."),

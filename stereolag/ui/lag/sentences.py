@@ -13,7 +13,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
-from stereolag.io.recordings import Recording
+from stereolag.io.clocks import Recording, starts_apart
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
 from stereolag.signals.verdict import Drift
@@ -142,6 +142,9 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
         f"Sensor {number}: " + ", ".join(_facts(one, channel, count, stated)) + "."
         for number, (one, channel, count) in enumerate(zip(recordings, channels, counts, strict=True), start=1)
     ]
+    apart = starts_apart(*recordings)
+    if apart:
+        lines.append(f"By their own clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
     return "  \n".join(lines)
 
 
@@ -159,9 +162,7 @@ def _facts(recording: Recording, channel: int, count: int, stated: float | None)
         facts.append(f"no rate in the file: {default:,.10g} Hz assumed unless set below")
     if count > 1:
         facts.append(f"channel {channel} of {count}")
-    if recording.mended_lines:
-        facts.append(f"{recording.mended_lines} damaged line{'s' * (recording.mended_lines > 1)} mended")
-    return facts
+    return [*facts, *recording.remarks]
 
 
 def upload_limits() -> str:

@@ -1,0 +1,659 @@
+"""Columns of numbers as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import Vector
+from stereolag.io.clocks import Gap, Recording, Times, check_size, filled, granule, on_even_clock, rises_evenly
+from stereolag.io.formats import WHAT
+from stereolag.io.sources import HEADER_BYTES, quote
+from stereolag.io.stamps import DAY_S, date_and_clock, is_stamp, read_stamps
+
+ALLOWED = "allowed are numbers, times and words in columns separated by comma, semicolon, tab, bar or space"
+MAX_TEXT_BYTES = 64 * 2**20
+MAX_LINE = 100_000
+"""Most characters of a line among those by which columns are recognised."""
+MAX_FIELDS = 1000
+BLOCK = 2**20
+"""Characters parsed at a time."""
+
+MOST_LINES = 200
+"""Most lines above the columns, and below them."""
+PROBED = 2 * MOST_LINES
+"""Lines by which columns are recognised."""
+HEADING = 3
+"""Lines above the first row that may hold the names and units of the columns."""
+FEWEST_ROWS = 10
+"""Columns of fewer rows have nothing below them."""
+SPARSE, MOST_MISSING = 0.05, 0.5
+"""Share of rows below which a column counts as empty; share of missing values above which it is left out."""
+LONG_LOSS = 3
+"""Values missing in a row that are named as a gap."""
+
+MOST_MENDED = 5
+LINES_PER_MENDED = 100
+"""At most `MOST_MENDED` lines may hold a NUL byte, and at most one in `LINES_PER_MENDED`."""
+
+Kind: TypeAlias = Literal["number", "stamp", "word", "missing"]
+
+_SEPARATORS = (";", "\t", ",", "|", None)
+_STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
+"""NUL characters directly after a complete number."""
+_COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
+_SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
+"""A space after a sign, or before AM and PM, where it does not separate columns."""
+_MISSING = re.compile(
+    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
+    re.IGNORECASE,
+)
+_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+\.\d*")
+
+_UNITS = {
+    unit: seconds
+    for names, seconds in (
+        ("ns nanosecond", 1e-9),
+        ("us µs μs usec micro microsecond", 1e-6),
+        ("ms msec milli millisecond", 1e-3),
+        ("s sec second sekunde sekunden", 1.0),
+        ("min minute", 60.0),
+        ("h hr hour", 3600.0),
+    )
+    for unit in names.split()
+}
+_TIME = re.compile(r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b")
+_COUNT = re.compile(
+    r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|count|counter|record|x)\b"
+)
+_RATE = re.compile(r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate", re.IGNORECASE)
+_STEP = re.compile(r"sampl\w*[ _-]*(?:interval|period|time)|increment|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE)
+_QUANTITY = re.compile(r"[\s,;:=|\"(\[]*(\d[\d.]*(?:e[-+]?\d+)?)[\s,;|\"]*(?:([kmµμun]?)(hz|s\b|sec))?", re.IGNORECASE)
+_PREFIXES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "n": 1e-9}
+
+_UNIX_S = 1e9, 4e9
+"""Seconds since 1970 of the years 2001 and 2096."""
+_SERIAL_DAYS = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
+"""Days as spreadsheets and MATLAB count them: the number of 1970-01-01, and the first and last taken for a date."""
+_SERIAL_ROUNDING = 1e-5
+_MOST_FALLS = 0.1
+"""Share of steps that may go back in a column that its heading calls times: above, it is a signal."""
+
+
+def read_columns(data: bytes) -> Recording:
+    """Return the columns of a text as channels, on the clock that its times or its heading give.
+
+    Each column holds numbers, times (dates, times of day, or numbers under a heading such as "time_ms"), or words,
+    which are left out. Lines above the columns are their heading; lines below are left out. Values may be missing
+    (empty, NaN, "---") in up to half of a column, and lie on a straight line between their neighbours. NUL bytes
+    after a number are removed from a few lines (at most 5, and one in a hundred).
+
+    Parameters
+    ----------
+    data
+        The text: UTF-8, UTF-16, or Latin-1; lines end in LF, CRLF or CR.
+
+    Raises
+    ------
+    ValueError
+        No column of numbers, too long a text, a field that is neither a number nor missing, a line with another count
+        of fields, or times that go back; the error names the line, the column and the field.
+    """
+    whole, mended = _without_nuls(_decoded(data))
+    text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
+    if any(mark in text for mark in ("+ ", "- ", "M", "m")):
+        text = _SPACED.sub(r"\1\2", text)
+    layout = _layout(text, whole)
+    text, below = _without_footer(text, layout)
+    table, stamps, lines = _read(text, layout)
+    columns = layout.of("number")
+    clock, within = _clock_of_stamps(layout, stamps, table, lines)
+    kept = [index for index in range(len(columns)) if index != within]
+    rate, start_s = _stated(layout)
+    recording = on_own_clock(
+        table[kept],
+        [layout.names[columns[index]] for index in kept],
+        [columns[index] + 1 for index in kept],
+        clock=clock,
+        stated_rate=rate,
+        lines=lines,
+    )
+    notes = list(recording.notes)
+    words = [column_name(column + 1, layout.names[column]) for column in layout.of("word")]
+    if words:
+        notes.append(f"words left out: {', '.join(words)}")
+    if below:
+        notes.append(f"{below} line{'s' * (below > 1)} below the columns left out")
+    mended += int(np.isnan(table).any(axis=0).sum())
+    return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
+
+
+def column_name(number: int, name: str) -> str:
+    """Return a column in words: its number and, if it has one, its heading."""
+    return f"column {number} {quote(name)}" if name else f"column {number}"
+
+
+# The text and its lines.
+
+
+def _decoded(data: bytes) -> str:
+    if len(data) > MAX_TEXT_BYTES:
+        raise ValueError(
+            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_TEXT_BYTES / 1e6:.0f} MB are accepted: save it as "
+            "WAV or NPY instead."
+        )
+    even, odd = (data[start:HEADER_BYTES:2].count(0) for start in (0, 1))
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = data.decode("utf-16", errors="replace")
+    elif max(even, odd) > 0.4 * min(len(data), HEADER_BYTES) and min(even, odd) == 0:  # UTF-16 without its mark
+        text = data.decode("utf-16-be" if even else "utf-16-le", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+    return text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _without_nuls(text: str) -> tuple[str, int]:
+    """Return the text without stray NUL characters, and the number of lines that had some."""
+    if "\0" not in text:
+        return text, 0
+    allowed = min(MOST_MENDED, (text.count("\n") + 1) // LINES_PER_MENDED)
+    mended = _STRAY_NULS.sub("", text)
+    lines = {text.count("\n", 0, found.start()) for found in itertools.islice(_STRAY_NULS.finditer(text), allowed + 1)}
+    if "\0" in mended or len(lines) > allowed:
+        raise ValueError(f"Line {text.count(chr(10), 0, text.index(chr(0))) + 1} holds a NUL byte; {ALLOWED}.")
+    return mended, len(lines)
+
+
+def _split(lines: Sequence[str], separator: str | None) -> list[list[str]]:
+    """Return the fields of each line."""
+    if separator is not None and any('"' in line for line in lines):
+        with suppress(csv.Error):
+            rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+            if len(rows) == len(lines):  # otherwise a quote is never closed
+                return rows
+    return [line.replace('"', "").split(separator) for line in lines]
+
+
+def _blocks(text: str, first_line: int) -> Iterator[tuple[int, str]]:
+    """Yield the lines from `first_line` on in blocks, with the number of the first line of each."""
+    start = 0
+    for _ in range(first_line - 1):
+        start = text.index("\n", start) + 1
+    while start < len(text):
+        end = text.find("\n", start + BLOCK) + 1 or len(text)
+        block = text[start:end].removesuffix("\n")
+        yield first_line, block
+        first_line += block.count("\n") + 1
+        start = end
+
+
+# What the columns are.
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the lines of a text are to be read.
+
+    Attributes
+    ----------
+    separator
+        The character between columns; None: spaces.
+    kinds
+        What each column holds; "missing" if it is empty.
+    rows
+        Number of lines, of those looked at, that are rows of the columns.
+    first
+        Number of the line of the first row.
+    heading
+        The lines above it.
+    names
+        The heading of each column, "" if it has none.
+    """
+
+    separator: str | None
+    kinds: tuple[Kind, ...]
+    rows: int
+    first: int
+    heading: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def of(self, kind: Kind) -> list[int]:
+        """Return the columns of one kind."""
+        return [column for column, one in enumerate(self.kinds) if one == kind]
+
+
+def _layout(text: str, whole: str) -> _Layout:
+    """Return how a text is to be read; comments, which may be its heading, are in `whole` alone."""
+    lines = ((number, line.strip("\n")) for number, line in enumerate(io.StringIO(text), start=1))
+    probed = list(itertools.islice(((number, line) for number, line in lines if line.strip()), PROBED))
+    for number, line in probed:
+        if len(line) > MAX_LINE:
+            raise ValueError(f"Line {number} has {len(line):,} characters; at most {MAX_LINE:,} are accepted.")
+    found = [one for separator in _SEPARATORS if (one := _layout_by(probed, separator))]
+    if not found:
+        raise ValueError(f"No line of the text holds a number{_shown(probed)}; {ALLOWED}.")
+    most = max(one.rows for one in found)
+    best = min((one for one in found if 2 * one.rows >= most), key=lambda one: len(one.of("word")))
+    heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
+    heading = [line for line in heading if line][-MOST_LINES:]
+    return replace(best, heading=tuple(heading), names=_names(heading, best))
+
+
+def _shown(probed: Sequence[tuple[int, str]]) -> str:
+    return f": line {probed[0][0]} is {quote(probed[0][1].strip())}" if probed else ""
+
+
+def _layout_by(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
+    """Return how lines are to be read by a separator, None if that finds no column of numbers."""
+    if separator and not any(separator in line for _, line in lines):
+        return None
+    rows = _split([line for _, line in lines], separator)
+    rows = [row if len(row) <= MAX_FIELDS else [] for row in rows]
+    kinds = [[_kind(field) for field in row] for row in rows]
+    widths = Counter(len(row) for row in kinds if "number" in row)
+    if not widths:
+        return None
+    width = widths.most_common(1)[0][0]
+    columns = zip(*(row for row in kinds if len(row) == width), strict=True)
+    layout = _Layout(separator, tuple(map(_kind_of_column, columns)), 0, 0)
+    fitting = [_is_row(row, layout) for row in rows]
+    if "number" not in layout.kinds or not any(fitting):
+        return None
+    # A line of the heading may look like a row; those after the first row are rows as well.
+    first = next(
+        (
+            row
+            for row, fits in enumerate(fitting)
+            if fits and 2 * sum(fitting[row + 1 : row + 11]) >= len(fitting[row + 1 : row + 11])
+        ),
+        fitting.index(True),
+    )
+    return replace(layout, rows=sum(fitting), first=lines[first][0])
+
+
+def _kind(field: str) -> Kind:
+    field = field.strip()
+    if _MISSING.fullmatch(field):
+        return "missing"
+    return "number" if _number(field) is not None else "stamp" if is_stamp(field) else "word"
+
+
+def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
+    counts = Counter(kinds)
+    if len(kinds) - counts["missing"] < SPARSE * len(kinds) or counts["missing"] == len(kinds):
+        return "missing"
+    return max(("number", "stamp", "word"), key=lambda kind: counts[kind])
+
+
+def _is_row(row: Sequence[str], layout: _Layout) -> bool:
+    """Return whether the fields of a line are those of a row, at least half of its numbers there."""
+    there = 0
+    for column, kind in enumerate(layout.kinds):
+        if kind in ("number", "stamp"):
+            found = _kind(row[column]) if column < len(row) else "word"
+            if found not in (kind, "missing"):
+                return False
+            there += kind == found == "number"
+    return 2 * there >= len(layout.of("number")) and not any(map(str.strip, row[len(layout.kinds) :]))
+
+
+def _number(field: str) -> float | None:
+    """Return the number in a field: with a decimal comma, thousands or a unit as well; None if there is none."""
+    if "_" in field:
+        return None
+    for text in (field, field.replace(",", "." if not _THOUSANDS.fullmatch(field) else "")):
+        with suppress(ValueError):
+            return float(text)
+    with_unit = _WITH_UNIT.fullmatch(field)
+    return _number(with_unit[1]) if with_unit else None
+
+
+def _names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
+    """Return the heading of each column: what the lines directly above the first row say, from top to bottom."""
+    width = len(layout.kinds)
+    names: list[list[str]] = []
+    for line in reversed(heading[-HEADING:]):
+        fields = [field.strip() for field in _split([line], layout.separator)[0]]
+        if layout.separator is None and len(fields) != width:
+            fields = re.split(r"\s{2,}|\t", line.strip())
+        while len(fields) > width and not fields[-1]:
+            fields.pop()
+        if len(fields) != width or (width == 1 and names) or not any(_kind(field) == "word" for field in fields):
+            break
+        names.insert(0, fields)
+    return tuple(" ".join(filter(None, parts)) for parts in zip(*names, strict=True)) or ("",) * width
+
+
+def _stated(layout: _Layout) -> tuple[float | None, float]:
+    """Return the sampling rate that the heading states, None if none, and the time of the first sample, s."""
+    rate, start_s = None, 0.0
+    rows = [_split([line], layout.separator)[0] for line in layout.heading]
+    for number, line in enumerate(layout.heading):
+        for pattern in (_RATE, _STEP):
+            if named := pattern.search(line):
+                places = [place for place, field in enumerate(rows[number]) if pattern.search(field)]
+                below = rows[number + 1] if number + 1 < len(rows) else []
+                under = next((below[place] for place in places if place < len(below)), "")
+                said = _QUANTITY.match(line, named.end()) or _QUANTITY.match(under)
+                value = float(said[1]) * _PREFIXES.get(said[2] or "", 1.0) if said and _number(said[1]) else 0.0
+                if value > 0 and rate is None:
+                    rate = value if pattern is _RATE else 1 / value
+                starts = [place for place, field in enumerate(rows[number]) if field.strip().lower() == "start"]
+                start_s = next((_number(below[place]) or 0.0 for place in starts if place < len(below)), start_s)
+    return rate, start_s
+
+
+def _without_footer(text: str, layout: _Layout) -> tuple[str, int]:
+    """Return the text up to its last row, and the number of lines below that."""
+    end, below = len(text.rstrip()), 0
+    while layout.rows >= FEWEST_ROWS and below <= MOST_LINES and end > 0:
+        start = text.rfind("\n", 0, end) + 1
+        if _is_row(_split([text[start:end]], layout.separator)[0], layout):
+            return text[:end], below
+        below += 1
+        end = len(text[:start].rstrip()) if end - start < MAX_LINE else 0
+    return text, 0
+
+
+# Reading them.
+
+
+def _read(text: str, layout: _Layout) -> tuple[npt.NDArray[np.float64], dict[int, list[str]], npt.NDArray[np.int64]]:
+    """Return the (columns, rows) of numbers, NaN where missing; the texts of each column of times; the rows' lines."""
+    numbers, parts, lines = layout.of("number"), [], []
+    stamps: dict[int, list[str]] = {column: [] for column in layout.of("stamp")}
+    heading = {line.strip() for line in layout.heading[-HEADING:]}
+    for first, block in _blocks(text, layout.first):
+        table, size = _quick(block, layout), block.count("\n") + 1
+        if table is not None and table.shape[1] == size:
+            places = np.arange(first, first + size)
+        else:
+            whole = block.split("\n")
+            # A logger that is started anew writes its heading again.
+            left_out = {"", *heading} if table is None else {""}
+            kept = [(row, line) for row, line in enumerate(whole, start=first) if line.strip() not in left_out]
+            places = np.array([row for row, _ in kept], dtype=np.int64)
+        if table is None:
+            columns = _checked(_split([line for _, line in kept], layout.separator), places, layout)
+            table = np.array([_values(columns[column], places, column, layout) for column in numbers])
+            for column, texts in stamps.items():
+                texts.extend(map(str.strip, columns[column]))
+        parts.append(table)
+        lines.append(places)
+    return np.concatenate(parts, axis=1), stamps, np.concatenate(lines)
+
+
+def _quick(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:
+    """Return the columns of a block that holds plain numbers alone; otherwise None."""
+    if set(layout.kinds) != {"number"} or not block.strip():
+        return None
+    with suppress(ValueError):
+        plain = block if layout.separator == "," else block.replace(",", ".")  # a decimal comma
+        table = np.loadtxt(io.StringIO(plain), delimiter=layout.separator, comments=None, ndmin=2)
+        if table.shape[1] == len(layout.kinds):
+            return table.T
+    return None
+
+
+def _checked(rows: list[list[str]], lines: npt.NDArray[np.int64], layout: _Layout) -> list[tuple[str, ...]]:
+    """Return the columns of rows; ValueError if one has more or fewer fields than the rest."""
+    width, needed = len(layout.kinds), max((*layout.of("number"), *layout.of("stamp"))) + 1
+    if set(map(len, rows)) != {width}:
+        for row, line in zip(rows, lines, strict=True):
+            if len(row) < needed or any(map(str.strip, row[width:])):
+                raise ValueError(
+                    f"Line {line} holds {len(row)} field{'s' * (len(row) > 1)} and the lines before it {width}; "
+                    "complete or remove it."
+                )
+        rows = [[*row[:width], *("",) * (width - len(row))] for row in rows]
+    return list(zip(*rows, strict=True)) or [()] * width
+
+
+def _values(texts: Sequence[str], lines: npt.NDArray[np.int64], column: int, layout: _Layout) -> Vector:
+    """Return the numbers of a column, NaN where missing; ValueError about anything else."""
+    commas = layout.separator != "," and any("," in text for text in texts[:PROBED])
+    with suppress(ValueError):
+        if not any("_" in text for text in texts):
+            plain = (text.replace(",", ".") for text in texts) if commas else texts
+            return np.fromiter(map(float, plain), np.float64, len(texts))
+    values = np.empty(len(texts))
+    for row, text in enumerate(map(str.strip, texts)):
+        value = np.nan if _MISSING.fullmatch(text) else _number(text)
+        if value is None:
+            raise _unreadable(lines[row], text, column, layout, "numbers")
+        values[row] = value
+    return values
+
+
+def _unreadable(line: int, text: str, column: int, layout: _Layout, expected: str) -> ValueError:
+    place = f" in {column_name(column + 1, layout.names[column])}" if len(layout.kinds) > 1 else ""
+    return ValueError(
+        f"Line {line} holds {quote(text)}{place}, where other lines hold {expected}; correct or remove it."
+    )
+
+
+# Their times.
+
+
+def _clock_of_stamps(
+    layout: _Layout, stamps: dict[int, list[str]], table: npt.NDArray[np.float64], lines: npt.NDArray[np.int64]
+) -> tuple[Times | None, int | None]:
+    """Return the times that dates and times of day give, and the index of a column of numbers that refines them.
+
+    A date and a time of day may stand in two columns, and fractions of seconds in a third.
+    """
+    if not stamps:
+        return None, None
+    parts = {
+        column: date_and_clock(next((text for text in texts if is_stamp(text)), "")) for column, texts in stamps.items()
+    }
+    column = next(iter(stamps))
+    other = next((one for one in stamps if parts[one] == (not parts[column][0], not parts[column][1])), None)
+    texts = stamps[column]
+    if other is not None:
+        date, time = (column, other) if parts[column][0] else (other, column)
+        texts = [f"{day} {clock}" for day, clock in zip(stamps[date], stamps[time], strict=True)]
+    times = read_stamps(texts)
+    for row in np.flatnonzero(np.isnan(times.seconds)):
+        if not _MISSING.fullmatch(stamps[column][row]):
+            raise _unreadable(int(lines[row]), texts[row], column, layout, "times")
+    for index, number in enumerate(layout.of("number")):
+        unit = _unit(layout.names[number])
+        if unit is None or not unit < times.rounding <= 1:
+            continue
+        finer = table[index] * unit
+        if finer.min() >= 0 and 0 < finer.max() < 1:
+            start_s = times.start_s + float(finer[0])
+            return Times(times.seconds + finer - finer[0], start_s, times.epoch, granule(table[index]) * unit), index
+    return times, None
+
+
+def _words_of(name: str) -> str:
+    return name.lower().replace("_", " ")
+
+
+def _unit(name: str) -> float | None:
+    """Return the unit of time that a heading names, s; None if it names none."""
+    return next(
+        (unit for word in _letters(name) if (unit := _UNITS.get(word) or _UNITS.get(word.removesuffix("s")))), None
+    )
+
+
+def is_time(name: str) -> bool:
+    """Return whether a heading is that of times."""
+    words = _letters(name)
+    return bool(_TIME.search(_words_of(name)) or words[:1] == ["t"] or (words and all(map(_UNITS.get, words))))
+
+
+def _letters(name: str) -> list[str]:
+    return re.findall(r"[a-zµμ]+", _words_of(name))
+
+
+def _column_of_times(table: npt.NDArray[np.float64], names: Sequence[str]) -> int | None:
+    """Return the index of the column that holds times or counts, None if there is none."""
+    if len(table) < 2:
+        return None
+    for index, name in enumerate(names):
+        if is_time(name):
+            values = table[index][~np.isnan(table[index])]
+            falls = float((np.diff(values) < 0).mean()) if values.size > 1 else 1.0
+            if falls <= (0.0 if name == "T" else _MOST_FALLS) and values[-1] > values[0]:
+                return index
+    return 0 if rises_evenly(table[0]) else None
+
+
+def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
+    """Return a column of numbers as times, and whether these are seconds: not counts of an unknown unit."""
+    first = float(values[~np.isnan(values)][0])
+    unit, rounding = _unit(name), granule(values[~np.isnan(values)])
+    if unit is None:
+        low, high = _UNIX_S
+        unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
+        for zero, low, high in _SERIAL_DAYS if is_time(name) and rounding <= _SERIAL_ROUNDING else ():
+            if low <= first < high:
+                seconds = (values - first) * DAY_S
+                return Times(seconds, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
+    is_count = unit is None and not is_time(name) and (rounding >= 1 or bool(_COUNT.search(_words_of(name))))
+    unit = unit or 1.0
+    epoch: Literal["1970", "start"] = "1970" if _UNIX_S[0] <= first * unit < _UNIX_S[1] else "start"
+    return Times((values - first) * unit, first * unit, epoch, rounding * unit), not is_count
+
+
+def on_own_clock(
+    table: npt.NDArray[np.float64],
+    names: Sequence[str],
+    numbers: Sequence[int],
+    *,
+    clock: Times | None = None,
+    stated_rate: float | None = None,
+    lines: npt.NDArray[np.int64] | None = None,
+) -> Recording:
+    """Return the columns of a table as channels, apart from those of times and counts, which give the clock.
+
+    Parameters
+    ----------
+    table
+        (columns, rows), NaN where a value is missing.
+    names, numbers
+        The heading of each column, "" if it has none, and its number in the file, from 1.
+    clock
+        The time of each row, if a column of words gave it.
+    stated_rate
+        Samples per second by the heading; taken if no column gives times.
+    lines
+        The line of each row, for errors; None: rows are counted.
+
+    Raises
+    ------
+    ValueError
+        Times that go back, columns without values, infinite values, or a size beyond the limits.
+    """
+    where = "Sample" if lines is None else "Line"
+    places = np.arange(1, table.shape[1] + 1) if lines is None else lines
+    bad = np.argwhere(np.isinf(table))
+    if bad.size:
+        column, row = bad[0]
+        raise ValueError(
+            f"{where} {places[row]} holds {table[column, row]:g} in {column_name(numbers[column], names[column])}; "
+            "every sample must be a finite number."
+        )
+    clocks, is_seconds, notes = _clock_columns(table, names), True, []
+    index = None if clock else _column_of_times(table, names)
+    if index is not None:
+        clock, is_seconds = times_in_numbers(table[index], names[index])
+        clocks.add(index)
+        notes.append(f"{'times' if is_seconds else 'counts'} in {column_name(numbers[index], names[index])}")
+    kept = [column for column in range(len(table)) if column not in clocks] or [len(table) - 1]
+    sparse = [column for column in kept if np.isnan(table[column]).mean() > MOST_MISSING]
+    if sparse:
+        named = ", ".join(column_name(numbers[column], names[column]) for column in sparse)
+        if sparse == kept:
+            raise ValueError(
+                f"The {WHAT} has values in fewer than half of its lines ({named}); at least half are needed."
+            )
+        notes.append(f"mostly empty, left out: {named}")
+    chosen = [column for column in kept if column not in sparse]
+    check_size(len(chosen), table.shape[1])
+    recording = _clocked(table[chosen], clock, places, where, stated_rate)
+    if not is_seconds:
+        recording = _counted(recording, stated_rate)
+    return replace(
+        recording,
+        names=tuple(names[column] for column in chosen),
+        numbers=tuple(numbers[column] for column in chosen),
+        notes=(*notes, *recording.notes),
+    )
+
+
+def _clock_columns(table: npt.NDArray[np.float64], names: Sequence[str]) -> set[int]:
+    """Return the indices of columns that rise as their heading says that times or counts do."""
+    return {
+        column
+        for column, name in enumerate(names)
+        if len(table) > 1
+        and (is_time(name) or _COUNT.search(_words_of(name)) or (column == 0 and (np.diff(table[0]) == 1).all()))
+        and rises_evenly(table[column])
+    }
+
+
+def _clocked(
+    values: npt.NDArray[np.float64], clock: Times | None, places: npt.NDArray[np.int64], where: str, rate: float | None
+) -> Recording:
+    """Return values on the clock of their times; without times, at the stated rate."""
+    notes = []
+    if clock is None:
+        rows = np.arange(values.shape[1])
+        gaps = _losses(values, rows / rate) if rate else ()
+        return Recording(filled(values, rows.astype(np.float64), rows.size), rate, gaps=gaps)
+    seconds, there = clock.seconds, ~np.isnan(clock.seconds)
+    if not there.all():
+        seconds, values, places = seconds[there], values[:, there], places[there]
+        notes.append(f"{int((~there).sum())} without a time left out")
+    falls = np.flatnonzero(np.diff(seconds) < 0)
+    if falls.size:
+        row = int(falls[0])
+        raise ValueError(
+            f"{where} {places[row + 1]} goes back in time by {seconds[row] - seconds[row + 1]:,.6g} s; sort it by "
+            "its times, or cut it there."
+        )
+    clock = Times(seconds - seconds[0], clock.start_s + float(seconds[0]), clock.epoch, clock.rounding)
+    recording = on_even_clock(clock, values)
+    gaps = tuple(sorted((*recording.gaps, *_losses(values, clock.seconds)), key=lambda gap: gap.start_s))
+    return replace(recording, gaps=gaps, notes=(*notes, *recording.notes))
+
+
+def _losses(values: npt.NDArray[np.float64], seconds: Vector) -> tuple[Gap, ...]:
+    """Return the gaps in which every channel lacks its values."""
+    edges = np.flatnonzero(np.diff(np.isnan(values).all(axis=0), prepend=False, append=False))
+    runs = [(first, last) for first, last in edges.reshape(-1, 2) if last - first >= LONG_LOSS and last < seconds.size]
+    return tuple(
+        Gap(float(seconds[first - 1] if first else 0.0), float(seconds[last] - seconds[first])) for first, last in runs
+    )
+
+
+def _counted(recording: Recording, rate: float | None) -> Recording:
+    """Return a recording whose times are counts of an unknown unit at the stated rate, or at none."""
+    per_count = recording.sampling_rate or 1.0
+    missing = round(sum(gap.length_s for gap in recording.gaps) * per_count)
+    gaps = (
+        tuple(Gap(gap.start_s * per_count / rate, gap.length_s * per_count / rate) for gap in recording.gaps)
+        if rate
+        else ()
+    )
+    notes = (*recording.notes, f"{missing:,} samples missing by their counts, filled") if missing else recording.notes
+    return replace(recording, sampling_rate=rate, start_s=0.0, epoch="start", gaps=gaps, notes=notes)

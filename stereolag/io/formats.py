@@ -1,0 +1,130 @@
+"""Kinds of files that hold a recording, and of others, by their first bytes; what is accepted, in words."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from dataclasses import dataclass
+
+WHAT = "recording"
+
+
+@dataclass(frozen=True)
+class SoundFormat:
+    """A family of files that hold sound.
+
+    Attributes
+    ----------
+    name, suffixes
+        Its name, and the endings of its files.
+    mark
+        Matches the beginning of its files.
+    demuxer
+        Its reader in FFmpeg.
+    is_audio
+        Whether libsndfile reads it; FFmpeg then reads what libsndfile cannot.
+    states_delay
+        Whether it can state the delay that its codec adds at the beginning.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    mark: re.Pattern[bytes]
+    demuxer: str
+    is_audio: bool = False
+    states_delay: bool = True
+
+
+def _format(name: str, suffixes: str, mark: bytes, demuxer: str, **facts: bool) -> SoundFormat:
+    return SoundFormat(name, tuple(suffixes.split()), re.compile(mark, re.DOTALL), demuxer, **facts)
+
+
+SOUND_FORMATS = (
+    _format("AVI", "avi", rb"RIFF....AVI ", "avi", states_delay=False),
+    _format("WAV", "wav", rb"(?:RIF[FX]|RF64|BW64)(?!....WEBP)", "wav", is_audio=True),
+    _format("W64", "w64", rb"riff\x2e\x91\xcf\x11", "w64", is_audio=True),
+    _format("FLAC", "flac", rb"fLaC", "flac", is_audio=True),
+    _format("OGG", "ogg oga opus", rb"OggS", "ogg", is_audio=True),
+    _format("MP3", "mp3", rb"ID3|\xff[\xfb\xfa\xf3\xf2\xe3\xe2]", "mp3", is_audio=True),
+    _format("AIFF", "aif aiff aifc", rb"FORM(?:....AIF[FC]|.{0,7}\Z)", "aiff", is_audio=True),
+    _format("AU", "au snd", rb"\.snd\0|dns\..\0", "au", is_audio=True),
+    _format("CAF", "caf", rb"caff\0", "caf", is_audio=True),
+    _format("MP4", "mp4 m4a m4v mov 3gp", rb"....(?:ftyp|mdat)|\0...(?:moov|wide|free|skip)", "mov"),
+    _format("Matroska", "mkv mka webm", rb"\x1aE\xdf\xa3", "matroska"),
+    _format("AAC", "aac", rb"\xff[\xf0\xf1\xf8\xf9]", "aac", states_delay=False),
+    _format("AMR", "amr", rb"#!AMR", "amr", states_delay=False),
+    _format("Windows Media", "wma wmv asf", rb"\x30\x26\xb2\x75\x8e\x66\xcf\x11", "asf", states_delay=False),
+    _format("FLV", "flv", rb"FLV\x01", "flv", states_delay=False),
+    _format("MPEG", "mpg mpeg", rb"\0\0\x01\xba", "mpeg", states_delay=False),
+    _format("MPEG-TS", "mts m2ts ts", rb"(?:....)?G.{187,191}G.{187,191}G", "mpegts", states_delay=False),
+)
+
+
+ARRAY_SUFFIXES = ("npy", "npz", "mat")
+COLUMN_SUFFIXES = ("csv", "txt", "tsv", "dat", "asc", "lvm", "log")
+RECORDING_SUFFIXES = (*(ending for one in SOUND_FORMATS for ending in one.suffixes), *ARRAY_SUFFIXES, *COLUMN_SUFFIXES)
+ACCEPTED = (
+    f"{', '.join(one.name for one in SOUND_FORMATS if one.is_audio)}; the sound of MP4, M4A, MOV, MKV, WebM, AVI, AAC, "
+    "3GP, AMR, Windows Media, FLV and MPEG; NPY, NPZ and MAT; and columns of numbers (CSV, TXT)"
+)
+
+_AS_NUMBERS = "export its numbers as CSV, NPY or WAV"
+UNPACK = "unpack it"
+_PICTURE = "a recording is sound or numbers"
+FOREIGN_FORMATS = tuple(
+    (re.compile(mark, re.DOTALL), name, remedy)
+    for mark, name, remedy in (
+        (rb"MATLAB 7\.\d MAT-file", "a MATLAB file of version 7.3 (HDF5)", "save it by save(file, '-v7')"),
+        (rb"\x89HDF", "an HDF5 file", _AS_NUMBERS),
+        (rb"\xd0\xcf\x11\xe0", "a file of older Excel or Word (XLS, DOC)", "save the sheet as CSV"),
+        (rb"TDSm", "a TDMS file of LabVIEW", _AS_NUMBERS),
+        (rb"0 {7}[^\n]{160}\d\d\.\d\d\.\d\d|\xffBIOSEMI", "an EDF or BDF file", _AS_NUMBERS),
+        (rb"PAR1|ARROW1|FEA1", "a Parquet or Arrow file", _AS_NUMBERS),
+        (rb"CDF[\x01\x02\x05]", "a NetCDF file", _AS_NUMBERS),
+        (rb"SIMPLE  =", "a FITS file", _AS_NUMBERS),
+        (rb"SQLite format 3", "a database of SQLite", _AS_NUMBERS),
+        (rb"\x80[\x02-\x05][\x8c\x95c}\](]", "a pickle of Python", "save the array by numpy.save"),
+        (rb"MThd", "a MIDI file (notes, no sound)", "export it as WAV"),
+        (rb"wvpk|MAC |TTA1|DSD |MP\+|MPCK|tBaK", "an audio file of a rare kind", "export it as WAV or FLAC"),
+        (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\x28\xb5\x2f\xfd", "a packed archive", UNPACK),
+        (rb"%PDF", "a PDF", _AS_NUMBERS),
+        (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _PICTURE),
+        (rb"\x7fELF|MZ.{0,20}\0", "a program", _PICTURE),
+        (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _AS_NUMBERS),
+        (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
+        (rb"\s*[\[{]\s*[\[{\"\d\]}-]", "a JSON file", _AS_NUMBERS),
+    )
+)
+"""Files of other kinds by their beginning: what they are, and what to do with them."""
+
+_CONTROLS = bytes(set(range(32)) - set(b"\0\t\n\v\f\r\x1a\x1b")) + b"\x7f"
+_MOST_CONTROLS = 0.01
+"""Share of control bytes in the beginning of a file above which it is no text."""
+
+
+def sound_format(head: bytes) -> SoundFormat | None:
+    """Return the format of a file by its beginning, None if it holds no known sound."""
+    return next((one for one in SOUND_FORMATS if one.mark.match(head)), None)
+
+
+def check_text(head: bytes) -> None:
+    """Refuse a file that is known to be of another kind, or no text at all.
+
+    Raises
+    ------
+    ValueError
+        Such a file; the error names its kind and what to do.
+    """
+    for mark, name, remedy in FOREIGN_FORMATS:
+        if mark.match(head):
+            raise ValueError(f"The {WHAT} is {name}, which is not read: {remedy}.")
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return
+    nuls = head.count(0)
+    controls = len(head) - len(head.translate(None, _CONTROLS))
+    is_utf_16 = nuls and 0 in (head[::2].count(0), head[1::2].count(0))
+    if controls > max(1, _MOST_CONTROLS * len(head)) or (nuls > 0.1 * len(head) and not is_utf_16):
+        raise ValueError(
+            f"The {WHAT} is neither a known file nor a text: it begins with the bytes {head[:6].hex(' ')}; accepted "
+            f"are {ACCEPTED}."
+        )

@@ -1,0 +1,420 @@
+"""Columns as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from stereolag.io.clocks import Gap, Recording, starts_apart
+from stereolag.io.columns import read_columns
+from stereolag.signals import signal_lag
+
+RATE = 200
+A, B = np.random.default_rng(0).normal(size=(2, 300)).round(4)
+START = datetime(2024, 5, 13, 10, 0, 0, tzinfo=UTC)
+START_S = START.timestamp()
+
+
+def read(text: str | bytes) -> Recording:
+    return read_columns(text if isinstance(text, bytes) else text.encode())
+
+
+def rows(row: Callable[[int], str], heading: str = "", footer: str = "", newline: str = "\n") -> str:
+    return newline.join([*heading.splitlines(), *(row(index) for index in range(A.size)), *footer.splitlines()])
+
+
+def stamp(pattern: str, seconds: float = 1 / RATE, start: datetime = START) -> Callable[[int], str]:
+    """Return a function from the number of a row to its time; %L stands for milliseconds."""
+
+    def of(index: int) -> str:
+        moment = start + timedelta(seconds=round(index * seconds, 6))
+        return moment.strftime(pattern.replace("%L", f"{moment.microsecond // 1000:03d}"))
+
+    return of
+
+
+def dated(pattern: str, row: str, heading: str = "") -> str:
+    """Return a text whose rows hold a time by a pattern, A and B."""
+    time = stamp(pattern)
+    return rows(lambda index: row.format(time(index), A[index], B[index]), heading)
+
+
+def comma(value: float) -> str:
+    return f"{value:.4f}".replace(".", ",")
+
+
+def sign(value: float) -> str:
+    return f"{'+' if value >= 0 else '-'}   {abs(value):.4f}"
+
+
+def timed(row: str, heading: str = "", unit: float = 1.0, decimals: int = 3, start: float = 0.0) -> str:
+    """Return a text whose rows hold a time as a number, A and B."""
+    return rows(lambda index: row.format(f"{start + index / RATE / unit:.{decimals}f}", A[index], B[index]), heading)
+
+
+ELAPSED = {
+    "seconds": timed("{},{},{}", "t,A,B"),
+    "seconds without a heading": timed("{} {} {}"),
+    "trailing commas": timed("{},{},{},", "t,A,B,"),
+    "quotes": timed('"{}","{}","{}"', '"t","A","B"'),
+    "footer": timed("{},{},{}", "t,A,B") + "\n\nMin,-3.2,-3.1\nMax,3.1,3.2\n",
+    "last line cut off": timed("{},{},{}", "t,A,B") + "\n1.5,0.2",
+    "a column of words": timed("acc,{},{},{}", "sensor,t,A,B"),
+    "times in the last column": rows(lambda i: f"{A[i]},{B[i]},{i / RATE:.3f}", "A,B,Elapsed time [s]"),
+    "milliseconds": timed("{};{};{}", "Time (ms);A;B", 1e-3, 0),
+    "microseconds": timed("{}\t{}\t{}", "timestamp_us\tA\tB", 1e-6, 0),
+    "units below the names": timed("{},{},{}", "Time,Channel A,Channel B\n(ms),(mV),(mV)\n", 1e-3, 1),
+    "Keysight": timed("{},{},{}", "x-axis,1,2\nsecond,Volt,Volt"),
+    "phyphox": timed("{},{:e},{:e}", '"Time (s)","Acceleration x (m/s^2)","Acceleration y (m/s^2)"'),
+    "NumPy's savetxt": timed("{} {:.18e} {:.18e}", "# t A B"),
+    "pandas with an index": rows(lambda i: f"{i},{i / RATE},{A[i]},{B[i]}", ",t,A,B"),
+    "LabVIEW": timed(
+        "{}\t{}\t{}",
+        "LabVIEW Measurement\nWriter_Version\t2\n***End_of_Header***\t\nX_Value\tVoltage\tVoltage_0\tComment",
+    ),
+    "Graphtec without a date": rows(lambda i: f"{i + 1}\t{i * 5000}\t{sign(A[i])}\t{sign(B[i])}", "NO.\tus\tmV\tmV"),
+    "Tektronix with side columns": f"Record Length,300,,0.000,{A[0]},{B[0]}\n"
+    + "\n".join(f",,,{i / RATE:.3f},{A[i]},{B[i]}" for i in range(1, A.size)),
+    "Tektronix": timed("{},{},{}", "Model,MSO44\nLabel,CH1,CH2\nRecord Length,300\n\nTIME,CH1,CH2"),
+    "LeCroy": timed("{},{},{}", "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,300\nTime,Ampl,Ampl"),
+    "decimal commas": rows(lambda i: f"{comma(i / RATE)};{comma(A[i])};{comma(B[i])}", "Zeit [s];U [V];I [A]"),
+    "decimal commas in quotes": rows(lambda i: f'"{comma(i / RATE)}","{comma(A[i])}","{comma(B[i])}"', "t,A,B"),
+    "decimal commas and spaces": rows(lambda i: f"{comma(i / RATE)}  {comma(A[i])}  {comma(B[i])}"),
+    "units in every field": timed("{} s,{} V,{} V", "Time,A,B"),
+    "bars": timed("{} | {} | {}", "t | A | B"),
+    "Excel's first line": timed("{};{};{}", "sep=;\nt;A;B"),
+    "heading written again": timed("{},{},{}", "t,A,B").replace("\n0.500,", "\nt,A,B\n0.500,"),
+    "a rate in the heading": rows(lambda i: f"{A[i]},{B[i]}", "Sampling rate: 0.2 kHz\nA,B"),
+    "an interval in the heading": rows(lambda i: f"{A[i]},{B[i]}", "Sample Interval,5.0e-03,s\nA,B"),
+    "Rigol": rows(lambda i: f"{i},{A[i]},{B[i]},,", "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,0,5.0e-03"),
+    "clock of hours": rows(lambda i: f"0:00:{i / RATE:06.3f},{A[i]},{B[i]}", "Elapsed,A,B"),
+    "clock of minutes": rows(lambda i: f"00:{i / RATE:06.3f},{A[i]},{B[i]}", "Elapsed,A,B"),
+    "UTF-8 with its mark": ("\ufeff" + timed("{},{},{}", "t,A,B")).encode(),
+    "UTF-16": timed("{}\t{}\t{}", "Zeit [ms]\tA [µV]\tB [µV]", 1e-3, 0).encode("utf-16"),
+    "UTF-16 without its mark": timed("{}\t{}\t{}", "t\tA\tB").encode("utf-16-le"),
+    "Latin-1": timed("{}\t{}\t{}", "t [µs]\tA [µV]\tB [µV]", 1e-6, 0).encode("latin-1"),
+    "lines end in CR LF, blank ones between": timed("{},{},{}\n", "t,A,B").replace("\n", "\r\n"),
+}
+
+DATE_AND_CLOCK = stamp("%Y/%m/%d\t%H:%M:%S")
+DATED = {
+    "ISO": dated("%Y-%m-%dT%H:%M:%S.%f", "{},{},{}", "time,A,B"),
+    "ISO in UTC": dated("%Y-%m-%dT%H:%M:%S.%LZ", "{},{},{}", "time,A,B"),
+    "ISO of another zone": dated("%Y-%m-%d %H:%M:%S.%L+00:00", "{};{};{}", "time;A;B"),
+    "pandas": rows(lambda i: f"{stamp('%Y-%m-%d %H:%M:%S.%f')(i)},{A[i]},{B[i]}", ",A,B"),
+    "German": rows(lambda i: f"{stamp('%d.%m.%Y %H:%M:%S,%L')(i)};{comma(A[i])};{comma(B[i])}", "Zeit;U;I"),
+    "American": dated("%m/%d/%Y %I:%M:%S.%L %p", "{},{},{}", "Date/Time,A,B"),
+    "two columns": dated("%Y/%m/%d,%H:%M:%S.%L", "{},{},{}", "Date,Time,A,B"),
+    "two columns of spaces": dated("%m/%d/%Y %I:%M:%S.%L %p", "{} {} {}"),
+    "time before date": dated("%H:%M:%S.%L;%d.%m.%Y", "{};{};{}", "Uhrzeit;Datum;A;B"),
+    "month by name": dated("%d-%b-%Y %H:%M:%S.%L", "{}\t{}\t{}"),
+    "compact": dated("%Y%m%dT%H%M%S.%L", "{},{},{}"),
+    "milliseconds after a colon": dated("%Y-%m-%d %H:%M:%S:%L", "{},{},{}", "t,A,B"),
+    "Graphtec": rows(
+        lambda i: f"{i + 1}\t{DATE_AND_CLOCK(i)}\t{i * 5000 % 10**6}\t{sign(A[i])}\t{sign(B[i])}\tLL",
+        "Vendor\tX\nSampling interval\t5ms\nNO.\tDate\tTime\tus\tmV\tmV\tAlarm",
+    ),
+    "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
+    "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
+    "Unix without a heading": timed("{} {} {}", start=START_S),
+    "Unix in milliseconds": timed("{},{},{}", "time,A,B", 1e-3, 0, START_S * 1e3),
+    "Unix in nanoseconds": rows(
+        lambda i: f"{int(START_S) * 10**9 + i * 5_000_000},{i / RATE},{A[i]},{B[i]}", "time,seconds_elapsed,z,y"
+    ),
+    "Excel's serial days": timed("{},{},{}", "Date,A,B", 86_400, 10, START_S / 86_400 + 25_569),
+    "MATLAB's days": timed("{},{},{}", "datenum time,A,B", 86_400, 10, START_S / 86_400 + 719_529),
+}
+
+
+@pytest.mark.parametrize("name", [*ELAPSED, *DATED])
+def test_times_give_the_rate_and_are_no_channel(name: str) -> None:
+    recording = read((ELAPSED | DATED)[name])
+    assert recording.sampling_rate == pytest.approx(RATE, rel=1e-9)
+    np.testing.assert_allclose(recording.channels, [A, B], atol=1e-12)
+    assert recording.gaps == ()
+    assert recording.epoch == ("1970" if name in DATED else "start")
+    assert recording.start_s == pytest.approx(START_S if name in DATED else 0, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1\n2.5\n-3e2\n", [[1, 2.5, -300]]),
+        ("Samples\r\n1\r\n2\r\n", [[1, 2]]),
+        ("1\r2\r3", [[1, 2, 3]]),
+        ("left,right\n1,2\n3,4\n", [[1, 3], [2, 4]]),
+        ("1;2\n3;4", [[1, 3], [2, 4]]),
+        ("1,5;2\n-3,25;4", [[1.5, -3.25], [2, 4]]),
+        ("0,5 1\n1,5 2", [[0.5, 1.5], [1, 2]]),
+        ("1\t2\n3\t4\n\n", [[1, 3], [2, 4]]),
+        ("  1   2 \n 3  4", [[1, 3], [2, 4]]),
+        ("1, 2\n3, 4", [[1, 3], [2, 4]]),
+        ("# a remark\nV, V\n% another\n1,2\n// 7\n3,4 # at the end", [[1, 3], [2, 4]]),
+        ("\ufeff1\n2", [[1, 2]]),
+        ("Rate: 44100 Hz\nSensor 1\n\n1\n2", [[1, 2]]),
+        ("Spannung in µV\n1\n2".encode("latin-1"), [[1, 2]]),
+        ("U\n1\n2".encode("utf-16"), [[1, 2]]),
+    ],
+)
+def test_columns_of_numbers(text: str | bytes, expected: list[list[float]]) -> None:
+    recording = read(text)
+    assert recording.sampling_rate is None
+    np.testing.assert_array_equal(recording.channels, expected)
+
+
+@given(
+    samples=hnp.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 4), st.integers(5, 30)),
+        elements=st.floats(allow_nan=False, allow_infinity=False),
+    ),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    newline=st.sampled_from(["\n", "\r\n", "\r"]),
+    header=st.sampled_from(["", "Samples", "# made today"]),
+)
+def test_any_numbers_survive_the_way_through_text(
+    samples: np.ndarray, separator: str, newline: str, header: str
+) -> None:
+    lines = [header] * bool(header) + [separator.join(map(repr, row)) for row in samples.T.tolist()]
+    np.testing.assert_array_equal(read(newline.join(lines)).channels, samples)
+
+
+# Gaps and uneven times.
+
+
+def sparse(kept: np.ndarray, times: np.ndarray | None = None, decimals: int = 3) -> Recording:
+    """Return what is read of a file that holds some of the samples alone, at their own times."""
+    times = np.arange(A.size) / RATE if times is None else times
+    return read("\n".join(["t,A,B", *(f"{times[i]:.{decimals}f},{A[i]},{B[i]}" for i in np.flatnonzero(kept))]))
+
+
+def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_places() -> None:
+    kept = np.ones(A.size, bool)
+    kept[100:160], kept[200] = False, False
+    recording = sparse(kept)
+    assert recording.sampling_rate == RATE
+    np.testing.assert_allclose(recording.channels[:, kept], np.stack([A, B])[:, kept], atol=1e-12)
+    line = np.interp(np.arange(A.size), np.flatnonzero(kept), A[kept])
+    np.testing.assert_allclose(recording.channels[0], line, atol=1e-12)
+    assert [(gap.start_s, gap.length_s) for gap in recording.gaps] == [
+        (pytest.approx(99 / RATE), pytest.approx(60 / RATE)),
+        (pytest.approx(199 / RATE), pytest.approx(1 / RATE)),
+    ]
+    assert "0.3 s missing after 0.495 s, filled" in recording.remarks
+
+
+def test_the_lag_is_true_across_a_gap_and_from_one_logger_to_another() -> None:
+    sound = np.random.default_rng(5).normal(size=3037).round(4)
+    whole = "\n".join(["time_s,acc", *(f"{i / 100:.2f},{sound[i + 37]}" for i in range(3000))])
+    there = np.ones(3000, bool)
+    there[1000:1300] = False
+    gap = "\n".join(f"{stamp('%d.%m.%Y %H:%M:%S,%L', 0.01)(i)};{comma(sound[i])}" for i in np.flatnonzero(there))
+    result = signal_lag(read(whole), read(gap))
+    assert (result.lag, result.time_s) == (37, pytest.approx(0.37))
+
+
+def test_uneven_times_are_brought_onto_an_even_clock() -> None:
+    random = np.random.default_rng(1)
+    times = np.cumsum(random.uniform(0.6, 1.4, 2000)) / 100
+    values = np.sin(2 * np.pi * 1.5 * times)
+    recording = read("\n".join(["t,A", *(f"{t:.6f},{v:.6f}" for t, v in zip(times, values, strict=True))]))
+    assert recording.sampling_rate == pytest.approx(100, rel=0.02)
+    even = times[0] + np.arange(recording.channels.shape[1]) / recording.sampling_rate
+    np.testing.assert_allclose(recording.channels[0], np.sin(2 * np.pi * 1.5 * even), atol=5e-3)
+    assert recording.gaps == ()
+    assert any("uneven" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("rate", "decimals"), [(44_100, 6), (60, 3), (333.25, 4), (104.1666, 6), (25.6, 2), (1 / 30, 0)]
+)
+def test_rounded_times_are_even_and_their_rate_is_found(rate: float, decimals: int) -> None:
+    times = np.arange(400) / rate
+    recording = sparse(np.ones(A.size, bool), times, decimals)
+    assert recording.sampling_rate == pytest.approx(rate, abs=rate**2 * 10.0**-decimals / 250)
+    np.testing.assert_array_equal(recording.channels, [A, B])
+
+
+@pytest.mark.parametrize("a_second", [7, 10.24, 100])
+def test_a_clock_of_whole_seconds_gives_the_rate_of_the_samples_between(a_second: float) -> None:
+    first, clock = 0.37, stamp("%H:%M:%S")
+    seconds = [int(first + index / a_second) for index in range(2000)]
+    values = np.random.default_rng(2).normal(size=2000).round(4)
+    recording = read("\n".join(f"{clock(200 * second)},{value}" for second, value in zip(seconds, values, strict=True)))
+    assert recording.sampling_rate == pytest.approx(a_second, rel=2e-3)
+    np.testing.assert_array_equal(recording.channels[0], values)
+    assert recording.start_s == pytest.approx(36_000 + first, abs=2 / a_second)
+
+
+def test_times_of_day_go_on_after_midnight() -> None:
+    clock = stamp("%H:%M:%S.%L", 0.1, datetime(2024, 5, 13, 23, 59, 50, tzinfo=UTC))
+    recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
+    assert (recording.sampling_rate, recording.epoch, recording.start_s) == (10, "midnight", 86_390)
+
+
+@pytest.mark.parametrize("pattern", ["%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%y-%m-%d"])
+def test_day_and_month_are_told_apart_where_the_dates_allow_it(pattern: str) -> None:
+    clock = stamp(f"{pattern} %H:%M", 600, datetime(2024, 6, 5, 20, 0, tzinfo=UTC))
+    recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
+    assert recording.sampling_rate == pytest.approx(1 / 600)
+    assert recording.start == datetime(2024, 6, 5, 20, 0, tzinfo=UTC)
+
+
+def test_a_date_that_can_be_read_both_ways_counts_from_midnight_alone() -> None:
+    clock = stamp("%d/%m/%Y %H:%M:%S.%L", 0.1, datetime(2024, 6, 5, 20, 0, tzinfo=UTC))
+    recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
+    assert (recording.epoch, recording.start_s) == ("midnight", 72_000)
+
+
+def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
+    first = read(DATED["ISO"])
+    second = read(
+        rows(lambda index: f"{stamp('%d.%m.%Y %H:%M:%S,%L', start=START + timedelta(seconds=5))(index)};{A[index]}")
+    )
+    assert starts_apart(first, second) == pytest.approx(5)
+    assert starts_apart(first, read(ELAPSED["seconds"])) is None
+    assert "begins 2024-05-13 10:00:05.000000" in second.remarks
+
+
+@pytest.mark.parametrize(
+    ("text", "channels", "missing"),
+    [
+        (rows(lambda i: f"{i / RATE},{'' if 40 <= i < 100 else A[i]}", "t,A"), 1, 60),
+        (rows(lambda i: f"{i / RATE},{'NaN' if 40 <= i < 100 else A[i]},{B[i]}", "t,A,B"), 2, 60),
+        (rows(lambda i: f"{i / RATE};{'---' if i % 3 == 1 else A[i]}", "t;A"), 1, 100),
+        (rows(lambda i: f"{'#N/A' if i % 3 == 1 else A[i]}"), 1, 100),
+    ],
+)
+def test_missing_values_lie_on_a_line_and_are_counted(text: str, channels: int, missing: int) -> None:
+    recording = read(text)
+    there = np.ones(A.size, bool)
+    there[[i for i in range(A.size) if (40 <= i < 100 if missing == 60 else i % 3 == 1)]] = False
+    assert recording.mended_lines == missing
+    assert len(recording.channels) == channels
+    expected = np.interp(np.arange(A.size), np.flatnonzero(there), A[there])
+    np.testing.assert_allclose(recording.channels[0], expected, atol=1e-12)
+    assert recording.gaps == (
+        (Gap(pytest.approx(39 / RATE), pytest.approx(60 / RATE)),) if channels == 1 and missing == 60 else ()
+    )
+
+
+def test_what_is_left_out_is_said_and_columns_keep_their_numbers_and_names() -> None:
+    recording = read(
+        rows(lambda i: f"acc,{i / RATE},{A[i]},{'' if i % 3 else 5},{B[i]}", "sensor,t,A (V),C,B", "\nMean,1")
+    )
+    assert (recording.numbers, recording.names) == ((3, 5), ("A (V)", "B"))
+    assert recording.notes == (
+        "times in column 2 “t”",
+        "mostly empty, left out: column 4 “C”",
+        "words left out: column 1 “sensor”",
+        "1 line below the columns left out",
+    )
+    np.testing.assert_array_equal(recording.channel(5).channels[0], B)
+    with pytest.raises(ValueError, match="The channel number is 2; the recording has channels 3, 5"):
+        recording.channel(2)
+
+
+def test_counts_give_no_rate_but_their_gaps() -> None:
+    recording = read(rows(lambda i: f"{i + (i >= 100) * 7},{A[i]}", "No.,A"))
+    assert recording.sampling_rate is None
+    np.testing.assert_array_equal(recording.channels[0, [*range(100), *range(107, 307)]], A)
+    assert "7 samples missing by their counts, filled" in recording.notes
+
+
+VALUES = np.random.default_rng(0).normal(size=(600, 2)).round(6)
+
+
+def lines(columns: int = 1, separator: str = ";") -> list[str]:
+    return [separator.join(map(repr, row)) for row in VALUES[:, :columns].tolist()]
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_nul_bytes_behind_a_number_go_and_gaps_are_filled_and_both_are_counted(newline: str) -> None:
+    text = lines(2)
+    for number in (3, 99):
+        text[number] += "\0\0"
+    for number in (20, 21, 599):
+        text[number] = text[number].split(";")[0] + ";"
+    recording = read(newline.join(text))
+    expected = VALUES.T.copy()
+    before, after = VALUES[19, 1], VALUES[22, 1]
+    expected[1, 20:22] = before + (after - before) * np.array([1, 2]) / 3
+    expected[1, 599] = VALUES[598, 1]
+    assert recording.mended_lines == 5
+    np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("separator", [";", ",", "\t"])
+@pytest.mark.parametrize("column", [0, 1])
+def test_an_empty_field_lies_between_its_neighbours(separator: str, column: int) -> None:
+    text = lines(2, separator)
+    kept = text[50].split(separator)
+    kept[column] = " "
+    text[50] = separator.join(kept)
+    recording = read("a header\n" + "\n".join(text))
+    expected = VALUES.T.copy()
+    expected[column, 50] = (expected[column, 49] + expected[column, 51]) / 2
+    assert recording.mended_lines == 1
+    np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
+
+
+def test_more_nul_bytes_are_refused() -> None:
+    text = lines(2)
+    for number in range(30, 36):
+        text[number] += "\0"
+    with pytest.raises(ValueError, match="Line 31 holds a NUL byte; allowed are"):
+        read("\n".join(text))
+    for damaged in ("1.5\0002;3", "\0"):
+        with pytest.raises(ValueError, match="Line 11 holds a NUL byte"):
+            read("\n".join([*lines(2)[:10], damaged, *lines(2)[11:]]))
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "t,A\n0.1,1\n0.2,x1y\n0.3,2\n",
+            "Line 3 holds “x1y” in column 2 “A”, where other lines hold numbers; correct or",
+        ),
+        ("Samples\n1\n2\nhello\n3\n", "Line 4 holds “hello”, where other lines hold numbers"),
+        ("1\n-inf\n", "Line 2 holds -inf in column 1; every sample must be a finite number"),
+        ("1,2\n3\n", "Line 2 holds 1 field and the lines before it 2; complete or remove it"),
+        ("1,2\n3,4,5\n", "Line 2 holds 3 fields and the lines before it 2"),
+        ("# r\n1 # ok\n\n1_000\n", "Line 4 holds “1_000”"),
+        ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\?x\?\?http:"),
+        ("word\nand more words\n", "No line of the text holds a number: line 1 is “word”; allowed are numbers, times"),
+        ("2024-05-06,word\n2024-05-07,word\n", "No line of the text holds a number"),
+        ("t,A\n0.1,1\n0.2,2\n0.15,3\n0.3,4\n" + "0.4,1\n" * 10, "Line 4 goes back in time by 0.05 s; sort it by its"),
+        (rows(lambda i: f"2024-05-06 10:{59 - i // 60:02d}:00,{A[i]}"), "Line 61 goes back in time by 60 s"),
+        (
+            rows(lambda i: f"{'soon' if i == 7 else stamp('%H:%M:%S')(i)},{A[i]}"),
+            "Line 8 holds “soon” in column 1, where other lines hold times",
+        ),
+        (
+            rows(lambda i: f"{i + (i > 5) * 1e6},{A[i]}", "t,A"),
+            "jump by 1e[+]06 s after 5 s, while its usual step is 1 s; cut",
+        ),
+        (rows(lambda i: f"{START:%H:%M:%S},{A[i]}"), "times of the recording are all the same"),
+        (
+            rows(lambda i: f"{'' if i % 3 else A[i]},x", "A,B"),
+            r"values in fewer than half of its lines \(column 1 “A”\)",
+        ),
+        ("7\n", "holds 1 samples; at least 2"),
+        (",".join(["1.5"] * 65) + "\n" + ",".join(["1"] * 65), "65 channels; allowed are 1 to 64"),
+        ("1\n" + "2" * 200_000, "Line 2 has 200,000 characters; at most 100,000"),
+    ],
+)
+def test_a_refusal_names_the_line_the_column_and_the_field(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message) as caught:
+        read(text)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 200
