@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import fft
 
+from benchmarks import verdict
 from benchmarks.recordings import KINDS, Piece, Trial, trial
 
 REACH = 300
@@ -74,3 +76,29 @@ def test_a_lag_is_right_where_it_occurs_in_both_recordings() -> None:
 def test_a_sure_answer_names_the_direct_sound_beside_its_echo() -> None:
     given = Trial([np.zeros(900)] * 2, 1.0, (3.0, 700.0), "any", named=(3.0,))
     assert given.is_right(700.0) and given.names_all((700, 4)) and not given.names_all((700,))
+
+
+@pytest.mark.parametrize(
+    ("kind", "said", "away", "named", "counted"),
+    [
+        ("rooms", "sure", 0, (), "right"),
+        ("rooms", "sure", 500, (), "wrong"),
+        ("rooms", "ambiguous", 500, (), ""),
+        ("tones", "sure", 0, (), "wrong"),
+        ("one hum", "sure", 0, (), "wrong"),
+        ("louder echo", "sure", 0, ("direct",), "right"),
+        ("louder echo", "sure", 0, (), "wrong"),
+    ],
+)
+def test_sure_is_wrong_of_another_lag_of_none_and_without_those_to_be_named(
+    kind: str, said: str, away: float, named: tuple[str, ...], counted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = trial(kind, 0)
+    lag = (given.lags or (0.0,))[-1] + away
+    arrivals = [(given.lags[0], 12.0)] if named else []
+    found = SimpleNamespace(verdict=said, lag_subsample=lag, rivals=(), arrivals=arrivals, drift_ppm=0.0)
+    monkeypatch.setattr(verdict, "signal_lag", lambda *_, **__: found)
+    (one,) = verdict.judged_trials([kind], [0], "fft", 1)
+    assert (one.right, one.wrong) == (counted == "right", counted == "wrong")
+    table, _ = verdict.recordings_table([kind], trials=1)
+    assert (f"- {kind}, seed 0: sure of {lag:.2f}" in table) == (counted == "wrong")
