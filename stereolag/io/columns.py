@@ -38,6 +38,7 @@ HEADING = 3
 """Lines above the first row that may hold the names and units of the columns."""
 FEWEST_ROWS = 10
 """Columns of fewer rows have nothing below them."""
+MOSTLY = 0.9
 SPARSE, MOST_MISSING = 0.05, 0.5
 """Share of rows below which a column counts as empty; share of missing values above which it is left out."""
 LONG_LOSS = 3
@@ -55,6 +56,8 @@ _STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
 _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
+_ARROW = re.compile(r"^([\d:.]+) -> ", re.MULTILINE)
+"""What a serial monitor (Arduino) writes behind the time."""
 _MISSING = re.compile(
     r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
     re.IGNORECASE,
@@ -76,10 +79,12 @@ _UNITS = {
 }
 _TIME = re.compile(r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b")
 _COUNT = re.compile(
-    r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|count|counter|record|x)\b"
+    r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|cnt|count|counter|record|x)\b"
 )
 _RATE = re.compile(r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate", re.IGNORECASE)
-_STEP = re.compile(r"sampl\w*[ _-]*(?:interval|period|time)|increment|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE)
+_STEP = re.compile(
+    r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE
+)
 _QUANTITY = re.compile(r"[\s,;:=|\"(\[]*(\d[\d.]*(?:e[-+]?\d+)?)[\s,;|\"]*(?:([kmµμun]?)(hz|s\b|sec))?", re.IGNORECASE)
 _PREFIXES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "n": 1e-9}
 
@@ -112,6 +117,7 @@ def read_columns(data: bytes) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
+    whole = _ARROW.sub(r"\1, " if "," in whole else r"\1 ", whole)
     text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
     if any(mark in text for mark in ("+ ", "- ", "M", "m")):
         text = _SPACED.sub(r"\1\2", text)
@@ -247,11 +253,24 @@ def _layout(text: str, whole: str) -> _Layout:
     found = [one for separator in _SEPARATORS if (one := _layout_by(probed, separator))]
     if not found:
         raise ValueError(f"No line of the text holds a number{_shown(probed)}; {ALLOWED}.")
+    if found[0].separator == "," and _is_one_column([line for _, line in probed], found[0]):
+        found = [one for one in found if one.separator is None] or found
     most = max(one.rows for one in found)
     best = min((one for one in found if 2 * one.rows >= most), key=lambda one: len(one.of("word")))
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
     heading = [line for line in heading if line][-MOST_LINES:]
     return replace(best, heading=tuple(heading), names=_names(heading, best))
+
+
+def _is_one_column(lines: Sequence[str], layout: _Layout) -> bool:
+    """Return whether what looks like two columns of integers is one of numbers with a decimal comma.
+
+    There, the digits after the comma have no sign, and some begin with 0, or the integer is -0.
+    """
+    rows = [row for row in _split(lines, ",") if _is_row(row, layout)]
+    if layout.kinds != ("number", "number") or not all(row[1].isdigit() for row in rows):
+        return False
+    return any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
 
 
 def _shown(probed: Sequence[tuple[int, str]]) -> str:
@@ -274,15 +293,15 @@ def _layout_by(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layo
     fitting = [_is_row(row, layout) for row in rows]
     if "number" not in layout.kinds or not any(fitting):
         return None
-    # A line of the heading may look like a row; those after the first row are rows as well.
-    first = next(
-        (
-            row
-            for row, fits in enumerate(fitting)
-            if fits and 2 * sum(fitting[row + 1 : row + 11]) >= len(fitting[row + 1 : row + 11])
-        ),
-        fitting.index(True),
-    )
+    # A line of the heading may look like a row; but lines after the first row are rows as well, all of them if there
+    # is anything beside the first.
+    beside, first = layout.of("missing"), fitting.index(True)
+    for row, fits in enumerate(fitting):
+        later = fitting[row + 1 : row + 1 + FEWEST_ROWS]
+        has_more = any(rows[row][column].strip() for column in beside if column < len(rows[row]))
+        if fits and (all(later) if has_more else 2 * sum(later) >= len(later)):
+            first = row
+            break
     return replace(layout, rows=sum(fitting), first=lines[first][0])
 
 
@@ -514,7 +533,15 @@ def _column_of_times(table: npt.NDArray[np.float64], names: Sequence[str]) -> in
             falls = float((np.diff(values) < 0).mean()) if values.size > 1 else 1.0
             if falls <= (0.0 if name == "T" else _MOST_FALLS) and values[-1] > values[0]:
                 return index
-    return 0 if rises_evenly(table[0]) else None
+    return 0 if rises_evenly(table[0]) or (not names[0] and _rises_alone(table[0])) else None
+
+
+def _rises_alone(values: Vector) -> bool:
+    """Return whether values always rise, mostly by about the same: the uneven times of a file without a heading."""
+    steps = np.diff(values)
+    if values.size < FEWEST_ROWS or np.isnan(values).any() or (steps <= 0).any():
+        return False
+    return float((np.abs(steps / np.median(steps) - 1) < 0.5).mean()) >= MOSTLY
 
 
 def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
@@ -572,8 +599,10 @@ def on_own_clock(
             f"{where} {places[row]} holds {table[column, row]:g} in {column_name(numbers[column], names[column])}; "
             "every sample must be a finite number."
         )
-    clocks, is_seconds, notes = _clock_columns(table, names), True, []
-    index = None if clock else _column_of_times(table, names)
+    with np.errstate(over="ignore", invalid="ignore"):
+        clocks = _clock_columns(table, names)
+        index = None if clock else _column_of_times(table, names)
+    is_seconds, notes = True, []
     if index is not None:
         clock, is_seconds = times_in_numbers(table[index], names[index])
         clocks.add(index)
@@ -602,13 +631,15 @@ def on_own_clock(
 
 def _clock_columns(table: npt.NDArray[np.float64], names: Sequence[str]) -> set[int]:
     """Return the indices of columns that rise as their heading says that times or counts do."""
-    return {
-        column
-        for column, name in enumerate(names)
-        if len(table) > 1
-        and (is_time(name) or _COUNT.search(_words_of(name)) or (column == 0 and (np.diff(table[0]) == 1).all()))
-        and rises_evenly(table[column])
-    }
+    return {column for column, name in enumerate(names) if len(table) > 1 and _is_clock(table[column], name, column)}
+
+
+def _is_clock(values: Vector, name: str, column: int) -> bool:
+    counted = float((np.diff(values) == 1).mean())
+    if _COUNT.search(_words_of(name)) and counted > MOSTLY:  # it may begin again after 255
+        return True
+    is_named = is_time(name) or bool(_COUNT.search(_words_of(name))) or (column == 0 and counted == 1)
+    return is_named and rises_evenly(values)
 
 
 def _clocked(

@@ -52,7 +52,7 @@ TOO_SLOW = "The file takes more time to read than is allowed; save it again, in 
 TOO_LARGE = "The file takes more memory to read than is allowed; save it again, in another format."
 CRASHED = "The file is damaged: it cannot be decoded."
 
-_PRELOADED = ("stereolag.io.calibrations", "stereolag.io.images", "stereolag.io.recordings")
+_PRELOADED = ("stereolag.io.calibrations", "stereolag.io.images", "stereolag.io.recordings", "av")
 
 
 class Door(Protocol):

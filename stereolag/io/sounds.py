@@ -8,19 +8,20 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
-import av
 import numpy as np
 import numpy.typing as npt
 import soundfile
-from av.audio.frame import AudioFrame
-from av.audio.stream import AudioStream
-from av.container import InputContainer
 
 from stereolag.io.clocks import MAX_CHANNELS, Channels, Gap, Recording, check_size, chosen_track, float_type
 from stereolag.io.formats import WHAT, SoundFormat
 from stereolag.io.sources import HEADER_BYTES, quote
+
+if TYPE_CHECKING:  # loaded on first use, since it takes tens of megabytes
+    from av.audio.frame import AudioFrame
+    from av.audio.stream import AudioStream
+    from av.container import InputContainer
 
 BLOCK = 2**20
 """Samples decoded at a time."""
@@ -55,6 +56,7 @@ _PLAIN = (1, 3, 6, 7, 0xFFFE)
 _STATE_LENGTH = ("mov", "flac")
 """Formats whose length FFmpeg reads instead of guessing it."""
 
+MICROSECONDS = 1_000_000
 _LATE_S = 0.1
 """Sound later than this is missing from a file: shorter steps are the rounding of its times."""
 
@@ -92,6 +94,8 @@ def read_sound(source: Path | bytes, form: SoundFormat, track: int | str = 1) ->
                 else:
                     recording = _by_libsndfile(str(source) if isinstance(source, Path) else _Spliced(stream))
                 return replace(recording, track=chosen_track(recording.tracks, track))
+        import av
+
         stream.seek(0)
         try:
             return _by_ffmpeg(str(source) if isinstance(source, Path) else stream, form, track)
@@ -259,6 +263,8 @@ class _Wave:
 
 
 def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Recording:
+    import av
+
     # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
     options = {"protocol_whitelist": "file"}
     with av.open(file, "r", format=form.demuxer, options=options, metadata_errors="replace") as container:
@@ -298,7 +304,7 @@ def _decoded(container: InputContainer, stream: AudioStream) -> Recording:
     blocks: list[npt.NDArray[Any]] = []
     gaps: list[Gap] = []
     count, rate, number = 0, 0, 0
-    start_s = (container.start_time or 0) / av.time_base
+    start_s = (container.start_time or 0) / MICROSECONDS
     for frame in _frames(container, stream):
         block = _samples_of(frame)
         if not rate:
@@ -328,6 +334,8 @@ def _decoded(container: InputContainer, stream: AudioStream) -> Recording:
 
 
 def _frames(container: InputContainer, stream: AudioStream) -> Iterator[AudioFrame]:
+    import av
+
     for packet in container.demux(stream):
         with suppress(av.FFmpegError):  # the sound of this packet is lost; that of later ones may be intact
             yield from packet.decode()

@@ -96,7 +96,7 @@ def check_pixels(width: int, height: int, what: str) -> None:
 
 def quote(text: str) -> str:
     """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML."""
-    start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
+    start = re.sub(r"[^\w .,:;+=()°%-]", "?", text[:24])
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 

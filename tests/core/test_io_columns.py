@@ -83,6 +83,9 @@ ELAPSED = {
     + "\n".join(f",,,{i / RATE:.3f},{A[i]},{B[i]}" for i in range(1, A.size)),
     "Tektronix": timed("{},{},{}", "Model,MSO44\nLabel,CH1,CH2\nRecord Length,300\n\nTIME,CH1,CH2"),
     "LeCroy": timed("{},{},{}", "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,300\nTime,Ampl,Ampl"),
+    "LabVIEW without times": rows(lambda i: f"\t{A[i]}\t{B[i]}", "Delta_X\t0.005\n***End***\nX_Value\tU\tI\tComment"),
+    "Yokogawa": rows(lambda i: f",{A[i]},{B[i]}", '"Model Name","DL850"\n"HResolution",5.0E-03\n"HUnit","s"'),
+    "OpenBCI": rows(lambda i: f"{i % 256}, {A[i]}, {B[i]}, {i / RATE:.3f}", "%Rate = 250 Hz\nIndex, A, B, Time"),
     "decimal commas": rows(lambda i: f"{comma(i / RATE)};{comma(A[i])};{comma(B[i])}", "Zeit [s];U [V];I [A]"),
     "decimal commas in quotes": rows(lambda i: f'"{comma(i / RATE)}","{comma(A[i])}","{comma(B[i])}"', "t,A,B"),
     "decimal commas and spaces": rows(lambda i: f"{comma(i / RATE)}  {comma(A[i])}  {comma(B[i])}"),
@@ -103,6 +106,7 @@ ELAPSED = {
 }
 
 DATE_AND_CLOCK = stamp("%Y/%m/%d\t%H:%M:%S")
+DATE_12 = stamp("%m/%d/%y %I:%M:%S.%L %p")
 DATED = {
     "ISO": dated("%Y-%m-%dT%H:%M:%S.%f", "{},{},{}", "time,A,B"),
     "ISO in UTC": dated("%Y-%m-%dT%H:%M:%S.%LZ", "{},{},{}", "time,A,B"),
@@ -114,6 +118,13 @@ DATED = {
     "two columns of spaces": dated("%m/%d/%Y %I:%M:%S.%L %p", "{} {} {}"),
     "time before date": dated("%H:%M:%S.%L;%d.%m.%Y", "{};{};{}", "Uhrzeit;Datum;A;B"),
     "month by name": dated("%d-%b-%Y %H:%M:%S.%L", "{}\t{}\t{}"),
+    "month first": dated("%b %d, %Y %H:%M:%S.%L", '"{}",{},{}', "Time,A,B"),
+    "weekday and zone": dated("%a %d %b %Y %H:%M:%S.%L UTC", "{},{},{}", "Time,A,B"),
+    "HOBO": rows(
+        lambda i: f"{i + 1},{DATE_12(i)},{A[i]},{B[i]},",
+        'Title: x\n"#","Date Time, GMT","A, V","B, V","Coupler"',
+    ),
+    "Campbell": dated("%Y-%m-%d %H:%M:%S.%L", '"{}",{},{}', '"TOA5","CR1"\n"TS","A","B"\n"TS","V","V"\n"","Avg","Avg"'),
     "compact": dated("%Y%m%dT%H%M%S.%L", "{},{},{}"),
     "milliseconds after a colon": dated("%Y-%m-%d %H:%M:%S:%L", "{},{},{}", "t,A,B"),
     "Graphtec": rows(
@@ -155,6 +166,7 @@ def test_times_give_the_rate_and_are_no_channel(name: str) -> None:
         ("1\t2\n3\t4\n\n", [[1, 3], [2, 4]]),
         ("  1   2 \n 3  4", [[1, 3], [2, 4]]),
         ("1, 2\n3, 4", [[1, 3], [2, 4]]),
+        ("U\n0,5\n1,05\n-0,25", [[0.5, 1.05, -0.25]]),
         ("# a remark\nV, V\n% another\n1,2\n// 7\n3,4 # at the end", [[1, 3], [2, 4]]),
         ("\ufeff1\n2", [[1, 2]]),
         ("Rate: 44100 Hz\nSensor 1\n\n1\n2", [[1, 2]]),
@@ -264,6 +276,13 @@ def test_day_and_month_are_told_apart_where_the_dates_allow_it(pattern: str) -> 
     recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
     assert recording.sampling_rate == pytest.approx(1 / 600)
     assert recording.start == datetime(2024, 6, 5, 20, 0, tzinfo=UTC)
+
+
+def test_a_serial_monitor_puts_the_time_before_an_arrow() -> None:
+    for separator in (",", " "):
+        recording = read(dated("%H:%M:%S.%L", f"{{}} -> {{}}{separator}{{}}"))
+        assert (recording.sampling_rate, recording.epoch, recording.start_s) == (RATE, "midnight", 36_000)
+        np.testing.assert_array_equal(recording.channels, [A, B])
 
 
 def test_a_date_that_can_be_read_both_ways_counts_from_midnight_alone() -> None:
@@ -390,7 +409,7 @@ def test_more_nul_bytes_are_refused() -> None:
         ("1,2\n3\n", "Line 2 holds 1 field and the lines before it 2; complete or remove it"),
         ("1,2\n3,4,5\n", "Line 2 holds 3 fields and the lines before it 2"),
         ("# r\n1 # ok\n\n1_000\n", "Line 4 holds “1_000”"),
-        ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\?x\?\?http:"),
+        ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\?x\?\(http:"),
         ("word\nand more words\n", "No line of the text holds a number: line 1 is “word”; allowed are numbers, times"),
         ("2024-05-06,word\n2024-05-07,word\n", "No line of the text holds a number"),
         ("t,A\n0.1,1\n0.2,2\n0.15,3\n0.3,4\n" + "0.4,1\n" * 10, "Line 4 goes back in time by 0.05 s; sort it by its"),
