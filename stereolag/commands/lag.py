@@ -50,9 +50,7 @@ def run(arguments: Sequence[str]) -> int:
         settings = settings.model_copy(update={"sampling_rate": rate})
     facts = [
         _facts(one, name, number, count, rate)
-        for one, name, number, count in zip(
-            channels, names, numbers, (len(first.channels), len(second.channels)), strict=True
-        )
+        for one, name, number, count in zip(channels, names, numbers, (first.highest, second.highest), strict=True)
     ]
     signals = [checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True)]
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)

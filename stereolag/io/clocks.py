@@ -22,9 +22,9 @@ MAX_CHANNELS = 64
 MOST_TOLD = 3
 """Gaps that are named one by one."""
 
-MOST_TERMS = 10_000
+MOST_TERMS = 100_000
 """Largest term in the ratio of two sampling rates: the filter between them is twenty times as long."""
-MOST_SLIP = 0.01
+MOST_SLIP = 0.5
 """Samples by which a recording may be off at its end if the ratio of two rates is rounded to such terms."""
 
 LONGEST_DOUBLE = 30_000_000
@@ -108,6 +108,11 @@ class Recording:
         return np.array(samples, dtype=dtype, copy=copy)
 
     @property
+    def highest(self) -> int:
+        """Highest number of a channel; 1 if there is only one channel, whatever its number."""
+        return max(self.numbers) if len(self.numbers) > 1 else 1
+
+    @property
     def start(self) -> datetime | None:
         """Date and time of the first sample, None if the file gives no date."""
         return datetime.fromtimestamp(0, UTC) + timedelta(seconds=self.start_s) if self.epoch == "1970" else None
@@ -122,7 +127,8 @@ class Recording:
             said.append(f"{len(self.gaps)} gaps of {sum(gap.length_s for gap in self.gaps):.4g} s in all")
         if self.epoch != "start":
             moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(self.start_s, 6))
-            said.append(f"begins {moment:%Y-%m-%d %H:%M:%S.%f}" if self.start else f"begins {moment:%H:%M:%S.%f}")
+            when = f"{moment:%Y-%m-%d %H:%M:%S.%f}" if self.start else f"{moment:%H:%M:%S.%f}"
+            said.append(f"begins {when.removesuffix('.000000')}")
         elif self.start_s:
             said.append(f"begins at {self.start_s:.6g} s")
         if len(self.tracks) > 1:
@@ -138,7 +144,7 @@ class Recording:
         ------
         ValueError
             A recording whose file states no rate, a rate that is not positive and finite, rates whose ratio needs
-            numbers above 10,000 to be right to a hundredth of a sample at the end, or more samples than the limit in
+            numbers above 100,000 to be right to half a sample at the end, or more samples than the limit in
             force.
         """
         if self.sampling_rate is None:

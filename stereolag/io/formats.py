@@ -40,8 +40,7 @@ def _format(name: str, suffixes: str, mark: bytes, demuxer: str, **facts: bool) 
 
 
 SOUND_FORMATS = (
-    _format("AVI", "avi", rb"RIFF....AVI ", "avi", states_delay=False),
-    _format("WAV", "wav", rb"(?:RIF[FX]|RF64|BW64)(?!....WEBP)", "wav", is_audio=True),
+    _format("WAV", "wav", rb"(?:RIF[FX]|RF64|BW64)(?!....(?:AVI |WEBP))", "wav", is_audio=True),
     _format("W64", "w64", rb"riff\x2e\x91\xcf\x11", "w64", is_audio=True),
     _format("FLAC", "flac", rb"fLaC", "flac", is_audio=True),
     _format("OGG", "ogg oga opus", rb"OggS", "ogg", is_audio=True),
@@ -51,6 +50,7 @@ SOUND_FORMATS = (
     _format("CAF", "caf", rb"caff\0", "caf", is_audio=True),
     _format("MP4", "mp4 m4a m4v mov 3gp", rb"....(?:ftyp|mdat)|\0...(?:moov|wide|free|skip)", "mov"),
     _format("Matroska", "mkv mka webm", rb"\x1aE\xdf\xa3", "matroska"),
+    _format("AVI", "avi", rb"RIFF....AVI ", "avi", states_delay=False),
     _format("AAC", "aac", rb"\xff[\xf0\xf1\xf8\xf9]", "aac", states_delay=False),
     _format("AMR", "amr", rb"#!AMR", "amr", states_delay=False),
     _format("Windows Media", "wma wmv asf", rb"\x30\x26\xb2\x75\x8e\x66\xcf\x11", "asf", states_delay=False),

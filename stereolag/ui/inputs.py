@@ -15,6 +15,7 @@ from stereolag.core.inputs import Image, as_image, as_signal
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Problem, SettingsError
 from stereolag.io.clocks import Recording, at_one_rate
+from stereolag.io.formats import ACCEPTED
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.recordings import read_signal
@@ -82,8 +83,7 @@ def _own_recordings() -> RecordingPair | None:
     """Ask for two files, or for one with several channels; return the last usable pair."""
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        note = "Audio, the sound of a video, columns of numbers or an array. A file of two channels is enough."
-        first = _recording("Sensor 1", "file_1", note)
+        first = _recording("Sensor 1", "file_1", note=f"{ACCEPTED}. A file of two channels is enough.")
         channel_1 = _channel(first, 0, key=f"{RECORDINGS}.channel_1")
     with columns[1]:
         second = _recording("Sensor 2", "file_2")
@@ -137,7 +137,7 @@ def _pair(
 ) -> RecordingPair:
     """Return the two channels as a pair; ValueError if they cannot be compared."""
     one, other = at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2))
-    facts = own_facts((one, other), (channel_1, channel_2), (len(first.content.channels), len(second.content.channels)))
+    facts = own_facts((one, other), (channel_1, channel_2), (first.content.highest, second.content.highest))
     return RecordingPair(
         as_signal(one.channels[0], "The recording of sensor 1"),
         as_signal(other.channels[0], "The recording of sensor 2"),

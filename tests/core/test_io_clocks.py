@@ -72,8 +72,8 @@ def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is
         Recording(recording.channels, None).resampled(8_000.0)
     with pytest.raises(ValueError, match=r"sampling_rate is 0.0 Hz; it must be a positive"):
         recording.resampled(0.0)
-    with pytest.raises(ValueError, match="their ratio is 44101 : 8000, and numbers up to 10,000 are allowed"):
-        recording.resampled(44_101.0)
+    with pytest.raises(ValueError, match=r"their ratio is \d+ : \d+, and numbers up to 100,000 are allowed"):
+        recording.resampled(8_000.024)
     monkeypatch.setattr("stereolag.io.clocks.limits", lambda: Limits(max_megasamples=1))
     with pytest.raises(ValueError, match="holds 1 × 1200000 samples; at most 1,000,000"):
         recording.resampled(16_000.0)

@@ -135,7 +135,7 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
     recordings
         One channel each, at a common rate if their files state any.
     channels, counts
-        Number of each channel in its file, from 1, and how many channels the file has.
+        Number of each channel in its file, from 1, and the highest that the file has.
     """
     stated = next((one.sampling_rate for one in recordings if one.sampling_rate), None)
     lines = [
