@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import soundfile
 from commanded import Command, assert_refused
+from recording_bytes import filmed
 from scipy.signal import resample_poly
 
 import stereolag as sl
@@ -129,6 +130,30 @@ def test_lag_brings_two_rates_to_one_and_tells_what_it_compares(folder: Path, ra
     said = ran("lag", "damaged.txt", "second.txt").out
     assert "at 44100 Hz, rate assumed, the file states none, 1 damaged line mended" in said
     assert "channel 2 of 2" in ran("lag", "both.wav").out
+
+
+def test_lag_tells_tracks_gaps_and_how_far_apart_dated_recordings_begin(tmp_path: Path, ran: Command) -> None:
+    sound = np.random.default_rng(0).normal(scale=0.1, size=4100).round(4)
+    film = tmp_path / "film.mkv"
+    film.write_bytes(filmed("matroska", "flac", sound[100:], sound[:-100], languages=["eng", "deu"]))
+    for tracks in (("1", "2"), ("1", "2 (deu)")):
+        assert ran("lag", film, "--tracks", *tracks, "--json").figures["lag_samples"] == 100
+    assert "track 2 of 2" in ran("lag", film, film, "--tracks", "2", "1").out
+    texts = (
+        "".join(f"2024-05-13T10:00:{i / 100:09.6f},{sound[i + 37]},ok\n" for i in range(3000)),
+        "".join(f"13.05.2024;10:00:{5 + i / 100:06.3f};{sound[i]}\n" for i in range(3000) if not 1000 <= i < 1300),
+    )
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text)
+    told = ran("lag", *paths, "--json").figures
+    assert (told["lag_samples"], told["settings"]["sampling_rate"], told["starts_apart_s"]) == (37, 100, 5)
+    assert told["recordings"][1]["gaps"] == [[pytest.approx(9.99), pytest.approx(3)]]
+    assert told["recordings"][0]["start"] == "2024-05-13T10:00:00+00:00"
+    said = ran("lag", *paths).out
+    assert "By their own clocks, the second recording begins +5 s after the first." in said
+    assert "3 s missing after 9.99 s, filled, begins 2024-05-13 10:00:05" in said
+    assert "words left out: column 3" in said
 
 
 def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(ran: Command) -> None:
