@@ -277,7 +277,7 @@ MOST_DIGITS = 9
 
 def rises_evenly(times: Vector) -> bool:
     """Return whether times never fall and follow a straight line, apart from gaps and the rounding of their numbers."""
-    if times.size < FEWEST_TICKS or not np.isfinite(times).all():
+    if times.size < FEWEST_TICKS or (np.diff(times[:1000]) < 0).any() or not np.isfinite(times).all():
         return False
     steps = np.diff(times)
     if (steps < 0).any() or times[-1] <= times[0]:
@@ -300,7 +300,7 @@ def granule(times: Vector) -> float:
     return 10.0**-MOST_DIGITS
 
 
-def on_even_clock(clock: Times, values: npt.NDArray[np.float64]) -> Recording:
+def on_even_clock(clock: Times, values: Channels) -> Recording:
     """Return samples taken at given times on one even clock, so that sample numbers are true to time.
 
     If the times are even apart from gaps and their rounding, samples stay as they are, each in the place that its time
@@ -356,21 +356,26 @@ def on_even_clock(clock: Times, values: npt.NDArray[np.float64]) -> Recording:
         )
     check_size(len(values), total)
     gaps = tuple(Gap(float(positions[end] * step), float(steps[end] - step)) for end in ends)
-    channels = filled(values, positions, total)
+    is_whole = total == times.size and (positions == np.arange(total)).all()
+    channels = filled(values, None if is_whole else positions, total)
     return Recording(
         channels, 1 / step, start_s=clock.start_s + float(times[0]), epoch=clock.epoch, gaps=gaps, notes=tuple(notes)
     )
 
 
-def filled(values: npt.NDArray[np.float64], positions: Vector, total: int) -> Channels:
-    """Return (channels, total) values on a straight line between those given at `positions`; NaN are not given."""
+def filled(values: Channels, positions: Vector | None, total: int) -> Channels:
+    """Return (channels, total) values on a straight line between those given, which NaN are not.
+
+    They are given at `positions`, or each in its own place if that is None.
+    """
     dtype = float_type(len(values) * total)
-    if total == values.shape[1] and not np.isnan(values).any() and (positions == np.arange(total)).all():
+    if positions is None and not any(np.isnan(channel).any() for channel in values):
         return values.astype(dtype, copy=False)
-    channels = np.empty((len(values), total), dtype)
+    channels, places = np.empty((len(values), total), dtype), np.arange(total)
+    at = places if positions is None else positions
     for channel, given in zip(channels, values, strict=True):
         there = ~np.isnan(given)
-        channel[:] = np.interp(np.arange(total), positions[there], given[there])
+        channel[:] = np.interp(places, at[there], given[there])
     return channels
 
 

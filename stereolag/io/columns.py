@@ -17,7 +17,17 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
-from stereolag.io.clocks import Gap, Recording, Times, check_size, filled, granule, on_even_clock, rises_evenly
+from stereolag.io.clocks import (
+    Channels,
+    Gap,
+    Recording,
+    Times,
+    check_size,
+    filled,
+    granule,
+    on_even_clock,
+    rises_evenly,
+)
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import HEADER_BYTES, quote
 from stereolag.io.stamps import DAY_S, date_and_clock, is_stamp, read_stamps
@@ -125,6 +135,8 @@ def read_columns(data: bytes) -> Recording:
     text, below = _without_footer(text, layout)
     table, stamps, lines = _read(text, layout)
     columns = layout.of("number")
+    for index, row in np.argwhere(np.isinf(table))[:1]:
+        raise _unreadable(lines[row], f"{table[index, row]:g}", columns[index], layout, "finite numbers")
     clock, within = _clock_of_stamps(layout, stamps, table, lines)
     kept = [index for index in range(len(columns)) if index != within]
     rate, start_s = _stated(layout)
@@ -170,7 +182,8 @@ def _decoded(data: bytes) -> str:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = data.decode("latin-1")
-    return text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
+    text = text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\N{MINUS SIGN}", "-").replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _without_nuls(text: str) -> tuple[str, int]:
@@ -523,15 +536,16 @@ def _letters(name: str) -> list[str]:
     return re.findall(r"[a-zµμ]+", _words_of(name))
 
 
-def _column_of_times(table: npt.NDArray[np.float64], names: Sequence[str]) -> int | None:
+def _column_of_times(table: Channels, names: Sequence[str]) -> int | None:
     """Return the index of the column that holds times or counts, None if there is none."""
     if len(table) < 2:
         return None
     for index, name in enumerate(names):
         if is_time(name):
             values = table[index][~np.isnan(table[index])]
-            falls = float((np.diff(values) < 0).mean()) if values.size > 1 else 1.0
-            if falls <= (0.0 if name == "T" else _MOST_FALLS) and values[-1] > values[0]:
+            steps = np.diff(values)
+            falls = min((steps < 0).mean(), (steps > 0).mean()) if steps.size else 1.0  # the last may come first
+            if falls <= (0.0 if name == "T" else _MOST_FALLS) and values[-1] != values[0]:
                 return index
     return 0 if rises_evenly(table[0]) or (not names[0] and _rises_alone(table[0])) else None
 
@@ -562,7 +576,7 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
 
 
 def on_own_clock(
-    table: npt.NDArray[np.float64],
+    table: Channels,
     names: Sequence[str],
     numbers: Sequence[int],
     *,
@@ -588,17 +602,8 @@ def on_own_clock(
     Raises
     ------
     ValueError
-        Times that go back, columns without values, infinite values, or a size beyond the limits.
+        Times that go back, columns without values, or a size beyond the limits.
     """
-    where = "Sample" if lines is None else "Line"
-    places = np.arange(1, table.shape[1] + 1) if lines is None else lines
-    bad = np.argwhere(np.isinf(table))
-    if bad.size:
-        column, row = bad[0]
-        raise ValueError(
-            f"{where} {places[row]} holds {table[column, row]:g} in {column_name(numbers[column], names[column])}; "
-            "every sample must be a finite number."
-        )
     with np.errstate(over="ignore", invalid="ignore"):
         clocks = _clock_columns(table, names)
         index = None if clock else _column_of_times(table, names)
@@ -618,9 +623,13 @@ def on_own_clock(
         notes.append(f"mostly empty, left out: {named}")
     chosen = [column for column in kept if column not in sparse]
     check_size(len(chosen), table.shape[1])
-    recording = _clocked(table[chosen], clock, places, where, stated_rate)
-    if not is_seconds:
-        recording = _counted(recording, stated_rate)
+    values = table[chosen] if len(chosen) < len(table) else table
+    if clock is None:
+        gaps = _losses(values, np.arange(values.shape[1]) / stated_rate) if stated_rate else ()
+        recording = Recording(filled(values, None, values.shape[1]), stated_rate, gaps=gaps)
+    else:
+        recording = _clocked(values, clock, lines)
+        recording = recording if is_seconds else _counted(recording, stated_rate)
     return replace(
         recording,
         names=tuple(names[column] for column in chosen),
@@ -629,46 +638,40 @@ def on_own_clock(
     )
 
 
-def _clock_columns(table: npt.NDArray[np.float64], names: Sequence[str]) -> set[int]:
+def _clock_columns(table: Channels, names: Sequence[str]) -> set[int]:
     """Return the indices of columns that rise as their heading says that times or counts do."""
     return {column for column, name in enumerate(names) if len(table) > 1 and _is_clock(table[column], name, column)}
 
 
 def _is_clock(values: Vector, name: str, column: int) -> bool:
-    counted = float((np.diff(values) == 1).mean())
-    if _COUNT.search(_words_of(name)) and counted > MOSTLY:  # it may begin again after 255
+    is_count = bool(_COUNT.search(_words_of(name)))
+    counted = float((np.diff(values) == 1).mean()) if is_count or column == 0 else 0.0
+    if is_count and counted > MOSTLY:  # it may begin again after 255
         return True
-    is_named = is_time(name) or bool(_COUNT.search(_words_of(name))) or (column == 0 and counted == 1)
-    return is_named and rises_evenly(values)
+    return (is_time(name) or is_count or counted == 1) and rises_evenly(values)
 
 
-def _clocked(
-    values: npt.NDArray[np.float64], clock: Times | None, places: npt.NDArray[np.int64], where: str, rate: float | None
-) -> Recording:
-    """Return values on the clock of their times; without times, at the stated rate."""
+def _clocked(values: Channels, clock: Times, lines: npt.NDArray[np.int64] | None) -> Recording:
+    """Return values on the clock of their times."""
     notes = []
-    if clock is None:
-        rows = np.arange(values.shape[1])
-        gaps = _losses(values, rows / rate) if rate else ()
-        return Recording(filled(values, rows.astype(np.float64), rows.size), rate, gaps=gaps)
-    seconds, there = clock.seconds, ~np.isnan(clock.seconds)
-    if not there.all():
-        seconds, values, places = seconds[there], values[:, there], places[there]
-        notes.append(f"{int((~there).sum())} without a time left out")
-    falls = np.flatnonzero(np.diff(seconds) < 0)
-    if falls.size:
-        row = int(falls[0])
-        raise ValueError(
-            f"{where} {places[row + 1]} goes back in time by {seconds[row] - seconds[row + 1]:,.6g} s; sort it by "
-            "its times, or cut it there."
-        )
+    kept = np.flatnonzero(~np.isnan(clock.seconds))
+    if kept.size < clock.seconds.size:
+        notes.append(f"{clock.seconds.size - kept.size} without a time left out")
+    if (np.diff(clock.seconds[kept]) <= 0).all():
+        kept = kept[::-1]
+        notes.append("the last comes first: turned round")
+    seconds, values = clock.seconds[kept], values[:, kept]
+    for row in np.flatnonzero(np.diff(seconds) < 0)[:1]:
+        place = f"Sample {kept[row + 1] + 1}" if lines is None else f"Line {lines[kept[row + 1]]}"
+        step = seconds[row] - seconds[row + 1]
+        raise ValueError(f"{place} goes back in time by {step:,.6g} s; sort the file by its times, or cut it there.")
     clock = Times(seconds - seconds[0], clock.start_s + float(seconds[0]), clock.epoch, clock.rounding)
     recording = on_even_clock(clock, values)
     gaps = tuple(sorted((*recording.gaps, *_losses(values, clock.seconds)), key=lambda gap: gap.start_s))
     return replace(recording, gaps=gaps, notes=(*notes, *recording.notes))
 
 
-def _losses(values: npt.NDArray[np.float64], seconds: Vector) -> tuple[Gap, ...]:
+def _losses(values: Channels, seconds: Vector) -> tuple[Gap, ...]:
     """Return the gaps in which every channel lacks its values."""
     edges = np.flatnonzero(np.diff(np.isnan(values).all(axis=0), prepend=False, append=False))
     runs = [(first, last) for first, last in edges.reshape(-1, 2) if last - first >= LONG_LOSS and last < seconds.size]
@@ -681,10 +684,7 @@ def _counted(recording: Recording, rate: float | None) -> Recording:
     """Return a recording whose times are counts of an unknown unit at the stated rate, or at none."""
     per_count = recording.sampling_rate or 1.0
     missing = round(sum(gap.length_s for gap in recording.gaps) * per_count)
-    gaps = (
-        tuple(Gap(gap.start_s * per_count / rate, gap.length_s * per_count / rate) for gap in recording.gaps)
-        if rate
-        else ()
-    )
     notes = (*recording.notes, f"{missing:,} samples missing by their counts, filled") if missing else recording.notes
+    unit_s = per_count / rate if rate else 0.0
+    gaps = tuple(Gap(gap.start_s * unit_s, gap.length_s * unit_s) for gap in recording.gaps) if rate else ()
     return replace(recording, sampling_rate=rate, start_s=0.0, epoch="start", gaps=gaps, notes=notes)

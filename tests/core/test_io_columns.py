@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from stereolag.io.clocks import Gap, Recording, starts_apart
 from stereolag.io.columns import read_columns
+from stereolag.io.stamps import read_stamps
 from stereolag.signals import signal_lag
 
 RATE = 200
@@ -102,6 +103,8 @@ ELAPSED = {
     "UTF-16": timed("{}\t{}\t{}", "Zeit [ms]\tA [µV]\tB [µV]", 1e-3, 0).encode("utf-16"),
     "UTF-16 without its mark": timed("{}\t{}\t{}", "t\tA\tB").encode("utf-16-le"),
     "Latin-1": timed("{}\t{}\t{}", "t [µs]\tA [µV]\tB [µV]", 1e-6, 0).encode("latin-1"),
+    "last first": "t,A,B\n" + "\n".join(reversed(timed("{},{},{}").splitlines())),
+    "Unicode's minus": timed("{};{};{}", "t;A;B").replace("-", "\N{MINUS SIGN}").encode(),
     "lines end in CR LF, blank ones between": timed("{},{},{}\n", "t,A,B").replace("\n", "\r\n"),
 }
 
@@ -285,6 +288,22 @@ def test_a_serial_monitor_puts_the_time_before_an_arrow() -> None:
         np.testing.assert_array_equal(recording.channels, [A, B])
 
 
+@pytest.mark.parametrize(
+    ("text", "clock"),
+    [
+        ("05/13/2024 12:30:00 AM", "00:30:00"),
+        ("05/13/2024 12:30:00 PM", "12:30:00"),
+        ("05/13/2024 1:30:00.5 p.m.", "13:30:00.5"),
+        ("2024-05-13T12:30:00+02:00", "10:30:00"),
+        ("2024-05-13 12:30:00 -0530", "18:00:00"),
+        ("13. Mai 2024 12:30", "12:30:00"),
+    ],
+)
+def test_halves_of_the_day_zones_and_months(text: str, clock: str) -> None:
+    times = read_stamps([text])
+    assert (times.epoch, times.start_s) == ("1970", datetime.fromisoformat(f"2024-05-13T{clock}+00:00").timestamp())
+
+
 def test_a_date_that_can_be_read_both_ways_counts_from_midnight_alone() -> None:
     clock = stamp("%d/%m/%Y %H:%M:%S.%L", 0.1, datetime(2024, 6, 5, 20, 0, tzinfo=UTC))
     recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
@@ -405,15 +424,15 @@ def test_more_nul_bytes_are_refused() -> None:
             "Line 3 holds “x1y” in column 2 “A”, where other lines hold numbers; correct or",
         ),
         ("Samples\n1\n2\nhello\n3\n", "Line 4 holds “hello”, where other lines hold numbers"),
-        ("1\n-inf\n", "Line 2 holds -inf in column 1; every sample must be a finite number"),
+        ("1\n-inf\n", "Line 2 holds “-inf”, where other lines hold finite numbers"),
         ("1,2\n3\n", "Line 2 holds 1 field and the lines before it 2; complete or remove it"),
         ("1,2\n3,4,5\n", "Line 2 holds 3 fields and the lines before it 2"),
         ("# r\n1 # ok\n\n1_000\n", "Line 4 holds “1_000”"),
         ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\?x\?\(http:"),
         ("word\nand more words\n", "No line of the text holds a number: line 1 is “word”; allowed are numbers, times"),
         ("2024-05-06,word\n2024-05-07,word\n", "No line of the text holds a number"),
-        ("t,A\n0.1,1\n0.2,2\n0.15,3\n0.3,4\n" + "0.4,1\n" * 10, "Line 4 goes back in time by 0.05 s; sort it by its"),
-        (rows(lambda i: f"2024-05-06 10:{59 - i // 60:02d}:00,{A[i]}"), "Line 61 goes back in time by 60 s"),
+        ("t,A\n0.1,1\n0.2,2\n0.15,3\n0.3,4\n" + "0.4,1\n" * 10, "Line 4 goes back in time by 0.05 s; sort the file"),
+        (rows(lambda i: f"2024-05-06 {10 - (i >= 60)}:{i % 60:02d}:00,{A[i]}"), "Line 61 goes back in time by 7,140 s"),
         (
             rows(lambda i: f"{'soon' if i == 7 else stamp('%H:%M:%S')(i)},{A[i]}"),
             "Line 8 holds “soon” in column 1, where other lines hold times",
