@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -198,6 +200,36 @@ def test_any_numbers_survive_the_way_through_text(
 ) -> None:
     lines = [header] * bool(header) + [separator.join(map(repr, row)) for row in samples.T.tolist()]
     np.testing.assert_array_equal(read(newline.join(lines)).channels, samples)
+
+
+STAMPS = pandas.date_range(START, periods=A.size, freq="5ms")
+FRAME = pandas.DataFrame({"A": A, "B": B})
+LOST = FRAME.copy()
+LOST.loc[50:80, "A"] = np.nan
+WRITTEN_BY_PANDAS = {
+    "dates as index": FRAME.set_index(STAMPS).to_csv(),
+    "dates without a zone": FRAME.set_index(STAMPS.tz_localize(None)).to_csv(),
+    "dates of another zone": FRAME.set_index(STAMPS.tz_convert("Asia/Kolkata")).to_csv(sep="\t"),
+    "dates in a column": FRAME.assign(when=STAMPS).to_csv(),
+    "decimal commas": FRAME.set_index(STAMPS.tz_localize(None)).to_csv(sep=";", decimal=","),
+    "Unix nanoseconds": FRAME.assign(time=STAMPS.as_unit("ns").astype("int64")).to_csv(index=False),
+    "elapsed": FRAME.assign(elapsed_s=np.arange(A.size) / RATE).to_csv(),
+    "durations": FRAME.assign(time=(STAMPS - STAMPS[0]).total_seconds() * 1e3)
+    .rename(columns={"time": "t_ms"})
+    .to_csv(),
+    "fixed width": FRAME.assign(t=np.arange(A.size) / RATE)[["t", "A", "B"]].to_string(index=False),
+    "missing values": LOST.set_index(STAMPS).to_csv(),
+    "everything quoted": FRAME.set_index(STAMPS).to_csv(quoting=csv.QUOTE_ALL),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN_BY_PANDAS)
+def test_what_pandas_writes_is_read(name: str) -> None:
+    recording = read(WRITTEN_BY_PANDAS[name])
+    assert recording.sampling_rate == pytest.approx(RATE)
+    there = slice(81, None) if name == "missing values" else slice(None)
+    np.testing.assert_allclose(recording.channels[:, there], [A[there], B[there]], atol=1e-12)
+    assert recording.mended_lines == (31 if name == "missing values" else 0)
 
 
 # Gaps and uneven times.

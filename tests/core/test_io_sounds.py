@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import pytest
 import soundfile
 from recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
 from scipy import signal
+from scipy.io import wavfile
 
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks, sounds, sources
@@ -46,6 +48,16 @@ def test_lossless_audio_comes_back(kind: str, subtype: str | None, channels: int
     assert recording.channels.dtype == np.float64
     np.testing.assert_allclose(recording.channels, STEREO.T[:channels], atol=1e-4)
     assert recording.notes == ()
+
+
+@pytest.mark.parametrize("kind", ["<i2", "<i4", "<f4", "u1"])
+def test_what_scipy_writes_is_read(kind: str) -> None:
+    dtype, stream = np.dtype(kind), io.BytesIO()
+    half = 1.0 if dtype.kind == "f" else 2.0 ** (8 * dtype.itemsize - 1)
+    wavfile.write(stream, 16_000, (STEREO * half + half * (kind == "u1")).astype(dtype))
+    recording = read_signal(stream)
+    assert recording.sampling_rate == 16_000
+    np.testing.assert_allclose(recording.channels, STEREO.T, atol=1.1 / half if dtype.kind != "f" else 1e-7)
 
 
 # (name of the format, FFmpeg's name of the container, codec, rate, samples that its codec adds unsaid)
