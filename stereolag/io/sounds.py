@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections import deque
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -145,7 +146,7 @@ class _Spliced(io.RawIOBase):
 
 def _by_libsndfile(stream: str | _Spliced) -> Recording:
     with soundfile.SoundFile(stream) as file:
-        if file.frames >= UNKNOWN_FRAMES:
+        if file.frames >= UNKNOWN_FRAMES or (not file.frames and file.format != "WAV"):
             raise RuntimeError("the header does not state the number of samples")
         check_size(file.channels, file.frames)
         if file.samplerate <= 0:
@@ -283,7 +284,8 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
             )
         context.thread_count = 1
         stream = streams[number - 1]
-        recording, notes = _decoded(container, stream), []
+        recording = _decoded(container, stream)
+        notes = list(recording.notes)
         if not (form.states_delay or context.name.startswith("pcm_")):
             notes.append(DELAYED)
         stated = round(float((stream.duration or 0) * (stream.time_base or 0)) * context.sample_rate)
@@ -301,11 +303,12 @@ def _described(stream: AudioStream) -> str:
 
 def _decoded(container: InputContainer, stream: AudioStream) -> Recording:
     """Return the sound of a stream from the beginning of its file on; where there is none, it is silent."""
-    blocks: list[npt.NDArray[Any]] = []
+    blocks: deque[npt.NDArray[Any]] = deque()
     gaps: list[Gap] = []
+    faults: list[Exception] = []
     count, rate, number = 0, 0, 0
     start_s = (container.start_time or 0) / MICROSECONDS
-    for frame in _frames(container, stream):
+    for frame in _frames(container, stream, faults):
         block = _samples_of(frame)
         if not rate:
             rate, number = frame.sample_rate, len(block)
@@ -326,19 +329,26 @@ def _decoded(container: InputContainer, stream: AudioStream) -> Recording:
     check_size(number, count)
     channels = np.empty((number, count), float_type(number * count))
     place = 0
-    for index, block in enumerate(blocks):
-        blocks[index] = block[:, :0]  # as it is copied, it is let go
+    while blocks:
+        block = blocks.popleft()
         channels[:, place : place + block.shape[1]] = _scaled(block)
         place += block.shape[1]
-    return Recording(channels, float(rate), gaps=tuple(gaps))
+    notes = (f"damaged in {len(faults)} place{'s' * (len(faults) > 1)}: sound is missing there",) if faults else ()
+    return Recording(channels, float(rate), gaps=tuple(gaps), notes=notes)
 
 
-def _frames(container: InputContainer, stream: AudioStream) -> Iterator[AudioFrame]:
+def _frames(container: InputContainer, stream: AudioStream, faults: list[Exception]) -> Iterator[AudioFrame]:
+    """Yield all frames that can be decoded; errors about others are added to `faults`."""
     import av
 
-    for packet in container.demux(stream):
-        with suppress(av.FFmpegError):  # the sound of this packet is lost; that of later ones may be intact
-            yield from packet.decode()
+    try:
+        for packet in container.demux(stream):
+            try:
+                yield from packet.decode()
+            except av.FFmpegError as error:  # the sound of this packet is lost; that of later ones may be intact
+                faults.append(error)
+    except av.FFmpegError as error:
+        faults.append(error)
 
 
 def _samples_of(frame: AudioFrame) -> npt.NDArray[Any]:

@@ -208,8 +208,23 @@ def test_a_flac_that_states_no_length_is_read() -> None:
 
 def test_audio_that_is_cut_short_says_so() -> None:
     recording = read_signal(sound("FLAC", samples=VOICE)[:-20_000])
+    assert recording.notes[-1] == f"cut short: {recording.channels.shape[1]:,} of 32,768 samples are there"
+
+
+def test_damage_in_the_middle_costs_its_own_sound_alone() -> None:
+    data = bytearray(filmed("mp4", "aac", VOICE, rate=16_000))
+    middle = len(data) // 3
+    data[middle : middle + 600] = bytes(600)
+    recording = read_signal(bytes(data))
     (note,) = recording.notes
-    assert note == f"cut short: {recording.channels.shape[1]:,} of 32,768 samples are there"
+    assert note.startswith("damaged in ") and note.endswith("sound is missing there")
+    np.testing.assert_allclose(recording.channels[0, -8000:-1000].std(), VOICE[-8000:-1000].std(), rtol=0.1)
+    assert signal_lag(VOICE[-8000:], recording.channels[0, VOICE.size - 8000 :]).lag == 0
+
+
+def test_an_ogg_that_is_cut_short_is_read_as_far_as_it_goes() -> None:
+    data = sound("OGG", samples=np.tile(VOICE, 4))
+    assert VOICE.size < read_signal(data[: len(data) * 2 // 3]).channels.shape[1] < 4 * VOICE.size
 
 
 WHAT = "The recording is a file of"
