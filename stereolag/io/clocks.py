@@ -78,8 +78,8 @@ class Recording:
     numbers
         Number of each channel in the file, from 1: of columns of numbers, the times and words count as well.
     tracks, track
-        Names of the audio tracks of a video, or of the arrays of an NPZ or MAT file, and the number, from 1, of the one
-        that was read.
+        Names of the audio tracks of a video, of the arrays of an NPZ or MAT file, or of sensors that take turns in a
+        text; and the number, from 1, of the one that was read.
     notes
         What was mended or left out, one short phrase each.
     """

@@ -23,6 +23,7 @@ from stereolag.io.clocks import (
     Recording,
     Times,
     check_size,
+    chosen_track,
     filled,
     granule,
     on_even_clock,
@@ -49,6 +50,7 @@ HEADING = 3
 FEWEST_ROWS = 10
 """Columns of fewer rows have nothing below them."""
 MOSTLY = 0.9
+MOST_TURNS = 20
 SPARSE, MOST_MISSING = 0.05, 0.5
 """Share of rows below which a column counts as empty; share of missing values above which it is left out."""
 LONG_LOSS = 3
@@ -107,18 +109,21 @@ _MOST_FALLS = 0.1
 """Share of steps that may go back in a column that its heading calls times: above, it is a signal."""
 
 
-def read_columns(data: bytes) -> Recording:
+def read_columns(data: bytes, track: int | str = 1) -> Recording:
     """Return the columns of a text as channels, on the clock that its times or its heading give.
 
     Each column holds numbers, times (dates, times of day, or numbers under a heading such as "time_ms"), or words,
     which are left out. Lines above the columns are their heading; lines below are left out. Values may be missing
     (empty, NaN, "---") in up to half of a column, and lie on a straight line between their neighbours. NUL bytes
-    after a number are removed from a few lines (at most 5, and one in a hundred).
+    after a number are removed from a few lines (at most 5, and one in a hundred). If several sensors take turns, line
+    by line, named in a column of words ("acc", "gyr", "acc"), each is a track.
 
     Parameters
     ----------
     data
         The text: UTF-8, UTF-16, or Latin-1; lines end in LF, CRLF or CR.
+    track
+        Number, from 1, or name of the sensor, if several take turns.
 
     Raises
     ------
@@ -133,6 +138,9 @@ def read_columns(data: bytes) -> Recording:
         text = _SPACED.sub(r"\1\2", text)
     layout = _layout(text, whole)
     text, below = _without_footer(text, layout)
+    number = chosen_track(layout.turns, track)
+    if len(layout.turns) > 1:
+        text = _of_one(text, layout, layout.turns[number - 1])
     table, stamps, lines = _read(text, layout)
     columns = layout.of("number")
     for index, row in np.argwhere(np.isinf(table))[:1]:
@@ -155,6 +163,7 @@ def read_columns(data: bytes) -> Recording:
     if below:
         notes.append(f"{below} line{'s' * (below > 1)} below the columns left out")
     mended += int(np.isnan(table).any(axis=0).sum())
+    recording = replace(recording, tracks=layout.turns, track=number)
     return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
 
 
@@ -242,6 +251,8 @@ class _Layout:
         The lines above it.
     names
         The heading of each column, "" if it has none.
+    label, turns
+        The column of words by which lines take turns, and these words in their order.
     """
 
     separator: str | None
@@ -250,6 +261,8 @@ class _Layout:
     first: int
     heading: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
+    label: int = 0
+    turns: tuple[str, ...] = ("1",)
 
     def of(self, kind: Kind) -> list[int]:
         """Return the columns of one kind."""
@@ -272,7 +285,29 @@ def _layout(text: str, whole: str) -> _Layout:
     best = min((one for one in found if 2 * one.rows >= most), key=lambda one: len(one.of("word")))
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
     heading = [line for line in heading if line][-MOST_LINES:]
+    best = _with_turns(best, [line for _, line in probed])
     return replace(best, heading=tuple(heading), names=_names(heading, best))
+
+
+def _with_turns(layout: _Layout, lines: Sequence[str]) -> _Layout:
+    """Return a layout with the words of a column that come in turn, one after another, if there is such a column."""
+    rows = [row for row in _split(lines, layout.separator) if _is_row(row, layout)]
+    for column in layout.of("word"):
+        words = [row[column].strip() for row in rows if len(row) > column]
+        turns = tuple(dict.fromkeys(words))
+        again = [word == later for word, later in zip(words, words[len(turns) :], strict=False)]
+        if 1 < len(turns) <= MOST_TURNS and len(again) >= FEWEST_ROWS and sum(again) >= MOSTLY * len(again):
+            return replace(layout, label=column, turns=turns)
+    return layout
+
+
+def _of_one(text: str, layout: _Layout, word: str) -> str:
+    """Return a text with blanks in place of the rows of others, so that its lines keep their numbers."""
+    lines = text.split("\n")
+    for number, row in enumerate(_split(lines[layout.first - 1 :], layout.separator), start=layout.first - 1):
+        if len(row) > layout.label and row[layout.label].strip() != word:
+            lines[number] = ""
+    return "\n".join(lines)
 
 
 def _is_one_column(lines: Sequence[str], layout: _Layout) -> bool:

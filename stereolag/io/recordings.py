@@ -48,7 +48,8 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
     source
         A path, the bytes of the file, or a binary file object.
     track
-        Which audio track of a video, or which array of an NPZ or MAT file: its number, from 1, or its name.
+        Which audio track of a video, array of an NPZ or MAT file, or sensor of a text in which several take turns: its
+        number, from 1, or its name.
 
     Returns
     -------
@@ -95,7 +96,7 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
     if data.startswith(_MAT_MAGIC):
         return _from_arrays(_mat(data), track, "MAT")
     check_text(head)
-    return replace(read_columns(data), track=chosen_track(("1",), track))
+    return read_columns(data, track)
 
 
 # Arrays.

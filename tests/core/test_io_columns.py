@@ -390,6 +390,19 @@ def test_what_is_left_out_is_said_and_columns_keep_their_numbers_and_names() -> 
         recording.channel(2)
 
 
+def test_sensors_that_take_turns_are_tracks() -> None:
+    lines = (f"{name},{i / RATE:.3f},{values[i]}" for i in range(A.size) for name, values in (("acc", A), ("gyr", B)))
+    text = "\n".join(["sensor,t,value", *lines])
+    for track, values in (("acc", A), (2, B)):
+        recording = read_columns(text.encode(), track)
+        assert (recording.tracks, recording.sampling_rate) == (("acc", "gyr"), RATE)
+        np.testing.assert_array_equal(recording.channels, [values])
+    with pytest.raises(ValueError, match="has no track “mag”; there are “acc”, “gyr”"):
+        read_columns(text.encode(), "mag")
+    with pytest.raises(ValueError, match="Line 5 holds “x” in column 3 “value”"):
+        read_columns(text.replace(f"gyr,0.005,{B[1]}", "gyr,0.005,x").encode(), 2)
+
+
 def test_counts_give_no_rate_but_their_gaps() -> None:
     recording = read(rows(lambda i: f"{i + (i >= 100) * 7},{A[i]}", "No.,A"))
     assert recording.sampling_rate is None
