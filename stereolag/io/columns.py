@@ -278,7 +278,8 @@ def _layout(text: str, whole: str) -> _Layout:
             raise ValueError(f"Line {number} has {len(line):,} characters; at most {MAX_LINE:,} are accepted.")
     found = [one for separator in _SEPARATORS if (one := _layout_by(probed, separator))]
     if not found:
-        raise ValueError(f"No line of the text holds a number{_shown(probed)}; {ALLOWED}.")
+        said = f": line {probed[0][0]} is {quote(probed[0][1].strip())}" if probed else ""
+        raise ValueError(f"No line of the text holds a number{said}; {ALLOWED}.")
     if found[0].separator == "," and _is_one_column([line for _, line in probed], found[0]):
         found = [one for one in found if one.separator is None] or found
     most = max(one.rows for one in found)
@@ -319,10 +320,6 @@ def _is_one_column(lines: Sequence[str], layout: _Layout) -> bool:
     if layout.kinds != ("number", "number") or not all(row[1].isdigit() for row in rows):
         return False
     return any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
-
-
-def _shown(probed: Sequence[tuple[int, str]]) -> str:
-    return f": line {probed[0][0]} is {quote(probed[0][1].strip())}" if probed else ""
 
 
 def _layout_by(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
@@ -410,18 +407,15 @@ def _stated(layout: _Layout) -> tuple[float | None, float]:
     """Return the sampling rate that the heading states, None if none, and the time of the first sample, s."""
     rate, start_s = None, 0.0
     rows = [_split([line], layout.separator)[0] for line in layout.heading]
-    for number, line in enumerate(layout.heading):
-        for pattern in (_RATE, _STEP):
-            if named := pattern.search(line):
-                places = [place for place, field in enumerate(rows[number]) if pattern.search(field)]
-                below = rows[number + 1] if number + 1 < len(rows) else []
-                under = next((below[place] for place in places if place < len(below)), "")
-                said = _QUANTITY.match(line, named.end()) or _QUANTITY.match(under)
-                value = float(said[1]) * _PREFIXES.get(said[2] or "", 1.0) if said and _number(said[1]) else 0.0
-                if value > 0 and rate is None:
-                    rate = value if pattern is _RATE else 1 / value
-                starts = [place for place, field in enumerate(rows[number]) if field.strip().lower() == "start"]
-                start_s = next((_number(below[place]) or 0.0 for place in starts if place < len(below)), start_s)
+    for line, row, below in zip(layout.heading, rows, [*rows[1:], []], strict=False):
+        under = {field.strip().lower(): value for field, value in zip(row, below, strict=False)}
+        start_s = _number(under.get("start", "")) or start_s
+        for pattern, power in ((_RATE, 1), (_STEP, -1)):
+            if rate is None and (named := pattern.search(line)):
+                beneath = next((value for field, value in under.items() if pattern.search(field)), "")
+                said = _QUANTITY.match(line, named.end()) or _QUANTITY.match(beneath)
+                value = (_number(said[1]) or 0.0) * _PREFIXES.get(said[2] or "", 1.0) if said else 0.0
+                rate = value**power if value > 0 else None
     return rate, start_s
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy import signal
 
-from stereolag.io.clocks import Gap, Recording, starts_apart
+from stereolag.io.clocks import Gap, Recording, at_one_rate, starts_apart
 from stereolag.io.columns import read_columns
 from stereolag.io.stamps import read_stamps
 from stereolag.signals import signal_lag
@@ -256,14 +257,39 @@ def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_place
     assert "0.3 s missing after 0.495 s, filled" in recording.remarks
 
 
-def test_the_lag_is_true_across_a_gap_and_from_one_logger_to_another() -> None:
-    sound = np.random.default_rng(5).normal(size=3037).round(4)
-    whole = "\n".join(["time_s,acc", *(f"{i / 100:.2f},{sound[i + 37]}" for i in range(3000))])
-    there = np.ones(3000, bool)
-    there[1000:1300] = False
-    gap = "\n".join(f"{stamp('%d.%m.%Y %H:%M:%S,%L', 0.01)(i)};{comma(sound[i])}" for i in np.flatnonzero(there))
-    result = signal_lag(read(whole), read(gap))
-    assert (result.lag, result.time_s) == (37, pytest.approx(0.37))
+@pytest.mark.parametrize(
+    ("rates", "uneven", "gaps"),
+    [
+        ((100, 100), (0.0, 0.0), (0.0, 3.0)),
+        ((200, 99.1), (0.0, 0.3), (2.5, 0.0)),
+        ((104.17, 102.4), (0.3, 0.3), (0.0, 0.0)),
+        ((97.3, 50), (0.3, 0.0), (2.5, 3.7)),
+    ],
+)
+def test_the_lag_is_true_from_one_logger_to_another_across_gaps(
+    rates: tuple[float, float], uneven: tuple[float, float], gaps: tuple[float, float]
+) -> None:
+    random = np.random.default_rng(7)
+    sos = signal.butter(4, [1, 20], fs=1000, btype="band", output="sos")
+    sound = signal.sosfiltfilt(sos, random.normal(size=64_000))
+
+    def logged(rate: float, uneven: float, gap: float, later: float) -> Iterator[tuple[float, float]]:
+        times = np.arange(int(55 * rate)) / rate
+        times = np.sort(times + random.uniform(-uneven, uneven, times.size) / rate)
+        times = times[(times < 20) | (times > 20 + gap)] - times[0]
+        heard = np.interp(times + 2 - later, np.arange(sound.size) / 1000, sound) / sound.std()
+        return zip(times, heard + random.normal(scale=0.3, size=times.size), strict=True)
+
+    first = "\n".join(["t,A", *(f"{t:.4f},{v:.4f}" for t, v in logged(rates[0], uneven[0], gaps[0], 0.0))])
+    second = "\n".join(
+        f"{(START + timedelta(seconds=round(t, 3))).strftime('%d.%m.%Y %H:%M:%S,%f')[:-3]};{comma(v)}"
+        for t, v in logged(rates[1], uneven[1], gaps[1], 0.37)
+    )
+    pair = at_one_rate(read(first), read(second))
+    result = signal_lag(*pair)
+    assert result.verdict == "sure"
+    assert result.lag_subsample / pair[0].sampling_rate == pytest.approx(0.37, abs=0.2 / min(rates))
+    assert len(pair[0].gaps) + len(pair[1].gaps) == np.count_nonzero(gaps)
 
 
 def test_uneven_times_are_brought_onto_an_even_clock() -> None:
