@@ -135,8 +135,8 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
             lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
     if judgement is not None:
         lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
-        if judgement.drift is not None:
-            drift = judgement.drift
+        if judgement.over_time is not None:
+            drift = judgement.over_time
             lines.append(
                 f"drift     {drift.ppm:+.2f} ppm, ± {drift.error_ppm:.1g}; ± {drift.spread:.2g} samples a block"
             )

@@ -179,7 +179,7 @@ def allocator_slack(size: float, count: int) -> float:
 
 COSTS: Mapping[str, Cost] = {
     # Recordings. samples: of both; longest, shortest: of one; lags: searched; points: of a transform, and
-    # turns: points * log2(points).
+    # turns: points * log2(points); judged: samples that the verdict is formed from.
     # Spectra, twiddle factors and scratch vectors of two threads; later the curve, its lags and those that may tie
     # with the peak: at worst all whose overlap is at least half the longest, in seven vectors.
     "lag by fft": Cost(
@@ -187,25 +187,35 @@ COSTS: Mapping[str, Cost] = {
             {"samples": 16, "longest": 8},
             {"samples": 8, "points": 80},
             {"samples": 8, "points": 16, "lags": 16, "ties": 56},
+            {"samples": 8, "lags": 16, "judged": 250},
         ),
         {"turns": 1.4e-8},
         {"points": (16, 3)},
     ),
     # Two rows, their scratch vectors and spectra, the sum; before that, a finiteness flag per sample.
-    "lag by blocks": Cost(({"points": 56, "longest": 1},), {"turns": 3e-9, "samples": 2e-8}, {"points": (8, 2)}),
+    "lag by blocks": Cost(
+        ({"points": 56, "longest": 1}, {"judged": 250}), {"turns": 3e-9, "samples": 2e-8}, {"points": (8, 2)}
+    ),
     # Bands of both at a time, their transforms and copies; later the bound in cells, and the blocks around peaks.
-    "lag by bands": Cost(({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1}), {"turns": 3e-9, "samples": 8e-8}),
+    "lag by bands": Cost(
+        ({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1, "judged": 250}), {"turns": 3e-9, "samples": 8e-8}
+    ),
     "lag by products": Cost(
         (
             {"samples": 16, "longest": 8},
             {"samples": 8, "lags": 16, "ties": 56},
             {"samples": 8, "lags": 16, "shortest": 16},
+            {"samples": 8, "lags": 16, "judged": 250},
         ),
         {"samples": 1.5e-8, "products": 2.5e-10},
         {"longest": (8, 1)},
     ),
     # Means, scales and indices of the slices of both; six vectors while the longer recording is sorted by value.
-    "lag by votes": Cost(({"samples": 32, "longest": 48},), {"samples": 1.5e-8, "turns": 1.8e-8}, {"longest": (8, 3)}),
+    "lag by votes": Cost(
+        ({"samples": 32, "longest": 48}, {"samples": 8, "judged": 250}),
+        {"samples": 1.5e-8, "turns": 1.8e-8},
+        {"longest": (8, 3)},
+    ),
     # Templates. grey: bytes of luminance and contiguous copies; values: of the template; places: that are scored.
     # While the template is prepared; then its deviations, the scores, its spectra and those of the tiles.
     "template by fft": Cost(

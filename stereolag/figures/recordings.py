@@ -15,8 +15,8 @@ from stereolag.core.typography import typeset
 from stereolag.figures.charts import LEGEND_ABOVE, laid_out, rings
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.signals.clocks import LagOverTime
 from stereolag.signals.correlation import overlap_length, overlap_slices
-from stereolag.signals.verdict import Drift
 
 POINTS = 2_000
 """Most points drawn per line, however long: about two for every pixel of its width."""
@@ -160,7 +160,7 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
     )
 
 
-def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
+def lag_over_time(drift: LagOverTime, sampling_rate: float) -> go.Figure:
     """Return the lag of each block over the time of recording 1, and the line fitted to their drift."""
     places, lags = np.array(drift.places), np.array(drift.lags)
     seconds = places / sampling_rate

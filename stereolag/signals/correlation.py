@@ -30,8 +30,11 @@ FLAT = 1e-10
 GRAIN = 1024
 """Samples between stored running sums."""
 
+_LOUD_STEPS = 8
+"""The loudest stretch starts at a multiple of its length over this number."""
 
-def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+
+def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
     """Return the number of samples that overlap at each of the `lags`."""
     return np.asarray(np.minimum(size_1, size_2 - lags) - np.maximum(0, -lags))
 
@@ -74,7 +77,7 @@ class Recording(ABC):
 class HeldRecording(Recording):
     """A recording in memory, as one piece."""
 
-    def __init__(self, samples: Vector) -> None:
+    def __init__(self, samples: npt.NDArray[Any]) -> None:
         self.size = self.piece = samples.size
         self._samples = samples
 
@@ -84,6 +87,18 @@ class HeldRecording(Recording):
         if inside.size == stop - start:
             return inside
         return np.pad(inside, (max(0, -start), max(0, stop - max(start, self.size))))
+
+
+class Inverted(Recording):
+    """A recording with its sign reversed."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.size, self.piece = recording.size, recording.piece
+        self._recording = recording
+
+    def part(self, start: int, stop: int) -> Vector:
+        """Return the samples, with their signs reversed."""
+        return -self._recording.part(start, stop)
 
 
 class ConvertedRecording(Recording):
@@ -127,6 +142,22 @@ class ConvertedRecording(Recording):
         """Return the sums and the sums of squares of the first `first`, `first` + 1, … `last` samples, (2, N)."""
         start = first // GRAIN * GRAIN
         return running_sums(self.part(start, last), self.sums[:, first // GRAIN])[:, first - start :]
+
+
+def loudest_stretch(one: Recording, other: Recording, lag: int, longest: int) -> tuple[slice, slice]:
+    """Return the parts of both, at most `longest` samples, in which they are loudest together at `lag`."""
+    part, _ = overlap_slices(one.size, other.size, lag)
+    start, size = part.start, part.stop - part.start
+    if size > longest:
+        step = longest // _LOUD_STEPS
+        energies = []
+        for first in range(part.start, part.stop, step):
+            stop = min(first + step, part.stop)
+            here = one.part(first, stop)
+            energies.append(np.sum((here * (here if other is one else other.part(first + lag, stop + lag))) ** 2))
+        loudest = int(np.argmax(np.convolve(energies, np.ones(_LOUD_STEPS), mode="valid")))
+        start, size = start + min(step * loudest, size - longest), longest
+    return slice(start, start + size), slice(start + lag, start + size + lag)
 
 
 def overlap_pearson(signal_1: Recording, signal_2: Recording, lag: int) -> float:
@@ -415,7 +446,7 @@ def block_products(
     return np.asarray(fft.irfft(total, size, overwrite_x=True)[:lags])
 
 
-def _faded(signal: Vector) -> Vector:
+def faded(signal: Vector) -> Vector:
     """Return a copy faded in from zero at its start and out to zero at its end, by raised cosines."""
     faded = signal.copy()
     length = round(_FADED_SHARE * signal.size)
@@ -439,7 +470,7 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     turned = np.empty((2, size), dtype=np.complex128)
     turn = _right_angle(size)
     for signal, row in zip((signal_1, signal_2), turned, strict=True):
-        turn_forth(_faded(signal) if whiten else signal, turn, row)
+        turn_forth(faded(signal) if whiten else signal, turn, row)
     # The transforms need the most memory, so arrays that are quick to recompute are freed first.
     del turn
     spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
@@ -554,7 +585,12 @@ def peak_ratio(curve: Vector, peak: int) -> float:
 
 
 def refine_peak(window: Vector) -> float:
-    """Return the subsample position of a band-limited curve's peak, relative to the middle of `window`: -0.5..0.5.
+    """Return the subsample position of a band-limited curve's peak: see :func:`interpolate_peak`."""
+    return interpolate_peak(window)[0]
+
+
+def interpolate_peak(window: Vector) -> tuple[float, float]:
+    """Return position (relative to the middle of `window`, -0.5..0.5) and height of a band-limited curve's peak.
 
     A parabola through three samples is off by up to 0.1 sample where the curve is as sharp as sampling allows (white
     or whitened recordings), so the curve is interpolated with a Kaiser-windowed sinc.
@@ -568,13 +604,37 @@ def refine_peak(window: Vector) -> float:
     """
     reach = window.size // 2
     if reach == 0:
-        return 0.0
+        return 0.0, float(window[0])
     fine = _interpolation(reach) @ window
     top = int(np.clip(np.argmax(fine), 1, fine.size - 2))
     left, middle, right = fine[top - 1 : top + 2]
     bend = left - 2 * middle + right
     step = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    return float(np.clip(-0.5 + (top + step) / (fine.size - 1), -0.5, 0.5))
+    return float(np.clip(-0.5 + (top + step) / (fine.size - 1), -0.5, 0.5)), float(fine.max())
+
+
+_FINER = 8
+_MARGIN = 64
+
+
+def best_cycle(curve: npt.NDArray[np.floating[Any]], peak: int, reach: int) -> int:
+    """Return the index next to the highest point, between the samples, of a curve up to `reach` from an index.
+
+    With few samples a cycle, the highest sample can belong to the next cycle.
+    """
+    low = max(0, peak - reach - _MARGIN)
+    part = curve[low : peak + reach + _MARGIN + 1].astype(np.float64)
+    # Continued and faded out at both ends: an edge would ring.
+    part = np.pad(part, _MARGIN, mode="edge")
+    fade = np.sin(0.5 * np.pi * (np.arange(_MARGIN) + 0.5) / _MARGIN) ** 2
+    part[:_MARGIN] *= fade
+    part[-_MARGIN:] *= fade[::-1]
+    points = int(fft.next_fast_len(part.size))
+    spectrum = fft.rfft(part, points)
+    fine = fft.irfft(np.pad(spectrum, (0, _FINER * points // 2 + 1 - spectrum.size)), _FINER * points)
+    begin = max(low, peak - reach)
+    first, last = (_FINER * (place - low + _MARGIN) for place in (begin, min(curve.size - 1, peak + reach)))
+    return begin + round(int(np.argmax(fine[first : last + 1])) / _FINER)
 
 
 @lru_cache(maxsize=REACH)

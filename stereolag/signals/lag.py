@@ -18,20 +18,32 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
+from stereolag.signals.clocks import LagOverTime, Step
 from stereolag.signals.correlation import (
     SHORTEST_BLOCK,
     ConvertedRecording,
     HeldRecording,
+    Recording,
     block_curve,
     block_length,
     direct_curve,
     fft_curve,
+    overlap_length,
+    overlap_pearson,
+    peak_ratio,
     phat_curve,
     transform_length,
 )
-from stereolag.signals.search import AROUND, cell_size, lags_within, search_bands, search_curve, search_votes
-from stereolag.signals.verdict import LagJudgement, Verdict, judge
-from stereolag.signals.whitening import Pair
+from stereolag.signals.search import (
+    AROUND,
+    FoundLag,
+    cell_size,
+    lags_within,
+    search_bands,
+    search_curve,
+    search_votes,
+)
+from stereolag.signals.verdict import Arrival, LagJudgement, Verdict, judge, judged_samples
 
 AUDIO_RATE = 44_100.0
 """Samples per second if neither the caller nor a recording gives a rate."""
@@ -112,11 +124,12 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     first, last = lags_within((size_1, size_2), reach)
     lags = last - first + 1
     chosen = algorithm(size_1, size_2, method, reach)
+    judged = judged_samples(size_1, size_2, held=chosen == "whole")
     if chosen == "blocks":
-        return _estimate_blocks(size_1, size_2, lags)
+        return _estimate_blocks(size_1, size_2, lags, judged)
     if chosen == "bands":
         step = cell_size(size_1, size_2)
-        points, around = total // step, _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND)
+        points, around = total // step, _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND, 0)
         return COSTS["lag by bands"].estimate(
             samples=total,
             longest=longest,
@@ -124,6 +137,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
             turns=step // 2 * points * math.log2(points),
             cells=lags // step + 2,
             blocks=around.memory,
+            judged=judged,
         )
     points = transform_length(longest)
     sorted_or_transformed = longest if method == "sampled" else points
@@ -137,6 +151,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
         points=points,
         turns=sorted_or_transformed * math.log2(sorted_or_transformed),
         products=product_count(size_1, size_2, reach),
+        judged=judged,
     )
 
 
@@ -152,7 +167,7 @@ def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Alg
     return "whole" if longest <= LONGEST_WHOLE else "bands"
 
 
-def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
+def _estimate_blocks(size_1: int, size_2: int, lags: int, judged: int) -> Estimate:
     points = block_length(lags)
     blocks = -(-min(size_1, size_2) // (points - lags + 1))
     return COSTS["lag by blocks"].estimate(
@@ -160,6 +175,7 @@ def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
         longest=max(size_1, size_2),
         points=points,
         turns=blocks * points * math.log2(points),
+        judged=judged,
     )
 
 
@@ -184,25 +200,12 @@ _SEARCHING = 0.8
 class SignalLag:
     """The lag of `signal_2` behind `signal_1`, and how reliable it is.
 
+    The lag is the one that all evidence speaks for, whatever curve the method shows; with drift, the one in the middle
+    of the longest stretch. "direct" and "sampled" give the lag that they find themselves, and "fft" and "phat" where it
+    is plain at a glance.
+
     Attributes
     ----------
-    lag
-        Samples; positive if signal 2 records the event later: ``signal_1[i]`` corresponds to ``signal_2[i + lag]``.
-    lag_subsample
-        The lag including its fraction, samples.
-    time_s
-        ``lag / sampling_rate``, seconds, signed as `lag`.
-    distance_m
-        ``abs(time_s) * speed``, metres.
-    score
-        Pearson's correlation of the samples that overlap at `lag`, -1..1.
-    peak_ratio
-        Height of the peak over the highest value outside its main lobe
-        (:func:`stereolag.signals.correlation.peak_ratio`); for "sampled" the votes for the lag over those for the
-        runner-up.
-        Infinite if there is no rival, NaN if nothing outside the main lobe was searched or the peak is not positive.
-    ties
-        Number of equally good lags, including this one: more than 1 for periodic recordings.
     lags, correlation
         (N,) int64 and float64: the lags searched and the curve that peaks at `lag`. None for "sampled". If every lag of
         long recordings was searched ("fft", see :func:`signal_lag`), both are reduced to one point per stretch of lags:
@@ -212,6 +215,8 @@ class SignalLag:
         Votes per lag, the winner first; "sampled" only, otherwise None.
     elapsed_s
         Duration of the search, without input checks and judgement, seconds.
+    sampling_rate, speed
+        As given to :func:`signal_lag`, or taken from the recordings.
 
     Examples
     --------
@@ -225,58 +230,125 @@ class SignalLag:
     (0, 'ambiguous', (-50, 50))
     """
 
-    lag: int
-    lag_subsample: float
-    time_s: float
-    distance_m: float
-    score: float
-    peak_ratio: float
-    ties: int
     lags: npt.NDArray[np.int64] | None
     correlation: npt.NDArray[np.float64] | None
     votes: dict[int, int] | None
     elapsed_s: float
-    _judge: Callable[[], LagJudgement] | None = field(default=None, repr=False)
+    sampling_rate: float
+    speed: float
+    _found: FoundLag = field(repr=False)
+    _score: float = field(repr=False)
+    _bound: bool = field(repr=False)
+    _recordings: tuple[Recording, Recording] | None = field(repr=False)
+    _reach: int = field(repr=False)
 
     @cached_property
-    def judgement(self) -> LagJudgement | None:
+    def _decided(self) -> tuple[LagJudgement, float]:
+        """The judgement, and Pearson's correlation at its lag; the recordings are let go."""
+        assert self._recordings is not None
+        judgement = judge(self._recordings, self._found, self._reach, bound=self._bound)
+        lag = round(judgement.lag)
+        score = self._score if lag == self._found.lag else overlap_pearson(*self._recordings, lag)
+        object.__setattr__(self, "_recordings", None)
+        return judgement, score
+
+    @property
+    def judgement(self) -> LagJudgement:
         """Whether the lag is reliable, and why; `verdict`, `rivals` and the properties below read it.
 
-        Computed on first access, which takes about twice as long as the search; until then the result keeps the
-        recordings in memory. Computed at once for long recordings, and if :func:`signal_lag` is given a `progress`.
-        None if there is nothing to judge by.
+        Computed on first access; until then the result keeps the recordings in memory. Computed at once for long
+        recordings, and if :func:`signal_lag` is given a `progress`.
         """
-        judge = self._judge
-        judgement = judge() if judge else None
-        object.__setattr__(self, "_judge", None)
-        return judgement
+        return self._decided[0]
+
+    @property
+    def lag_subsample(self) -> float:
+        """The lag including its fraction, samples."""
+        return self._found.lag + self._found.fraction if self._bound else self.judgement.lag
+
+    @property
+    def lag(self) -> int:
+        """Samples; positive if signal 2 records the event later."""
+        near = abs(self.lag_subsample - self._found.lag) <= 0.5
+        return self._found.lag if near else round(self.lag_subsample)
+
+    @property
+    def time_s(self) -> float:
+        """``lag / sampling_rate``, seconds, signed as `lag`."""
+        return self.lag / self.sampling_rate
+
+    @property
+    def distance_m(self) -> float:
+        """``abs(time_s) * speed``, metres."""
+        return abs(self.time_s) * self.speed
+
+    @property
+    def score(self) -> float:
+        """Pearson's correlation of the samples that overlap at `lag`, -1..1."""
+        return self._score if self._bound else self._decided[1]
+
+    @property
+    def peak_ratio(self) -> float:
+        """Height of the curve at `lag` over its highest value outside the main lobe there.
+
+        For "sampled" the votes for the lag over those for the runner-up. Infinite if there is no rival, NaN if nothing
+        outside the main lobe was searched or the peak is not positive.
+        """
+        if self.lags is None or self.correlation is None or self.lag == self._found.lag:
+            return self._found.peak_ratio
+        place = min(int(np.searchsorted(self.lags, self.lag)), self.lags.size - 1)
+        return float(peak_ratio(self.correlation, place))
+
+    @property
+    def ties(self) -> int:
+        """Number of equally good lags, including this one: more than 1 for periodic recordings."""
+        return self._found.ties if self.lag == self._found.lag else 1
 
     @property
     def verdict(self) -> Verdict:
-        """``"sure"``, ``"ambiguous"`` (see `rivals`), or ``"nothing"``: no better than chance, or not judged."""
-        return self.judgement.verdict if self.judgement else "nothing"
+        """``"sure"``, ``"ambiguous"`` (see `rivals`), or ``"nothing"``: no better than chance."""
+        return self.judgement.verdict
 
     @property
     def rivals(self) -> tuple[int, ...]:
         """Lags as good as this one, samples, nearest first."""
-        return self.judgement.rivals if self.judgement else ()
+        return self.judgement.rivals
+
+    @property
+    def arrivals(self) -> tuple[Arrival, ...]:
+        """All lags found beyond chance, the one with the most evidence first: the direct sound and its echoes."""
+        return self.judgement.arrivals
 
     @property
     def inverted(self) -> bool:
         """Whether one recording fits better with its sign inverted, as from a microphone with reversed polarity."""
-        return self.judgement is not None and self.judgement.opposite_lag is not None
+        return self.judgement.opposite_lag is not None
+
+    @property
+    def over_time(self) -> LagOverTime | None:
+        """How the lag changes over time; None if it cannot be measured or the verdict is not "sure"."""
+        return self.judgement.over_time
 
     @property
     def drift_ppm(self) -> float:
         """Growth of the lag in samples per million samples; NaN if it cannot be measured."""
-        drift = self.judgement.drift if self.judgement else None
-        return drift.ppm if drift else float("nan")
+        return self.over_time.ppm if self.over_time else float("nan")
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The jumps of the lag, where samples are missing in one of the recordings, in order of time."""
+        return self.over_time.steps if self.over_time else ()
 
     @property
     def uncertainty(self) -> float:
         """Standard deviation of the lag over blocks of the recordings, samples; NaN if it cannot be measured."""
-        drift = self.judgement.drift if self.judgement else None
-        return drift.spread if drift else float("nan")
+        return self.over_time.spread if self.over_time else float("nan")
+
+    def lag_at(self, seconds: float) -> float:
+        """Return the lag at a time of recording 1, samples; `lag_subsample` if it does not change."""
+        if self.over_time is None or not self.over_time.shows:
+            return self.lag_subsample
+        return self.over_time.lag_at(seconds * self.sampling_rate)
 
 
 def signal_lag(
@@ -367,7 +439,7 @@ def signal_lag(
             direct = partial(direct_curve, progress=report)
             curves: dict[str, Callable[..., Vector]] = {"fft": fft_curve, "phat": phat_curve, "direct": direct}
             found = search_curve(first, second, reach, curves[method])
-        pair = Pair(HeldRecording(first), HeldRecording(second))
+        recordings: tuple[Recording, Recording] = (HeldRecording(first), HeldRecording(second))
     else:
         pulse = Pulse(report)
         long_1, long_2 = ConvertedRecording(given_1, pulse.again), ConvertedRecording(given_2, pulse.again)
@@ -376,32 +448,39 @@ def signal_lag(
             found = search_curve(long_1, long_2, reach, curve)
         else:
             found = search_bands(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
-        pair = Pair(long_1, long_2)
-    score = pair.pearson(found.lag)
+        recordings = (long_1, long_2)
+    score = overlap_pearson(*recordings, found.lag)
     if np.isnan(score):
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    elapsed_s = time.perf_counter() - started
-    time_s = found.lag / rate
     result = SignalLag(
-        lag=found.lag,
-        lag_subsample=found.lag + found.fraction,
-        time_s=time_s,
-        distance_m=abs(time_s) * speed,
-        score=score,
-        peak_ratio=found.peak_ratio,
-        ties=found.ties,
         lags=found.lags,
         correlation=found.correlation,
         votes=found.votes,
-        elapsed_s=elapsed_s,
-        _judge=partial(judge, pair, found, reach),
+        elapsed_s=time.perf_counter() - started,
+        sampling_rate=rate,
+        speed=speed,
+        _found=found,
+        _score=score,
+        _bound=method in {"direct", "sampled"} or _is_plain(found, score, (given_1.size, given_2.size)),
+        _recordings=recordings,
+        _reach=reach,
     )
     if chosen != "whole" or progress:
         _ = result.judgement
     report(1.0)
     return result
+
+
+_PLAIN_SCORE, _PLAIN_RATIO = 0.5, 1.25
+"""A lag is plain at a glance from this correlation over the whole overlap and this lead over the next peak on."""
+
+
+def _is_plain(found: FoundLag, score: float, sizes: tuple[int, int]) -> bool:
+    """Return whether no other lag can have as much evidence: the recordings agree as a whole, and only there."""
+    overlap = overlap_length(*sizes, np.array([found.lag]))[0]
+    return score * math.sqrt(overlap / min(sizes)) >= _PLAIN_SCORE and found.peak_ratio >= _PLAIN_RATIO
 
 
 def normalised(given: npt.NDArray[Any]) -> Vector:

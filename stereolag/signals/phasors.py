@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import HeldRecording, overlap_slices
-from stereolag.signals.whitening import loudest_stretch
+from stereolag.signals.correlation import HeldRecording, loudest_stretch, overlap_slices
 
 SIZE = 125
 """Points of the transform; odd, so that every frequency above 0 is an arrow, with none at half the sampling rate."""

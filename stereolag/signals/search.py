@@ -27,6 +27,7 @@ from stereolag.signals.correlation import (
     REACH,
     ConvertedRecording,
     Lags,
+    best_cycle,
     block_curve,
     direct_curve,
     find_peak,
@@ -70,6 +71,9 @@ def search_curve(
         overlap = np.ones_like
     curve, lags = curve_of(signal_1, signal_2, first, last), np.arange(first, last + 1)
     peak, ties = find_peak(curve, lags, overlap)
+    if ties == 1 and curve[peak] > 0:
+        cycle = best_cycle(curve, peak, REACH)
+        peak = cycle if abs(cycle - peak) > 1 else peak
     around = min(REACH, peak, curve.size - 1 - peak)
     near = slice(peak - around, peak + around + 1)
     fraction = refine_peak(curve[near] / np.sqrt(overlap(lags[near])))

@@ -1,157 +1,67 @@
-"""Whether a lag can be relied on: its agreement beyond chance, other lags that fit, and the drift of the clocks."""
+"""Whether a lag can be relied on: the decision between all lags that the evidence speaks for.
+
+The candidates are the highest peaks under every weight (:mod:`stereolag.signals.evidence`), each also with the drift of
+the clocks and the steps of dropped buffers undone (:mod:`stereolag.signals.clocks`), and all are scored by one measure.
+The best is sure if it is beyond chance, no other fits as well, and no weight is as convinced of another lag.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import fft
 
 from stereolag.core.arrays import Vector
+from stereolag.signals.clocks import LagOverTime, Stretch, follow_lag, median_line, on_first_clock
 from stereolag.signals.correlation import (
-    REACH,
+    HeldRecording,
+    Inverted,
     Lags,
     Recording,
+    faded,
+    loudest_stretch,
     main_lobe,
     overlap_length,
+    overlap_pearson,
     overlap_slices,
-    refine_peak,
 )
+from stereolag.signals.evidence import MARGIN, Evidence, Peak, standardised
 from stereolag.signals.sampling import enough_votes
 from stereolag.signals.search import FoundLag, lags_within
-from stereolag.signals.whitening import Agreement, Pair, local_curve, loudest_stretch
 
+Recordings: TypeAlias = tuple[Recording, Recording]
 
-def median_line(places: Vector, values: Vector) -> tuple[float, float]:
-    """Return slope and intercept of the median line of Theil (1950) and Sen (1968).
+Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
+Reason: TypeAlias = Literal[
+    "clear", "drift", "steps", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"
+]
 
-    Agrees with :func:`scipy.stats.theilslopes`, whose package takes a second to import.
+_FEWEST = 16
+"""Samples of a recording below which nothing can be told."""
 
-    Parameters
-    ----------
-    places, values
-        (points,) abscissae, not all equal, and ordinates.
-    """
-    apart = places[:, np.newaxis] - places
-    later = apart > 0
-    slope = float(np.median((values[:, np.newaxis] - values)[later] / apart[later]))
-    return slope, float(np.median(values) - slope * np.median(places))
+LONGEST_JUDGED = 2**22
+"""Samples of both recordings up to which they are judged as a whole."""
 
+_SECTIONS, _SECTION = 16, 2**15
+"""Number and most samples of the sections by which longer recordings are judged."""
 
-_BLOCKS = 16
-_SHORTEST, _LONGEST = 1024, 2**14
-"""Shortest and longest block, samples; of longer blocks the middle is used."""
+_SECTION_REACH, _SECTION_MARGIN = 2000, 64
+_TRIED = 4
+"""Most lags around which the lag is followed over time."""
 
-_FARTHEST_PPM = 300
-_CLEAR = 5.5
-"""The peak of a block is clear above this many standard deviations of noise; the highest of 1,600 lags is at 3.8."""
-
-_STRAY = 2.0
-"""A block this far off the line has found something else, samples."""
-
-_MOST, _FEWEST = 0.6, 5
-"""Least share and least number of blocks on the line."""
-
-
-@dataclass(frozen=True)
-class Drift:
-    """The lag as a function of time.
-
-    Attributes
-    ----------
-    start
-        Lag at the first sample common to both recordings, samples.
-    ppm
-        Growth of the lag, samples per million; positive if the clock of recording 2 runs faster.
-    error_ppm
-        Standard error of `ppm`.
-    spread
-        Standard deviation of the blocks' lags about the line, samples.
-    span
-        Change of the lag from the first to the last common sample, samples, signed.
-    places, lags
-        (blocks,) centre of each block on the line, as a position in recording 1, and its lag, samples.
-    """
-
-    start: float
-    ppm: float
-    error_ppm: float
-    spread: float
-    span: float
-    places: tuple[float, ...]
-    lags: tuple[float, ...]
-
-    @property
-    def blocks(self) -> int:
-        """Number of blocks on the line."""
-        return len(self.lags)
-
-    @property
-    def shows(self) -> bool:
-        """Whether the lag changes by more than its uncertainty, and by enough to smear the peak."""
-        return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
-
-
-def measure_drift(pair: Pair, lag: int) -> Drift | None:
-    """Return the drift of the lag around `lag`; None if the blocks are too short or share no line.
-
-    The overlap is cut into at most 16 blocks. Each is searched separately, up to 300 ppm of the overlap (at least 32
-    samples) on either side of `lag`. The drift is a straight line through the blocks with a clear peak, by the median
-    of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat. Assoc. 63
-    (1968)) and then least squares.
-    """
-    part_1, part_2 = overlap_slices(*pair.sizes, lag)
-    size = part_1.stop - part_1.start
-    count = min(_BLOCKS, size // _SHORTEST)
-    if count < _FEWEST:
-        return None
-    length = min(size // count, _LONGEST)
-    starts = np.arange(count) * (size // count) + (size // count - length) // 2
-    reach = int(np.clip(_FARTHEST_PPM * 1e-6 * size, REACH, length // 4))
-    curves = _block_curves(pair, part_1.start + starts, part_2.start + starts, length, reach, part_2)
-    tops = np.argmax(curves, axis=1)
-    noise = 1.4826 * np.median(np.abs(curves - np.median(curves, axis=1, keepdims=True)), axis=1)
-    clear = (curves.max(axis=1) > _CLEAR * noise) & (tops > 0) & (tops < 2 * reach)
-    fewest = max(_FEWEST, _MOST * count)
-    if clear.sum() < fewest:
-        return None
-    refined = []
-    for curve, top in zip(curves[clear], tops[clear].tolist(), strict=True):
-        around = min(REACH, top, curve.size - 1 - top)
-        refined.append(top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1])))
-    places, lags = starts[clear] + length / 2, lag + (np.array(refined) - reach)
-    slope, intercept = median_line(places, lags)
-    near = np.abs(lags - intercept - slope * places) <= _STRAY
-    if near.sum() < fewest:
-        return None
-    (slope, intercept), covariance = np.polyfit(places[near], lags[near], 1, cov=True)
-    return Drift(
-        start=float(intercept),
-        ppm=1e6 * float(slope),
-        error_ppm=1e6 * float(np.sqrt(covariance[0, 0])),
-        spread=float(np.std(lags[near] - intercept - slope * places[near], ddof=2)),
-        span=float(slope) * size,
-        places=tuple((part_1.start + places[near]).tolist()),
-        lags=tuple(lags[near].tolist()),
-    )
-
-
-def _block_curves(pair: Pair, starts_1: Lags, starts_2: Lags, length: int, reach: int, overlap_2: slice) -> Vector:
-    """Return (blocks, 2 * reach + 1) product sums of each block with recording 2, up to `reach` on either side."""
-    white_1, white_2 = pair.white
-    blocks_1 = np.stack([white_1.part(start, start + length) for start in starts_1.tolist()])
-    blocks_2 = np.stack([white_2.part(start - reach, start + length + reach) for start in starts_2.tolist()])
-    places = starts_2[:, np.newaxis] + np.arange(-reach, length + reach)
-    blocks_2[(places < overlap_2.start) | (places >= overlap_2.stop)] = 0.0
-    points = int(fft.next_fast_len(blocks_2.shape[1], real=True))
-    spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
-    return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])
-
+_OTHER_PLACES = 4
+_AS_GOOD = 0.95
+"""Share of the evidence without it from which on a drift or a step is believed."""
 
 _RIVAL = 0.85
 """Another lag is as good from this share of the height on; noise alone lowers a tooth of a comb by a few per cent."""
+
+_VISIBLE = 4.0
+"""Pearson's correlation shows a lag from this many standard deviations of chance on."""
 
 _STRETCH, _REACH = 2**16, 2**14
 """Length of the stretch searched for repetition, and largest distance between repeats, samples."""
@@ -170,44 +80,377 @@ _REGULAR = 0.75
 """Least share of the rivals that are evenly spaced."""
 
 _MOST_RIVALS = 16
+_SAMPLED = 2**16
+"""Points of a curve used to estimate its spread."""
 
 
-def rivals_of(pair: Pair, agreement: Agreement, found: FoundLag, first: int, last: int, needed: float) -> list[int]:
-    """Return the lags from `first` to `last` at which the whitened recordings agree equally well, nearest first."""
-    nearby = _repetitions(pair, agreement.lag, first, last, needed)
-    if agreement.height >= needed and found.lags is not None and found.correlation is not None:
-        for other in _high_points(pair, agreement.lag, found.lags, found.correlation):
-            there = pair.best_agreement(other)
-            if there.score >= _RIVAL * agreement.score and there.height >= needed:
-                nearby.add(there.lag)
-    rivals = _nearest(nearby, agreement.lag)
-    # A horn blown twice fits itself again, but the sounds around it do not: a rival fits with and without whitening.
-    least = _RIVAL * pair.pearson(agreement.lag) if rivals else 0.0
-    return [other for other in rivals if pair.pearson(other) >= least]
+class Arrival(NamedTuple):
+    """A lag at which the recordings agree beyond chance: the direct sound, an echo, or one of two sounds.
+
+    Attributes
+    ----------
+    lag
+        Samples, with its fraction.
+    sigma
+        Evidence in standard deviations of chance.
+    """
+
+    lag: float
+    sigma: float
 
 
-def _nearest(found: set[int], lag: int) -> list[int]:
-    return sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS]
+@dataclass(frozen=True)
+class LagJudgement:
+    """The evidence for and against a lag.
+
+    Attributes
+    ----------
+    verdict, reason
+        ``"sure"``: ``"clear"``, ``"drift"`` if the lag changes enough to smear the peak, or ``"steps"`` if it jumps.
+        ``"ambiguous"``: ``"repeats"`` (evenly spaced rivals) or ``"rivals"``.
+        ``"nothing"``: ``"chance"``; ``"too_little"`` (too few samples carry the agreement to be convincing);
+        ``"few_votes"``; ``"opposite_sign"`` (the recordings match only if one of them is inverted).
+    lag
+        The lag that the evidence speaks for, with its fraction, samples: with drift, in the middle of the longest
+        stretch. The method's own lag if it speaks for none.
+    rivals
+        Lags as good as this one, among those searched, nearest first; at most 16.
+    spacing
+        Distance between neighbouring rivals if they are evenly spaced, samples; otherwise None.
+    arrivals
+        All lags found beyond chance, the one with the most evidence first.
+    evidence, needed
+        Evidence for the lag in standard deviations of chance, and the number needed to be sure.
+    height
+        Height of the peak above the curve's median, in robust standard deviations (1.4826 · MAD); NaN without a curve.
+    chance
+        Height that the highest of as many lags reaches by chance: ``sqrt(2 ln N)``.
+    ribbon
+        The values between which chance keeps the curve, or None without a curve.
+    opposite_lag
+        The lag at which the inverted recording 2 fits, None if it does not fit better.
+    over_time
+        How the lag changes over time, None if it cannot be measured.
+    """
+
+    verdict: Verdict
+    reason: Reason
+    lag: float
+    rivals: tuple[int, ...] = ()
+    spacing: float | None = None
+    arrivals: tuple[Arrival, ...] = ()
+    evidence: float = math.nan
+    needed: float = math.nan
+    height: float = math.nan
+    chance: float = math.nan
+    ribbon: tuple[float, float] | None = None
+    opposite_lag: int | None = None
+    over_time: LagOverTime | None = None
 
 
-def _loud_curve(recordings: tuple[Recording, Recording], lag: int) -> Vector:
+@dataclass(frozen=True)
+class _Alignment:
+    """The evidence of both recordings, recording 2 read on the clock of recording 1 if the lag changes.
+
+    Attributes
+    ----------
+    evidence, peaks
+        The evidence, and its peaks, the most convincing first.
+    shift
+        The lag that is undone already, samples; with drift, the one in the middle of the longest stretch.
+    over_time
+        The lag over time, None if it could not be measured.
+    others
+        Lags of other alignments with as much evidence, samples.
+    """
+
+    evidence: Evidence
+    peaks: list[Peak]
+    shift: float = 0.0
+    over_time: LagOverTime | None = None
+    others: tuple[float, ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Evidence of the best peak, in units of what is needed."""
+        return self.peaks[0].score
+
+    @property
+    def lag(self) -> float:
+        """Lag of the best peak, samples."""
+        return self.shift + self.peaks[0].lag
+
+    @property
+    def changes(self) -> bool:
+        """Whether the lag changes enough to matter."""
+        return self.over_time is not None and self.over_time.shows
+
+    def contradicted_by(self, recordings: Recordings) -> list[float]:
+        """Return the lags that fit as well, and those of which a weight is convinced that prefers another one.
+
+        A horn blown twice fits itself again under one weight or another, but the sounds around it do not: far from the
+        best, another lag fits without any weight as well.
+        """
+        lags = self.evidence.rivals(self.peaks[0])
+        for weight in self.evidence.curves:
+            leader = next((peak for peak in self.peaks if peak.weight == weight and peak.score > 1), None)
+            if leader is not None and not self.is_at(self.shift + leader.lag):
+                lags.append(leader.lag)
+        found = [self.shift + lag for lag in lags] + [*self.others]
+        if self.changes:
+            return found
+        near = 4 * self.evidence.curves[self.peaks[0].weight].envelope + 32
+        least = _RIVAL * overlap_pearson(*recordings, round(self.lag))
+        overlap = overlap_length(recordings[0].size, recordings[1].size, np.array([round(self.lag)]))[0]
+        if least < _RIVAL * _VISIBLE / math.sqrt(overlap):
+            return found
+        return [
+            lag for lag in found if abs(lag - self.lag) <= near or overlap_pearson(*recordings, round(lag)) >= least
+        ]
+
+    @property
+    def arrivals(self) -> tuple[Arrival, ...]:
+        """All lags beyond chance, each once."""
+        found: list[Arrival] = []
+        for peak in self.peaks if self.score > 1 else ():
+            curve = self.evidence.curves[peak.weight]
+            lag = self.shift + peak.lag
+            apart = max(3, curve.envelope)
+            beyond = peak.is_beyond_chance(self.evidence.needed)
+            if beyond and all(abs(lag - one.lag) > apart for one in found):
+                best = next(one for one in self.peaks if one.weight == peak.weight)
+                if peak is best or not curve.repeats(best, peak):
+                    found.append(Arrival(lag, peak.score * self.evidence.needed))
+        return tuple(found)
+
+    def is_at(self, lag: float) -> bool:
+        """Return whether a lag is the one of the best peak, at some time."""
+        if self.over_time is not None and self.changes:
+            return self.over_time.lowest - 3 <= lag <= self.over_time.highest + 3
+        return abs(lag - self.lag) <= max(3, self.evidence.curves[self.peaks[0].weight].lobe)
+
+
+def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -> LagJudgement:
+    """Return the lag that the evidence speaks for, and whether it is reliable.
+
+    Parameters
+    ----------
+    recordings
+        The recordings.
+    found
+        The lag that a method found, with its curve or its votes if it has them; there may be gaps between the lags of
+        the curve.
+    reach
+        The largest ``|lag|`` that was searched.
+    bound
+        Whether the verdict is on the lag found, whichever lag the evidence speaks for.
+    """
+    sizes = recordings[0].size, recordings[1].size
+    first, last = lags_within(sizes, reach)
+    chance = math.sqrt(2 * math.log(last - first + 2))
+    needed = chance + MARGIN
+    height, ribbon = (math.nan, None) if found.correlation is None else _height(found.correlation, chance)
+    own = found.lag + found.fraction
+    few_votes = found.votes is not None and not enough_votes(found.votes, found.lag)
+    best: _Alignment | None = None
+    opposite: int | None = None
+    rivals: Sequence[float] = ()
+    reason: Reason = "too_little"
+    if min(sizes) >= _FEWEST:
+        best = _best(recordings, found, first, last)
+        if best.score <= 1 or best.evidence.prefers_opposite(best.peaks[0]):
+            opposite = _opposite(recordings, found, first, last, best)
+        if opposite is not None:
+            reason = "opposite_sign"
+        elif best.score > 1:
+            rivals = best.contradicted_by(recordings) + ([best.lag] if bound and not best.is_at(own) else [])
+            if found.ties > 1:
+                rivals += _high_points(found, recordings)
+            reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
+        else:
+            rivals = tone_rivals(recordings, found.lag, first, last)
+            little = best.peaks[0].carriers < needed
+            reason = "rivals" if rivals else "few_votes" if few_votes else "too_little" if little else "chance"
+    lag = own
+    # The plain curve's fraction is finer than that of a weighted one, but its highest sample can be the wrong cycle.
+    if best is not None and best.score > 1 and not bound and (best.changes or abs(best.lag - own) > 1):
+        lag = own if any(abs(own - one) <= 1 for one in rivals) else best.lag
+    whole = found.lag if abs(lag - found.lag) <= 0.5 else round(lag)
+    nearest = _nearest({round(one) for one in rivals if first <= round(one) <= last}, whole)
+    spacing = regular_spacing(nearest, whole)
+    over_time = None
+    if best is not None and reason == "clear":
+        over_time = best.over_time
+        if over_time is not None and best.changes:
+            reason = "steps" if over_time.steps else "drift"
+    return LagJudgement(
+        verdict="ambiguous" if reason == "rivals" else "sure" if reason in {"clear", "drift", "steps"} else "nothing",
+        reason="repeats" if reason == "rivals" and spacing is not None else reason,
+        lag=lag,
+        rivals=nearest,
+        spacing=spacing,
+        arrivals=best.arrivals if best is not None and opposite is None else (),
+        evidence=best.score * needed if best is not None else 0.0,
+        needed=needed,
+        height=height,
+        chance=chance,
+        ribbon=ribbon,
+        opposite_lag=opposite,
+        over_time=over_time,
+    )
+
+
+def judged_samples(size_1: int, size_2: int, *, held: bool) -> int:
+    """Return the number of samples of both recordings that are judged, whether or not they are held in memory."""
+    total = size_1 + size_2
+    return total if held and total <= LONGEST_JUDGED else min(total, 2 * _SECTIONS * _SECTION)
+
+
+def _whole(recordings: Recordings) -> bool:
+    """Return whether recordings are judged as a whole."""
+    held = all(isinstance(one, HeldRecording) for one in recordings)
+    return held and sum(one.size for one in recordings) <= LONGEST_JUDGED
+
+
+def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Alignment:
+    """Return the alignment with the most evidence, among those of the candidates and their lags over time."""
+    searched = last - first + 1
+    if not _whole(recordings):
+        places = [found.lag, *_high_points(found, recordings)]
+        every = [_by_sections(recordings, lag, searched) for lag in places]
+        best = max(every, key=lambda one: one.score)
+        alike = [one for one in every if one.score > max(1, _RIVAL * best.score)]
+        best = alike[0] if alike else best
+        return replace(best, others=tuple(one.lag for one in alike if not best.is_at(one.lag)))
+    samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
+    held = HeldRecording(samples_1), HeldRecording(samples_2)
+    straight = Evidence(samples_1, samples_2, first, last, searched)
+    best = _Alignment(straight, straight.peaks((found.lag,)))
+    tried: list[float] = []
+    order = sorted(best.peaks, key=lambda peak: -peak.score - 0.05 * peak.above / straight.needed)
+    smeared = [] if best.score > 1 else straight.smeared()
+    for lag in [*smeared, *(peak.lag for peak in order)]:
+        common = overlap_slices(samples_1.size, samples_2.size, round(lag))[0]
+        reach = 0.008 * (common.stop - common.start)
+        if len(tried) == (1 if best.score > 1 else _TRIED):
+            break
+        if any(abs(lag - other) <= max(48, reach) for other in tried):
+            continue
+        tried.append(lag)
+        apart = [abs(other.lag - lag) for other in best.peaks if other.score > 1]
+        over_time = follow_lag(*held, round(lag), 48 + round(max(apart, default=0)))
+        if over_time is None:
+            continue
+        if abs(over_time.span) < 0.5 and not over_time.steps:
+            if best.over_time is None and best.is_at(over_time.middle):
+                best = replace(best, over_time=over_time)
+            continue
+        moved = on_first_clock(samples_2, over_time, 0, samples_1.size)
+        evidence = Evidence(samples_1, moved, 1 - samples_1.size, samples_1.size - 1, searched)
+        peaks = evidence.peaks()
+        found_there = _Alignment(
+            evidence, peaks, over_time.middle, over_time.moved(peaks[0].lag) if abs(peaks[0].lag) < 48 else None
+        )
+        same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
+        if found_there.score > best.score * (_AS_GOOD if same else 1.0):
+            best = found_there
+    return best
+
+
+def _by_sections(recordings: Recordings, lag: int, searched: int) -> _Alignment:
+    """Return the evidence for a lag of long recordings, by sections of them one after the other."""
+    common = overlap_slices(recordings[0].size, recordings[1].size, lag)[0]
+    over_time = follow_lag(*recordings, lag)
+    line = over_time if over_time and over_time.shows else LagOverTime((Stretch(common.start, common.stop, lag, 0.0),))
+    size = min(_SECTION, (common.stop - common.start) // _SECTIONS)
+    starts = np.linspace(common.start, common.stop - size, _SECTIONS).astype(int).tolist()
+    parts = []
+    for start in starts:
+        begin = start + math.floor(line.lag_at(start + size / 2)) - _SECTION_MARGIN
+        part = recordings[1].part(begin, begin + size + 2 * _SECTION_MARGIN)
+        if line is over_time:
+            part = on_first_clock(part, line.seen_from(start, begin), start, size).astype(np.float64)
+        else:
+            part = part[_SECTION_MARGIN : _SECTION_MARGIN + size]
+        # Faded, since the cuts would be clicks that both have in common.
+        parts.append((faded(recordings[0].part(start, start + size)), faded(part)))
+    samples_1, samples_2 = (standardised(np.concatenate(each)) for each in zip(*parts, strict=True))
+    evidence = Evidence(samples_1, samples_2, -_SECTION_REACH, _SECTION_REACH, searched)
+    peaks = evidence.peaks((0.0,))
+    moved = over_time.moved(peaks[0].lag) if line is over_time and over_time is not None else over_time
+    return _Alignment(evidence, peaks, line.middle if line is over_time else lag, moved)
+
+
+def _high_points(found: FoundLag, recordings: Recordings) -> list[int]:
+    """Return the lags of the highest points of a curve outside the main lobe of the lag found, best first."""
+    if found.lags is None or found.correlation is None:
+        return []
+    peak = int(np.searchsorted(found.lags, found.lag))
+    overlap = overlap_length(recordings[0].size, recordings[1].size, found.lags)
+    high = _tops(found.correlation, peak, 0.6 * found.correlation[peak])
+    high = high[overlap[high] >= 0.25 * overlap[peak]]
+    best = high[np.argsort(-found.correlation[high], kind="stable")[:_OTHER_PLACES]]
+    return [int(each) for each in found.lags[best]]
+
+
+def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, best: _Alignment) -> int | None:
+    """Return the lag at which the inverted recording 2 fits beyond chance and clearly better than at the best lag."""
+    searched = last - first + 1
+    if not _whole(recordings):
+        lag = found.opposite_lag
+        if lag is None and found.lags is not None and found.correlation is not None:
+            lag = int(found.lags[np.argmin(found.correlation)])
+        if lag is None:
+            return None
+        inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, searched)
+    else:
+        samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
+        evidence = Evidence(samples_1, -samples_2, first, last, searched)
+        inverted = _Alignment(evidence, evidence.peaks())
+    if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_above(best.peaks[0])):
+        return None
+    return round(inverted.lag)
+
+
+def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
+    return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
+
+
+def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
+    """Return the mean product of two equally long parts at lags ``-reach..reach``, relative to perfect agreement.
+
+    Parameters
+    ----------
+    first, second
+        (N,) float64.
+    reach
+        Samples, less than N.
+    """
+    size = int(fft.next_fast_len(first.size + reach, real=True))
+    products = fft.irfft(np.conj(fft.rfft(first, size)) * fft.rfft(second, size), size)
+    lags = np.arange(-reach, reach + 1)
+    energy = math.sqrt(float(first @ first) * float(second @ second)) or 1.0
+    return np.asarray(products[lags] / energy * first.size / (first.size - np.abs(lags)))
+
+
+def _loud_curve(recordings: Recordings, lag: int) -> Vector:
     """Return the curve of the loudest common stretch, (2 * reach + 1,) with `lag` in the middle."""
     parts = loudest_stretch(*recordings, lag, _STRETCH)
     one, other = (whole.part(part.start, part.stop) for whole, part in zip(recordings, parts, strict=True))
     return local_curve(one, other, min(_REACH, one.size // 2))
 
 
-def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> list[int]:
+def tone_rivals(recordings: Recordings, lag: int, first: int, last: int) -> tuple[int, ...]:
     """Return the lags around `lag` at which tones common to both recordings line up.
 
     Whitening removes tones, and noise hides their teeth in the curve. The curve's spectrum reveals them: a few lines
     contain most of its power. The curve rebuilt from these lines alone has the teeth without the noise.
     """
-    curve = _loud_curve(pair.raw, lag)
+    curve = _loud_curve(recordings, lag)
     reach = curve.size // 2
     count = min(_LINES, reach // 64)
     if count == 0:
-        return []
+        return ()
     spectrum = fft.rfft(curve * np.hanning(curve.size))
     power = spectrum.real**2 + spectrum.imag**2
     left = power.copy()
@@ -220,7 +463,7 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> list[int]:
         held[max(0, line - 2) : line + 3] = True
         left[max(0, line - 2) : line + 3] = 0.0
     if power[held].sum() < _LINE_SHARE * power.sum():
-        return []
+        return ()
     # Only the middle half, where the window is not small.
     middle = slice(reach // 2, curve.size - reach // 2)
     clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
@@ -228,37 +471,9 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> list[int]:
     tops = _tops(clean, best, _RIVAL * clean[best])
     # Two sounds that happen to share a note for a while give a few teeth; a tone gives them everywhere.
     if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
-        return []
+        return ()
     found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
     return _nearest({each for each in found if first <= each <= last}, lag)
-
-
-def _repetitions(pair: Pair, lag: int, first: int, last: int, needed: float) -> set[int]:
-    """Return the lags around `lag` at which the loudest common stretch fits as well as at its best lag."""
-    curve = _loud_curve(pair.white, lag)
-    reach = curve.size // 2
-    if reach < 2:
-        return set()
-    begin = max(0, first - lag + reach)
-    curve = curve[begin : max(0, last - lag + reach) + 1]
-    start = lag - reach + begin
-    best = int(np.argmax(curve))
-    if pair.agreement(start + best).height < needed:
-        return set()
-    tops = _tops(curve, best, _RIVAL * curve[best])
-    return {start + int(top) for top in tops} | ({start + best} if tops.size else set())
-
-
-def _high_points(pair: Pair, lag: int, lags: Lags, curve: Vector) -> list[int]:
-    """Return the lags of the curve's highest points outside the main lobe of `lag`, best first."""
-    peak = int(np.searchsorted(lags, lag))
-    if peak >= lags.size:
-        return []
-    overlap = overlap_length(*pair.sizes, lags)
-    high = _tops(curve, peak, 0.6 * curve[peak])
-    high = high[overlap[high] >= 0.25 * overlap[peak]]
-    best = high[np.argsort(-curve[high], kind="stable")[:_MOST_RIVALS]]
-    return [int(each) for each in lags[best]]
 
 
 def _tops(curve: Vector, peak: int, least: float) -> Lags:
@@ -269,146 +484,26 @@ def _tops(curve: Vector, peak: int, least: float) -> Lags:
     return np.asarray(high[(curve[high] > curve[high - 1]) & (curve[high] >= curve[high + 1])])
 
 
-def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
-    """Return the spacing of evenly spaced rivals, within one sample or 2 %; None if they are irregular."""
+def regular_spacing(rivals: Sequence[int], lag: int) -> float | None:
+    """Return the spacing of evenly spaced rivals, within one sample or 2 %; None if they are irregular.
+
+    Some may be missing in between.
+    """
     if len(rivals) < 2:
         return None
     places = np.array(sorted({*rivals, lag}), dtype=np.float64)
-    apart = float(np.median(np.diff(places)))
-    numbers = np.round((places - rivals[0]) / apart)
-    if np.unique(numbers).size < 3:
-        return None
-    # By medians, because a lag that a method put between two teeth is not on the grid.
-    spacing, _ = median_line(numbers, places)
-    away = places - spacing * numbers
-    regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)
-    if regular.mean() < _REGULAR or np.unique(numbers[regular]).size < 3:
-        return None
-    return float(np.polyfit(numbers[regular], places[regular], 1)[0])
-
-
-Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
-Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
-
-MARGIN = 1.8
-"""An agreement this many standard deviations above the highest expected by chance is not due to chance."""
-
-_SAMPLED = 2**16
-"""Points of a curve used to estimate its spread."""
-
-
-@dataclass(frozen=True)
-class LagJudgement:
-    """The evidence for and against a lag.
-
-    Attributes
-    ----------
-    verdict, reason
-        ``"sure"``: ``"clear"``, or ``"drift"`` if the lag changes enough to smear the peak.
-        ``"ambiguous"``: ``"repeats"`` (evenly spaced rivals) or ``"rivals"``.
-        ``"nothing"``: ``"chance"``; ``"too_little"`` (too few samples carry the agreement to be convincing);
-        ``"few_votes"``; ``"opposite_sign"`` (the recordings match only if one of them is inverted).
-    rivals
-        Lags as good as the one found, among those searched, nearest first; at most 16.
-    spacing
-        Distance between neighbouring rivals if they are evenly spaced, samples; otherwise None.
-    evidence, needed
-        Standard deviations by which the whitened recordings agree at the lag, and the number needed to be sure.
-    height
-        Height of the peak above the curve's median, in robust standard deviations (1.4826 · MAD); NaN without a curve.
-    chance
-        Height that the highest of as many lags reaches by chance: ``sqrt(2 ln N)``.
-    ribbon
-        The values between which chance keeps the curve, or None without a curve.
-    opposite_lag
-        The lag at which the inverted recording 2 fits, None if it does not fit better.
-    drift
-        How the lag changes over time, None if it cannot be measured.
-    """
-
-    verdict: Verdict
-    reason: Reason
-    rivals: tuple[int, ...] = ()
-    spacing: float | None = None
-    evidence: float = math.nan
-    needed: float = math.nan
-    height: float = math.nan
-    chance: float = math.nan
-    ribbon: tuple[float, float] | None = None
-    opposite_lag: int | None = None
-    drift: Drift | None = None
-
-
-def judge(pair: Pair, found: FoundLag, reach: int) -> LagJudgement:
-    """Return whether the lag found is reliable, whatever method found it.
-
-    The height of a peak in its curve is not enough: the curve of two unrelated recordings with one loud event each is
-    flat except where the events meet, and that peak can have any height. So the recordings are whitened
-    (:mod:`stereolag.signals.whitening`) and their agreement at the lag is measured in standard deviations of chance.
-    The highest of N lags reaches ``sqrt(2 ln N)`` by chance; ``MARGIN`` more is convincing.
-
-    Parameters
-    ----------
-    pair
-        The recordings, original and whitened.
-    found
-        The lag, with its curve or its votes if the method has them; there may be gaps between the lags of the curve.
-    reach
-        The largest ``|lag|`` that was searched.
-    """
-    first, last = lags_within(pair.sizes, reach)
-    chance = math.sqrt(2 * math.log(last - first + 2))
-    needed = chance + MARGIN
-    agreement = pair.best_agreement(found.lag)
-    rivals = tuple(rivals_of(pair, agreement, found, first, last, needed))
-    if agreement.height < needed and not rivals:
-        rivals = tuple(tone_rivals(pair, found.lag, first, last))
-    drift = measure_drift(pair, found.lag)
-    height, ribbon, opposite = math.nan, None, found.opposite_lag
-    if found.correlation is not None and found.lags is not None:
-        height, ribbon = _height(found.correlation, chance)
-        lowest = int(np.argmin(found.correlation))
-        if opposite is None and -found.correlation[lowest] > 1.1 * found.correlation.max():
-            opposite = int(found.lags[lowest])
-    if opposite is not None and -pair.agreement(opposite).height < max(needed, agreement.height):
-        opposite = None
-    verdict, reason = _decided(agreement, rivals, needed, drift, opposite, found.votes)
-    if verdict != "ambiguous":
-        rivals = ()
-    return LagJudgement(
-        verdict,
-        reason,
-        rivals,
-        regular_spacing(rivals, found.lag),
-        agreement.height,
-        needed,
-        height,
-        chance,
-        ribbon,
-        opposite,
-        drift if verdict == "sure" else None,
-    )
-
-
-def _decided(
-    agreement: Agreement,
-    rivals: tuple[int, ...],
-    needed: float,
-    drift: Drift | None,
-    opposite: int | None,
-    votes: dict[int, int] | None,
-) -> tuple[Verdict, Reason]:
-    if rivals:
-        return "ambiguous", "repeats" if regular_spacing(rivals, agreement.lag) is not None else "rivals"
-    if votes is not None and not enough_votes(votes, agreement.lag):
-        return "nothing", "few_votes" if opposite is None else "opposite_sign"
-    if drift is not None and drift.shows:
-        return "sure", "drift"
-    if agreement.height >= needed:
-        return "sure", "clear"
-    if opposite is not None:
-        return "nothing", "opposite_sign"
-    return "nothing", "too_little" if agreement.reachable < needed else "chance"
+    apart = np.diff(places)
+    for least, share in ((float(np.median(apart)), _REGULAR), (float(apart.min()), 1.0)):
+        numbers = np.round((places - rivals[0]) / least)
+        if np.unique(numbers).size < 3:
+            continue
+        # By medians, because a lag that a method put between two teeth is not on the grid.
+        spacing, _ = median_line(numbers, places)
+        away = places - spacing * numbers
+        regular = np.abs(away - np.median(away)) <= max(min(1.0, least / 8), 0.02 * least)
+        if regular.mean() >= share and np.unique(numbers[regular]).size >= 3:
+            return float(np.polyfit(numbers[regular], places[regular], 1)[0])
+    return None
 
 
 def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:

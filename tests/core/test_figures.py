@@ -75,9 +75,9 @@ def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> No
 
 def test_the_lag_of_blocks_is_drawn_over_time() -> None:
     result = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
-    assert result.judgement is not None and result.judgement.drift is not None
-    line, blocks = lag_over_time(result.judgement.drift, 44_100.0).data
-    assert len(blocks.x) == result.judgement.drift.blocks
+    assert result.over_time is not None
+    line, blocks = lag_over_time(result.over_time, 44_100.0).data
+    assert len(blocks.x) == result.over_time.blocks
     slope = (line.y[1] - line.y[0]) / (line.x[1] - line.x[0]) / 44_100
     assert 1e6 * slope == pytest.approx(50.0, abs=5)
 

@@ -116,8 +116,8 @@ def _lag(size: int, warm: int = 9000, **options: object) -> tuple[str, str, str,
     given = "".join(f", {name}={value!r}" for name, value in options.items())
     return (
         f"a, b = noise({size}), noise({size})",
-        f"signal_lag(a[:{warm}], a[100:{warm}]{given})",
-        f"signal_lag(a, b{given})",
+        f"signal_lag(a[:{warm}], a[100:{warm}]{given}).verdict",
+        f"signal_lag(a, b{given}).verdict",
         f"estimate_lag({size}, {size}{given})",
     )
 
@@ -241,7 +241,7 @@ def test_products_are_the_pairs_of_samples_within_the_reach(size_1: int, size_2:
 def test_every_lag_of_two_hours_fits_beside_them_into_two_gigabytes() -> None:
     hour = 3600 * 44_100
     assert estimate_lag(hour, hour).memory + 2 * hour * np.dtype(np.float32).itemsize < 2 * GB
-    assert estimate_lag(hour, hour, max_lag=100_000).memory < 0.3 * GB
+    assert estimate_lag(hour, hour, max_lag=100_000).memory < 0.5 * GB
     every, few = (estimate_lag(10**6, 10**6, method="direct", max_lag=reach).seconds for reach in (None, 100))
     assert every > 100 and few < every / 1000  # 10**12 products, and 2 * 10**8
 

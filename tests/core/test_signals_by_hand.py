@@ -96,7 +96,7 @@ DISTURBED = {
     "noisy teeth": ({"repetition": 80, "noise": 8}, "repeats"),
     "nothing but teeth": ({"repetition": 100, "noise": -30}, "repeats"),
     "tone": ({"repetition": 100, "period": 20}, "repeats"),
-    "noisy tone": ({"repetition": 100, "period": 20, "noise": 8}, "rivals"),
+    "noisy tone": ({"repetition": 100, "period": 20, "noise": 8}, "repeats"),
     "drowned tone": ({"repetition": 100, "period": 20, "noise": 20}, "chance"),
     "not only a tone": ({"repetition": 90, "period": 20}, "clear"),
     "echo": ({"echo": 60}, "clear"),
@@ -104,7 +104,7 @@ DISTURBED = {
     "little drift": ({"drift": 1}, "clear"),
     "drift": ({"drift": 6}, "drift"),
     "most drift": ({"drift": 20, "noise": 0}, "drift"),
-    "drift in noise": ({"drift": 12, "noise": 6}, "chance"),
+    "drift in noise": ({"drift": 12, "noise": 12}, "chance"),
     "everything": ({"drift": 3, "noise": 0, "repetition": 90, "echo": 60}, "repeats"),
 }
 

@@ -94,7 +94,7 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
 
 def show_drift(result: SignalLag, search: LagSearch) -> None:
     """Show the lag of each block over time, if it could be measured."""
-    drift = result.judgement.drift if result.judgement else None
+    drift = result.judgement.over_time if result.judgement else None
     if drift is None:
         return
     with st.expander("Lag over time", expanded=drift.shows):

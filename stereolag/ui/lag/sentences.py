@@ -16,7 +16,7 @@ from stereolag.core.typography import typeset, typesets
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
-from stereolag.signals.verdict import Drift
+from stereolag.signals.clocks import LagOverTime
 from stereolag.ui.sentences import duration, length
 
 ECHO_S = 0.03
@@ -62,7 +62,7 @@ def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> 
     if judgement is None:
         return []
     said = []
-    drift = judgement.drift
+    drift = judgement.over_time
     if drift is not None and judgement.reason == "drift":
         said.append(
             f"The clocks differ by **{drift.ppm:+.1f} ppm** (± {drift.error_ppm:.1g}): the lag goes from "
@@ -213,7 +213,7 @@ def close_up_in_words(result: SignalLag, start: int) -> str:
 
 
 @typesets
-def drift_in_words(drift: Drift) -> str:
+def drift_in_words(drift: LagOverTime) -> str:
     """Return how the lag changes over time."""
     trend = f"rises by {drift.ppm:+.1f} ppm" if drift.shows else "does not change measurably"
     return f"Lag of {drift.blocks} blocks over time: it {trend}, {drift.start:,.1f} samples at first."
@@ -408,7 +408,7 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
     assert judgement is not None
     wrong = result.verdict == "sure" and abs(lag - LAG) > settings.drift / 2 + 2
     reason = "wrong" if wrong else judgement.reason
-    drift = judgement.drift
+    drift = judgement.over_time
     numbers = {
         "lag": lag,
         "true": LAG,

@@ -1,0 +1,433 @@
+"""Evidence that two recordings share a sound at a lag, beyond what chance reaches, whatever they sound like.
+
+No single curve shows every sound best: a rumble needs whitening, a bird call is drowned by it. So the cross-spectrum is
+correlated under four weights, from nearly plain to phase alone (C. Knapp and G. Carter, "The generalized correlation
+method for estimation of time delay", IEEE Trans. ASSP 24 (1976)), and all their peaks are scored by one measure:
+
+* The peak is searched for between the samples, over its whole lobe: with few samples a cycle, the highest sample can
+  belong to the next cycle.
+* The part of the curve that the recordings' own repetition explains is subtracted.
+* The height is compared with the rest: with its largest local deviation on several scales, since the same loud events
+  overlap there and chance has the same spread; and with its highest other point.
+* No evidence is larger than the samples that carry it allow: a click that meets a click is one agreement, not many.
+
+A score above 1 is beyond chance: that many times the height that the highest of N lags reaches, ``sqrt(2 ln N)``, and
+``MARGIN`` deviations more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft, ndimage
+
+from stereolag.core.arrays import Vector
+from stereolag.signals.correlation import REACH, Lags, best_cycle, interpolate_peak, overlap_length
+
+MARGIN = 1.8
+"""Standard deviations above the highest that chance reaches, from which on an agreement is convincing."""
+
+Samples = npt.NDArray[np.float32]
+Spectrum = npt.NDArray[np.complex64]
+
+_FLOORS = (1e-1, 1e-2, 1e-4)
+"""Floors of the whitening weights, as shares of the power that is common to both recordings."""
+
+_UNLIKE, _OTHERS = (0, 3), (1, 2)
+"""Numbers of the weights: the least whitening one and the phase, and those between them."""
+
+_BY_FAR = 2.0
+_PHASE_FLOOR = 1e-3
+_LOUD = 0.98
+"""Quantile of the common power that stands for its height."""
+
+_SCALES = (24, 96, 384, 1536, 6144, 24576)
+"""Lags on either side over which the local deviation is taken."""
+
+_CELL = 32
+"""Lags per cell in which peaks are looked for."""
+
+_BANDS = 2048
+_COLOUR_REACH = 256
+_WIDEST_LOBE, _WIDEST_ENVELOPE = 400, 512
+_COLOURED = 0.05
+"""From this share on, the own curve beside its middle is not that of white noise."""
+
+_FEW_SAMPLES = 64
+"""Overlaps below this number of samples are not searched."""
+
+_SHORTEST_SHARE = 0.02
+_MEDIAN_OF = 2**16
+
+_LEAD, _LEAD_OF_LOCAL = 1.8, 1.15
+"""A peak this many times as high as all the rest is convincing alone; with its local height, their product is."""
+
+_WORTH_COUNTING = 0.8
+"""Share of what is needed below which a peak is not looked into."""
+
+_FAINT, _TOWERING = 0.7, 10.0
+_CLEAR_GAP = 4.0
+"""Deviations between two heights from which on they are not equal."""
+
+_ALIKE = 0.85
+"""Far from the peak, another lag fits equally well from this share of the height on."""
+
+_REPEATS = 0.5
+"""From this share on, the recordings' own repetition explains another peak."""
+
+_LEAST_RIVAL = 0.4
+_MOST_TOPS = 64
+
+
+def standardised(signal: npt.NDArray[np.floating]) -> Samples:
+    """Return the signal with zero mean and unit standard deviation, float32."""
+    centred = signal - signal.mean(dtype=np.float64)
+    return np.asarray(centred / (centred.std(dtype=np.float64) or 1.0), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A peak of one of the weighted curves.
+
+    Attributes
+    ----------
+    weight
+        Index of the weight.
+    lag, height
+        Position between the samples, samples, and height of the curve there.
+    score
+        Evidence in units of what is needed to be convinced: above 1 the peak is not due to chance.
+    carried, carriers
+        Agreement in standard deviations of its own products, and the largest that these samples could reach.
+    above, clear
+        Height in robust standard deviations of the whole curve; and in the geometric mean of these and of the largest
+        local deviation, which holds for comparisons of neighbouring cycles.
+    repetition
+        Factor from the recordings' own curve to this peak.
+    """
+
+    weight: int
+    lag: float
+    height: float
+    score: float = 0.0
+    carried: float = 0.0
+    carriers: float = math.inf
+    above: float = 0.0
+    clear: float = 0.0
+    repetition: float = 0.0
+
+    def is_beyond_chance(self, needed: float) -> bool:
+        """Return whether it is beyond chance beside a better one: few events tower over everything but themselves."""
+        return self.score > 1 or (self.score > _FAINT and self.above > _TOWERING * needed)
+
+    def is_above(self, other: Peak) -> bool:
+        """Return whether this peak is clearly higher than another one that belongs to the same cycles."""
+        share = min(other.above / max(self.above, 1e-30), 1.0)
+        return (1 - share) * self.clear >= _CLEAR_GAP * math.sqrt(2 * (1 - min(share, 0.9999)))
+
+
+class Evidence:
+    """Two recordings correlated under every weight, for the lags from `first` to `last`.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) samples from :func:`standardised`, 16 or more.
+    first, last
+        ``-N1 < first <= last < N2``, samples.
+    searched
+        Number of lags searched in all, of which these may be a part.
+    """
+
+    def __init__(self, signal_1: Samples, signal_2: Samples, first: int, last: int, searched: int) -> None:
+        self.sizes = signal_1.size, signal_2.size
+        self.first, self.last = first, last
+        self.needed = math.sqrt(2 * math.log(searched + 1)) + MARGIN
+        self.points = int(fft.next_fast_len(sum(self.sizes), real=True))
+        rows = np.zeros((2, self.points), dtype=np.float32)
+        rows[0, : signal_1.size], rows[1, : signal_2.size] = signal_1, signal_2
+        self.spectra: Spectrum = np.asarray(fft.rfft(rows, axis=1, workers=2))
+        self.cross: Spectrum = self.spectra[0].conj() * self.spectra[1]
+        self.powers = self.spectra.real**2 + self.spectra.imag**2
+        geometric = np.float32(math.sqrt(signal_1.size * signal_2.size) / 2)
+        self.own = (self.powers[0] / signal_1.size + self.powers[1] / signal_2.size) * geometric
+        lags = np.arange(first, last + 1, dtype=np.int32)
+        self.overlap = overlap_length(*self.sizes, lags).astype(np.float32)
+        shortest = max(min(_FEW_SAMPLES, min(self.sizes) // 2), _SHORTEST_SHARE * float(self.overlap.max()))
+        self.long_enough = self.overlap >= shortest
+        self.weights = self._weights()
+        self.curves: dict[int, WeightedCurve] = {}
+
+    def _correlate(self, numbers: Sequence[int]) -> None:
+        """Add the curves of some weights."""
+        spectra = np.concatenate([spectrum * self.weights[[*numbers]] for spectrum in (self.cross, self.own)])
+        curves = fft.irfft(spectra, self.points, axis=1, workers=2)
+        for number, products, own in zip(numbers, curves, curves[len(numbers) :], strict=False):
+            self.curves[number] = WeightedCurve(self, number, products, own)
+
+    def _weights(self) -> Samples:
+        width = max(3, min(self.sizes) // 128)
+        smooth = ndimage.uniform_filter1d(self.powers, width, axis=1, mode="reflect")
+        common = np.sqrt(np.maximum(smooth[0] * smooth[1], 0))
+        loud = float(np.quantile(common[:: max(1, common.size // 8192)], _LOUD))
+        weights = [1 / (common + np.float32(floor * loud + 1e-30)) for floor in _FLOORS]
+        magnitude = np.sqrt(self.powers[0] * self.powers[1])
+        weights.append(1 / (magnitude + np.float32(_PHASE_FLOOR * magnitude.mean() + 1e-30)))
+        return np.stack(weights)
+
+    def peaks(self, places: tuple[float, ...] = ()) -> list[Peak]:
+        """Return the highest peaks under every weight, and those at the given lags, the most convincing first.
+
+        Where two unlike weights are convinced of one lag by far, the others are left out.
+        """
+        for numbers in (_UNLIKE, _OTHERS):
+            self._correlate(numbers)
+            found = self._counted(places)
+            leaders = [next(peak for peak in found if peak.weight == number) for number in _UNLIKE]
+            apart = abs(leaders[0].lag - leaders[1].lag)
+            if apart < 1 and min(leader.score for leader in leaders) > _BY_FAR:
+                break
+        return found
+
+    def _counted(self, places: tuple[float, ...]) -> list[Peak]:
+        """Return the highest peaks of the curves there are, and those at the given lags, with their scores."""
+        found = []
+        wanted = [round(place) - self.first for place in places if self.first <= place <= self.last]
+        for number, curve in self.curves.items():
+            seen: list[int] = []
+            for index in [*curve.tops(), *wanted] or [0]:
+                if all(abs(index - other) > curve.lobe for other in seen):
+                    seen.append(index)
+                    found.append(replace(curve.measure(index), weight=number))
+        found.sort(key=lambda peak: (-peak.score, -peak.above))
+        # One weight is enough to count the samples that carry the agreement at a lag.
+        known: list[Peak] = []
+        for peak in found:
+            reach = max(3, self.curves[peak.weight].lobe)
+            same = next((other for other in known if abs(other.lag - peak.lag) <= reach), None)
+            if same is not None:
+                carried, carriers = same.carried, same.carriers
+            elif peak.score > _WORTH_COUNTING or not known:
+                carried, carriers = self.curves[peak.weight].carried(round(peak.lag))
+            else:
+                carried, carriers = peak.above, math.inf
+            score = min(peak.score, carried / self.needed)
+            known.append(replace(peak, score=score, carried=carried, carriers=carriers))
+        return sorted(known, key=lambda peak: (-peak.score, -peak.clear))
+
+    def smeared(self) -> list[float]:
+        """Return the lags around which the whitened curves have the most power: clocks apart smear a peak over many."""
+        return [self.first + self.curves[number].center_of_power() for number in _UNLIKE]
+
+    def rivals(self, peak: Peak) -> list[float]:
+        """Return the lags that fit as well as a peak, the highest first."""
+        return self.curves[peak.weight].rivals(peak)
+
+    def prefers_opposite(self, peak: Peak) -> bool:
+        """Return whether the curve of a peak reaches farther down than up."""
+        return -float(self.curves[peak.weight].curve.min()) > peak.height
+
+    def bands(self, power: Samples) -> Vector:
+        """Return the mean power in at most ``_BANDS`` + 1 bands of equal width."""
+        if power.size <= _BANDS + 1:
+            return power.astype(np.float64)
+        edges = np.linspace(0, power.size, _BANDS + 2).astype(int)
+        return np.add.reduceat(power, edges[:-1], dtype=np.float64) / np.diff(edges)
+
+
+class WeightedCurve:
+    """The correlation under one weight, over the lags of its :class:`Evidence`.
+
+    Attributes
+    ----------
+    curve
+        (lags,) sums of products; 0 where the overlap is too short.
+    lobe, envelope
+        Lags from a peak to the end of its lobe, and to the end of its envelope, which may hold several cycles.
+    deviation
+        Robust standard deviation of the curve.
+    """
+
+    def __init__(self, evidence: Evidence, number: int, products: Samples, own: Samples) -> None:
+        self._evidence, self._own = evidence, own
+        weight = self._weight = evidence.weights[number]
+        parts = (products[min(0, evidence.first) + evidence.points :], products[: evidence.last + 1])
+        curve = np.concatenate(parts) if evidence.first < 0 else products[evidence.first : evidence.last + 1]
+        self.curve: Samples = np.where(evidence.long_enough, curve[: evidence.overlap.size], np.float32(0))
+        some = np.abs(self.curve[evidence.long_enough])
+        self.deviation = 1.4826 * float(np.median(some[:: max(1, some.size // _MEDIAN_OF)])) + 1e-30
+        bands = evidence.bands(evidence.own * weight)
+        shape = np.abs(fft.ifft(np.append(bands, np.zeros(bands.size))))[: bands.size]
+        # Noise of each recording alone adds to the middle of its own curve, and to no other place.
+        beside = float(shape[1:3].max())
+        whole = beside if beside > _COLOURED * shape[0] else float(shape[0])
+        self.lobe = max(2, int(np.flatnonzero(shape[:_WIDEST_LOBE] > 0.25 * whole)[-1])) + 1
+        low = np.flatnonzero(shape[:_WIDEST_ENVELOPE] < 0.3 * beside)
+        self.envelope = max(self.lobe, int(low[0]) if low.size else _WIDEST_ENVELOPE)
+
+    @cached_property
+    def _heard(self) -> Samples:
+        """(2, points) both recordings under the root of the weight, whose product is the curve's."""
+        return np.asarray(fft.irfft(self._evidence.spectra * np.sqrt(self._weight), self._evidence.points, workers=2))
+
+    @cached_property
+    def _colour(self) -> float:
+        """The factor by which colour of both widens agreement by chance (M. S. Bartlett, 1935)."""
+        own = [fft.irfft(self._evidence.bands(one * self._weight))[:_COLOUR_REACH] for one in self._evidence.powers]
+        return math.sqrt(max(1.0, 1 + 2 * float((own[0] / own[0][0])[1:] @ (own[1] / own[1][0])[1:])))
+
+    def tops(self, count: int = 2) -> list[int]:
+        """Return the indices of the highest points, by height over the local deviation and by height."""
+        cells = -(-self.curve.size // _CELL)
+        rows = np.zeros((cells, _CELL), dtype=np.float32)
+        rows.ravel()[: self.curve.size] = self.curve
+        high, skipped = rows.max(axis=1), -(-self.lobe // _CELL)
+        sums = np.append(0.0, np.cumsum(np.einsum("ij,ij->i", rows, rows), dtype=np.float64))
+        cell = np.arange(cells)
+
+        def around(radius: int) -> tuple[Vector, Lags]:
+            low, end = np.maximum(0, cell - radius), np.minimum(cells, cell + radius + 1)
+            return sums[end] - sums[low], (end - low) * _CELL
+
+        lobe, lobe_size = around(skipped)
+        power = np.zeros(cells)
+        for scale in _SCALES:
+            radius = skipped - (-scale // _CELL)
+            if radius > max(cells, skipped + 1):
+                break
+            total, size = around(radius)
+            np.maximum(power, (total - lobe) / np.maximum(_CELL, size - lobe_size), out=power)
+        found: list[int] = []
+        for heights in (np.where(power > 0, high / np.sqrt(power + 1e-30), 0.0), high.astype(np.float64)):
+            for _ in range(count):
+                best = int(np.argmax(heights))
+                if heights[best] <= 0:
+                    break
+                index = best * _CELL + int(np.argmax(rows[best]))
+                if all(abs(index - other) > 1 for other in found):
+                    found.append(index)
+                heights[max(0, best - skipped) : best + skipped + 1] = 0
+        return found
+
+    def center_of_power(self) -> int:
+        """Return the middle of the stretch of lags whose power exceeds that elsewhere the most clearly."""
+        sums = np.append(0.0, np.cumsum(self.curve.astype(np.float64) ** 2))
+        best, place = 0.0, self.curve.size // 2
+        for scale in _SCALES:
+            if 2 * scale >= self.curve.size:
+                break
+            power = (sums[2 * scale :: _CELL // 2] - sums[: -2 * scale : _CELL // 2]) / (2 * scale)
+            excess = (power / (np.median(power) + 1e-30) - 1) * math.sqrt(scale)
+            top = int(np.argmax(excess))
+            if excess[top] > best:
+                best, place = float(excess[top]), top * (_CELL // 2) + scale
+        return place
+
+    def measure(self, index: int) -> Peak:
+        """Return the peak whose envelope contains an index, with the evidence of its height."""
+        needed, scale = self._evidence.needed, self.deviation
+        index = best_cycle(self.curve, index, self.envelope + 2)
+        offset, height = self._between(index)
+        peak = Peak(0, self._evidence.first + index + offset, height, above=height / scale)
+        if peak.above < needed and self._over_local(index) < _WORTH_COUNTING * needed:
+            return peak
+        low, end = max(0, index - _SCALES[-1]), min(self.curve.size, index + _SCALES[-1] + 1)
+        middle, part = index - low, self.curve[low:end].astype(np.float64)
+        own = self._own_around(offset, middle, end - 1 - index)
+        # By least squares around the peak without its middle, where noise of each recording adds to its own curve.
+        near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
+        flanks = own[near].copy()
+        flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
+        factor = float(flanks @ part[near]) / (float(flanks @ flanks) + 1e-300)
+        factor = min(max(factor, 0.0), 4.5 * height / max(float(own[middle]), 1e-300))
+        rest = np.where(self._evidence.long_enough[low:end], part - factor * own, 0.0)
+        rest[max(0, middle - self.lobe) : middle + self.lobe + 1] = 0
+        around = [
+            rest[max(0, middle - reach) : middle + reach + 1]
+            for reach in _SCALES
+            if self.lobe < reach < self.curve.size
+        ]
+        powers = [float(one @ one) / int(np.count_nonzero(one)) for one in around if one.any()]
+        local = height / math.sqrt(max(powers)) if powers else 0.0
+        others = [float(one.max()) for one in (self.curve[:low], rest, self.curve[end:]) if one.size]
+        lead = height / max(*others, 1e-30) if len(others) > 1 else height / max(others[0], 1e-30)
+        leads = min(max(lead / _LEAD, local / needed * lead / _LEAD_OF_LOCAL), peak.above / needed)
+        clear = math.sqrt(peak.above * local) if powers else peak.above
+        return replace(peak, score=max(local / needed, leads), clear=clear, repetition=factor)
+
+    def _between(self, index: int) -> tuple[float, float]:
+        around = min(REACH, index, self.curve.size - 1 - index)
+        return interpolate_peak(self.curve[index - around : index + around + 1].astype(np.float64))
+
+    def _own_around(self, offset: float, before: int, after: int) -> Vector:
+        """Return the own curve from `before` lags before to `after` lags after an index, for a peak at its `offset`."""
+        points = int(fft.next_fast_len(before + after + 257, real=True))
+        left = (points - before - after - 1) // 2
+        places = np.arange(-before - left, points - before - left) % self._evidence.points
+        spectrum = fft.rfft(self._own[places])
+        spectrum *= np.exp(-2j * np.pi * np.arange(spectrum.size) / points * offset).astype(np.complex64)
+        return np.asarray(fft.irfft(spectrum, points)[left : left + before + after + 1], dtype=np.float64)
+
+    def _over_local(self, index: int) -> float:
+        """Return the height at an index over the root mean square of its surroundings, its lobe aside."""
+        reach = _SCALES[2]
+        around = self.curve[max(0, index - reach) : index + reach + 1].astype(np.float64)
+        lobe = self.curve[max(0, index - self.lobe) : index + self.lobe + 1].astype(np.float64)
+        power = (float(around @ around) - float(lobe @ lobe)) / max(1, around.size - lobe.size)
+        return float(self.curve[index]) / math.sqrt(max(power, 0.0) + 1e-30)
+
+    def carried(self, lag: int) -> tuple[float, float]:
+        """Return the sum of the products at a lag, and of their magnitudes, in standard deviations."""
+        start, stop = max(0, -lag), min(self._evidence.sizes[0], self._evidence.sizes[1] - lag)
+        products = self._heard[0, start:stop] * self._heard[1, start + lag : stop + lag]
+        scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._colour
+        total, most = products.sum(dtype=np.float64), np.abs(products).sum(dtype=np.float64)
+        return float(total) / scale, float(most) / scale
+
+    def repeats(self, peak: Peak, other: Peak) -> bool:
+        """Return whether the recordings' own repetition explains half of another peak."""
+        apart = round(other.lag) - round(peak.lag)
+        around = self._own[np.arange(apart - 1, apart + 2) % self._evidence.points]
+        return peak.repetition * float(around.max()) > 0.5 * other.height
+
+    def rivals(self, peak: Peak) -> list[float]:
+        """Return the lags that fit as well as a peak of this curve, the highest first.
+
+        Heights are compared as if all overlaps were equally long. Within the envelope, and where the recordings' own
+        repetition explains the other peak, two heights are equal that differ by less than ``_CLEAR_GAP`` deviations of
+        their difference; elsewhere if the other is ``_ALIKE`` as high and beyond chance itself.
+        """
+        evidence = self._evidence
+        index, overlap = round(peak.lag) - evidence.first, evidence.overlap
+        comparable = evidence.long_enough & (overlap >= 0.25 * overlap[index])
+        factor = np.where(comparable, overlap[index] / np.maximum(overlap, 1), np.float32(0))
+        heights = self.curve * factor
+        heights[max(0, index - 1) : index + 2] = 0
+        high = np.flatnonzero(heights[1:-1] >= _LEAST_RIVAL * peak.height) + 1
+        high = high[(heights[high] >= heights[high - 1]) & (heights[high] > heights[high + 1])]
+        high = high[np.argsort(-heights[high], kind="stable")[:_MOST_TOPS]]
+        found = []
+        for other in high.tolist():
+            offset, height = self._between(other)
+            share = height * float(factor[other]) / peak.height
+            apart = other - index
+            between = self.curve[min(index, other) : max(index, other) + 1]
+            if float(between.min()) > 0.5 * height:  # a bump of the same peak
+                continue
+            places = np.arange(apart - 1, apart + 2) % evidence.points
+            alike = peak.repetition * float(self._own[places].max()) * float(factor[other]) / peak.height
+            near = abs(apart) <= 4 * self.envelope + 32
+            alike = min(max(alike, share if near else 0.0), 0.9999)
+            deviations = peak.clear if near else min(peak.above, peak.carried)
+            # The samples that only one of the two overlaps has can make as much of a difference.
+            exchanged = 2 * abs(apart) / float(overlap[index])
+            clear = _CLEAR_GAP * math.sqrt(2 * (1 - alike)) / deviations
+            equal = alike >= _REPEATS and 1 - share < clear + exchanged
+            if equal or (not near and share >= _ALIKE and height >= 0.9 * evidence.needed * self.deviation):
+                found.append(evidence.first + other + offset)
+        return found
