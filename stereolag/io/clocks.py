@@ -263,6 +263,9 @@ COARSE = 0.2
 LONG_STEP = 1.5
 """A step of this many usual ones is a gap."""
 
+EXACT = 0.98
+"""Share of steps that are the same, above which the times are exact and another step is a gap."""
+
 SLACK = 0.02
 """Deviation from an even clock that is not corrected, in samples; more if the times are rounded to coarser steps."""
 
@@ -325,14 +328,18 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     if same.mean() > COARSE:
         times, rounding = _spread(times)
         notes.append("several samples with one time, spread evenly")
-    elif same.any():
+    elif same.any() and rounding < np.median(np.diff(times)) / 2:
         kept = np.concatenate(([True], ~same))
         times, values = times[kept], values[:, kept]
         notes.append(f"{int(same.sum())} of two samples with one time left out")
     steps = np.diff(times)
     if not steps.size or times[-1] <= times[0]:
         raise ValueError(f"The times of the {WHAT} are all the same; they must rise.")
-    long = LONG_STEP * max(float(np.median(steps)), float(np.quantile(steps, 0.9))) + rounding
+    usual_step = float(np.median(steps))
+    # If times were rounded about as coarsely as the step is long, the steps would differ.
+    is_exact = rounding > usual_step / 4 and (np.abs(steps / usual_step - 1) < SLACK).mean() > EXACT
+    slack = 0.0 if is_exact else rounding
+    long = LONG_STEP * max(usual_step, float(np.quantile(steps, 0.9))) + slack
     usual = steps[steps <= long]
     step, is_even = float(usual.mean()), True
     step = _round_step(step, rounding / usual.size + 1e-9 * step)
@@ -341,8 +348,8 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     for first, last in zip(np.r_[0, ends + 1], np.r_[ends + 1, times.size], strict=True):
         places = (times[first:last] - times[0]) / step
         offset = float((places - np.arange(places.size)).mean())
-        deviation = np.abs(places - np.arange(places.size) - offset).max() / 1.5 if places.size > 1 else 0.0
-        is_even &= max(deviation, abs(offset - round(offset)) if first else 0.0) <= SLACK + rounding / step
+        deviation = float(np.abs(places - np.arange(places.size) - offset).max())
+        is_even &= max(deviation, abs(offset - round(offset)) if first else 0.0) <= SLACK + slack / step
         positions[first:last] = round(offset) + np.arange(places.size) if first else np.arange(places.size)
     if not is_even or (np.diff(positions) <= 0).any():
         step = _round_step(step, ROUNDED * step)

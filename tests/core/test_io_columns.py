@@ -242,6 +242,16 @@ def sparse(kept: np.ndarray, times: np.ndarray | None = None, decimals: int = 3)
     return read("\n".join(["t,A,B", *(f"{times[i]:.{decimals}f},{A[i]},{B[i]}" for i in np.flatnonzero(kept))]))
 
 
+@pytest.mark.parametrize("rate", [100, 200, 1000])
+def test_one_sample_that_is_missing_moves_no_other(rate: int) -> None:
+    kept = np.ones(A.size, bool)
+    kept[[70, 71, 200]] = False
+    for decimals in (2, 3, 6) if rate == 100 else (3, 6):
+        recording = sparse(kept, np.arange(A.size) / rate, decimals)
+        assert (recording.sampling_rate, len(recording.gaps)) == (rate, 2)
+        np.testing.assert_array_equal(recording.channels[:, kept], np.stack([A, B])[:, kept])
+
+
 def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_places() -> None:
     kept = np.ones(A.size, bool)
     kept[100:160], kept[200] = False, False
@@ -276,7 +286,7 @@ def test_the_lag_is_true_from_one_logger_to_another_across_gaps(
     def logged(rate: float, uneven: float, gap: float, later: float) -> Iterator[tuple[float, float]]:
         times = np.arange(int(55 * rate)) / rate
         times = np.sort(times + random.uniform(-uneven, uneven, times.size) / rate)
-        times = times[(times < 20) | (times > 20 + gap)] - times[0]
+        times = times[(times < 20) | (times >= 20 + gap)] - times[0]
         heard = np.interp(times + 2 - later, np.arange(sound.size) / 1000, sound) / sound.std()
         return zip(times, heard + random.normal(scale=0.3, size=times.size), strict=True)
 
