@@ -117,7 +117,7 @@ class Step:
     Attributes
     ----------
     place
-        Position in recording 1, samples; within one block.
+        Position in recording 1 up to which the lag is the one before, samples.
     before, after
         The lag on either side, samples.
     """
@@ -162,6 +162,11 @@ class LagOverTime:
     def start(self) -> float:
         """Lag at the first sample that both recordings have, samples."""
         return self.stretches[0].lag_at(self.stretches[0].begin)
+
+    @property
+    def end(self) -> float:
+        """Lag at the last sample that both recordings have, samples."""
+        return self.stretches[-1].lag_at(self.stretches[-1].end)
 
     @property
     def lowest(self) -> float:
@@ -221,8 +226,12 @@ class LagOverTime:
     @property
     def shows(self) -> bool:
         """Whether the lag changes by more than its uncertainty, and by enough to smear a peak."""
-        drifts = abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
-        return drifts or len(self.stretches) > 1
+        return self.drifts or len(self.stretches) > 1
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the clocks run apart by more than the uncertainty, and by enough to smear a peak."""
+        return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
 
     def seen_from(self, start: int, begin: int) -> LagOverTime:
         """Return the line at a position in recording 1, for a part of recording 2 that starts at its sample `begin`."""
@@ -319,6 +328,35 @@ def _steps_alone(
         del lines[fewest]
         lines = _merged(lines)
     return lines
+
+
+def with_steps_placed(recording_1: Recording, recording_2: Recording, over_time: LagOverTime) -> LagOverTime:
+    """Return the lag over time with each step at the sample where the recordings put it."""
+    lines = [*over_time.stretches]
+    for number in range(1, len(lines)):
+        before, after = lines[number - 1 : number + 1]
+        place = _step_place(recording_1, recording_2, before, after)
+        lines[number - 1 : number + 1] = replace(before, end=place), replace(after, begin=place)
+    return LagOverTime(tuple(lines))
+
+
+def _step_place(recording_1: Recording, recording_2: Recording, before: Stretch, after: Stretch) -> int:
+    """Return the sample of recording 1 up to which one line fits best, and after what recording 2 lacks, the other."""
+    missing = max(0, round(before.lag_at(before.end) - after.lag_at(before.end)))
+    apart = after.places[0] - before.places[-1] if before.places and after.places else 0
+    reach = max(_LONGEST, math.ceil(apart)) + missing
+    first, last = max(before.begin, before.end - reach), min(after.end, before.end + reach)
+    part = recording_1.part(first, last)
+    agreed = []
+    for line in (before, after):
+        begin = math.floor(first + line.lag_at(first)) - _TAPS
+        part_2 = recording_2.part(begin, math.ceil(last + line.lag_at(last)) + _TAPS)
+        here = replace(line, start=line.start - begin, end=last)
+        products = part * on_first_clock(part_2, LagOverTime((here,)), first, last - first)
+        agreed.append(np.concatenate(([0.0], np.cumsum(products))))
+    until, since = agreed
+    gains = until[: until.size - missing] - since[missing:]
+    return first + int(np.argmax(gains)) if gains.size else before.end
 
 
 def _between(lines: Sequence[Stretch], begin: int, end: int) -> list[Stretch]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import fft
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.clocks import LagOverTime, Stretch, follow_lag, median_line, on_first_clock
+from stereolag.signals.clocks import LagOverTime, Stretch, follow_lag, median_line, on_first_clock, with_steps_placed
 from stereolag.signals.correlation import (
     HeldRecording,
     Inverted,
@@ -29,7 +29,7 @@ from stereolag.signals.correlation import (
     overlap_pearson,
     overlap_slices,
 )
-from stereolag.signals.evidence import MARGIN, Evidence, Peak, standardised
+from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
 from stereolag.signals.sampling import enough_votes
 from stereolag.signals.search import FoundLag, lags_within
 
@@ -276,13 +276,15 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
     if best is not None and best.score > 1 and not bound and (best.changes or abs(best.lag - own) > 1):
         lag = own if any(abs(own - one) <= 1 for one in rivals) else best.lag
     whole = found.lag if abs(lag - found.lag) <= 0.5 else round(lag)
-    nearest = _nearest({round(one) for one in rivals if first <= round(one) <= last}, whole)
+    others = [*rivals, best.lag] if rivals and best is not None and best.score > 1 else rivals
+    nearest = _nearest({round(one) for one in others if first <= round(one) <= last and abs(one - lag) > 1}, whole)
     spacing = regular_spacing(nearest, whole)
     over_time = None
     if best is not None and reason == "clear":
         over_time = best.over_time
         if over_time is not None and best.changes:
             reason = "steps" if over_time.steps else "drift"
+            over_time = with_steps_placed(*recordings, over_time)
     return LagJudgement(
         verdict="ambiguous" if reason == "rivals" else "sure" if reason in {"clear", "drift", "steps"} else "nothing",
         reason="repeats" if reason == "rivals" and spacing is not None else reason,
@@ -338,23 +340,34 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             continue
         tried.append(lag)
         apart = [abs(other.lag - lag) for other in best.peaks if other.score > 1]
-        over_time = follow_lag(*held, round(lag), 48 + round(max(apart, default=0)))
+        near = 48 + round(max(apart, default=0))
+        over_time = follow_lag(*held, round(lag), near)
         if over_time is None:
             continue
         if abs(over_time.span) < 0.5 and not over_time.steps:
             if best.over_time is None and best.is_at(over_time.middle):
                 best = replace(best, over_time=over_time)
             continue
-        moved = on_first_clock(samples_2, over_time, 0, samples_1.size)
-        evidence = Evidence(samples_1, moved, 1 - samples_1.size, samples_1.size - 1, searched)
-        peaks = evidence.peaks()
-        found_there = _Alignment(
-            evidence, peaks, over_time.middle, over_time.moved(peaks[0].lag) if abs(peaks[0].lag) < 48 else None
-        )
+        found_there = _along(over_time, samples_1, samples_2, searched)
+        # A step out of reach shows as a second lag, and only once the drift no longer smears it.
+        farthest = max(abs(peak.lag) for peak in found_there.peaks if peak.score > 1 or peak is found_there.peaks[0])
+        if farthest > near:
+            wider = follow_lag(*held, round(lag), 48 + round(farthest))
+            if wider is not None and wider.steps:
+                found_there = max(found_there, _along(wider, samples_1, samples_2, searched), key=lambda one: one.score)
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
         if found_there.score > best.score * (_AS_GOOD if same else 1.0):
             best = found_there
     return best
+
+
+def _along(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, searched: int) -> _Alignment:
+    """Return the evidence for a lag over time: recording 2 is read on the clock of recording 1."""
+    moved = on_first_clock(samples_2, over_time, 0, samples_1.size)
+    evidence = Evidence(samples_1, moved, 1 - samples_1.size, samples_1.size - 1, searched)
+    peaks = evidence.peaks()
+    near = abs(peaks[0].lag) < 48
+    return _Alignment(evidence, peaks, over_time.middle, over_time.moved(peaks[0].lag) if near else None)
 
 
 def _by_sections(recordings: Recordings, lag: int, searched: int) -> _Alignment:

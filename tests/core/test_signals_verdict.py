@@ -313,3 +313,12 @@ def test_a_resampled_sine_is_a_sine() -> None:
         out = np.empty(place.size, dtype=np.float32)
         resample(np.sin(2 * np.pi * frequency * np.arange(6000)), 100.3, 1.0005, clocks._filters(), out)
         np.testing.assert_allclose(out, np.sin(2 * np.pi * frequency * place), atol=3e-3)
+
+
+def test_of_two_copies_the_other_is_the_rival() -> None:
+    random = np.random.default_rng(3)
+    clip, between = random.normal(size=6_000), random.normal(size=9_000)
+    twice = np.concatenate((random.normal(size=3_000), clip, between, clip))
+    for sign in (1, -1):
+        result = signal_lag(*((clip, twice)[::sign]))
+        assert sorted((result.lag, *result.rivals)) == sorted((sign * 3_000, sign * 18_000))
