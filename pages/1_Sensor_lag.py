@@ -11,7 +11,7 @@ from stereolag.ui.controls import control, last_valid
 from stereolag.ui.inputs import LAG_ADDRESS, RecordingPair, choose_recordings, player
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.panels import see_why
-from stereolag.ui.lag.result import show_curve, show_drift, show_lag_files, show_verdict
+from stereolag.ui.lag.result import lined_up, show_curve, show_lag_files, show_over_time, show_verdict
 from stereolag.ui.lag.sentences import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.results import computed_or_refused
@@ -47,22 +47,30 @@ def ask(pair: RecordingPair) -> LagSearch | None:
 
 
 def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show the correlation, and both recordings with the lag removed."""
+    """Show the correlation, the lag over time, and both recordings with the lag removed."""
+    second, lag = lined_up(pair, result)
+    if result.over_time is None:
+        show_curve(pair, result, search)
+    else:
+        left, right = st.columns(2, gap="large")
+        with left:
+            show_curve(pair, result, search)
+        with right:
+            show_over_time(result.over_time, search)
     left, right = st.columns(2, gap="large")
     with left:
-        show_curve(pair, result, search)
-    with right:
         prose.markdown("### Shifted to line up")
-        lined_up = figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate)
-        st.plotly_chart(lined_up, key="aligned", alt=aligned_in_words(result))
-    prose.markdown("### Up close: 200 samples of both")
-    shared, _ = overlap_slices(pair.signal_1.size, pair.signal_2.size, result.lag)
-    start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
-    if start < highest:
-        liveliest = figures.liveliest_start(pair.signal_1, shared)
-        start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
-    close_up = figures.close_up(pair.signal_1, pair.signal_2, result.lag, start)
-    st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(result, start))
+        both = figures.aligned(pair.signal_1, second, lag, search.sampling_rate)
+        st.plotly_chart(both, key="aligned", alt=aligned_in_words(result))
+    with right:
+        prose.markdown("### Up close: 200 samples of both")
+        shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
+        start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
+        if start < highest:
+            liveliest = figures.liveliest_start(pair.signal_1, shared)
+            start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
+        close_up = figures.close_up(pair.signal_1, second, lag, start)
+        st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(lag, start))
 
 
 def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
@@ -86,9 +94,8 @@ def measure(pair: RecordingPair) -> None:
     if search:
         LAG_ADDRESS.write(search, pair)
     if search and result:
-        show_verdict(result, search)
+        show_verdict(pair, result, search)
         show(pair, result, search)
-        show_drift(result, search)
         listen(pair, search)
         show_lag_files(pair, result, search)
         compare_methods(pair, search)

@@ -33,6 +33,8 @@ files
 matchers
     `CorrelationMatcher` over a `SearchArea`, `SemiGlobalMatcher`, `StereoBM`, `StereoSGBM`; `preset` makes one;
     `suggest` finds better settings for a pair and returns a `Suggestion`
+recordings
+    `align` puts one recording on the clock of another
 results
     `SignalLag`; `TemplateSearch`, with a `TemplateMatch` for every place found; `DisparityMap`, with a `Reason` for
     every pixel

@@ -11,7 +11,7 @@ from .io.recordings import read_signal
 from .io.settings import read_matcher, write_matcher
 from .motion.flow import FlowMap, optical_flow
 from .motion.scene_flow import SceneFlow, scene_flow
-from .signals import SignalLag, signal_lag
+from .signals import SignalLag, align, signal_lag
 from .stereo.evaluation import Evaluation, evaluate
 from .stereo.matcher import DisparityMap, Reason
 from .stereo.methods import preset
@@ -42,6 +42,7 @@ __all__ = [
     "TemplateMatch",
     "TemplateSearch",
     "__version__",
+    "align",
     "calibrate",
     "diagnose",
     "evaluate",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
@@ -22,15 +23,19 @@ def run(arguments: Sequence[str]) -> int:
         "Measure how many samples the second recording lags behind the first: positive where it hears the event later. "
         f"Recordings are {ACCEPTED}; one file with two channels is enough. Times in a column give rate and gaps. "
         "The sampling rate is that of the files, unless they state none or another is given; of two rates, the lower.",
-        "FIRST [SECOND] [--speed M/S] [--method NAME] [--json] [further settings]",
+        "FIRST [SECOND] [--speed M/S] [--method NAME] [--aligned FILE] [--json] [further settings]",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
     parser.add_argument("--channels", type=int, nargs=2, metavar=("A", "B"), help="which channel of each, from 1")
     tracks = "which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name"
     parser.add_argument("--tracks", nargs=2, metavar=("A", "B"), default=("1", "1"), help=tracks)
+    aligned = "write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone"
+    parser.add_argument("--aligned", type=Path, metavar="FILE", help=aligned)
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
+    if options.aligned and options.aligned.suffix.lower() not in (".wav", ".csv"):
+        parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
 
     from stereolag.core.inputs import checked_signal
     from stereolag.io.clocks import at_one_rate, starts_apart
@@ -44,21 +49,28 @@ def run(arguments: Sequence[str]) -> int:
     channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
     apart = starts_apart(*channels)
     rate = settings.sampling_rate
-    if "sampling_rate" not in vars(options):
+    assumed = {"speed", "sampling_rate"} - vars(options).keys()
+    if "sampling_rate" in assumed:
         channels = at_one_rate(*channels)
-        rate = next((one.sampling_rate for one in channels if one.sampling_rate), rate)
-        settings = settings.model_copy(update={"sampling_rate": rate})
+        stated = next((one.sampling_rate for one in channels if one.sampling_rate), None)
+        if stated:
+            rate, assumed = stated, assumed - {"sampling_rate"}
+            settings = settings.model_copy(update={"sampling_rate": rate})
     facts = [
         _facts(one, name, number, count, rate)
         for one, name, number, count in zip(channels, names, numbers, (first.highest, second.highest), strict=True)
     ]
-    signals = [checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True)]
-    result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    figures = lag_figures(result, settings) | {"recordings": facts, "starts_apart_s": apart}
-    words = _in_words(result, settings, facts)
+    one, other = (checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True))
+    result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
+    figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
+    words = _in_words(result, settings, facts, assumed)
     if apart:
         words += f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first."
     tell(figures, words, as_json=options.json)
+    if options.aligned:
+        from stereolag.io.alignment import write_aligned
+
+        write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, rate)
     return DONE
 
 
@@ -107,7 +119,8 @@ def _fact_line(facts: dict[str, Any], rate: float) -> str:
 
 _REASONS = {
     "clear": "a clear peak",
-    "drift": "a clear peak that drifts",
+    "drift": "a clear peak once the drift of the clocks is undone",
+    "steps": "a clear peak once the steps are undone",
     "repeats": "it repeats",
     "rivals": "other lags fit as well",
     "chance": "the highest point is at chance level",
@@ -117,27 +130,37 @@ _REASONS = {
 }
 
 
-def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, Any]]) -> str:
+def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, Any]], assumed: Collection[str]) -> str:
+    from stereolag.io.results import over_time_in_words
+
+    def at(name: str, value: str) -> str:
+        return f"{value}, assumed" if name in assumed else value
+
+    rate = settings.sampling_rate
     score = f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s"
-    judgement = result.judgement
-    if judgement is None or judgement.verdict == "sure":
+    judgement, over_time = result.judgement, result.over_time
+    if judgement.verdict == "sure":
         lines = [
             f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
-            f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",
-            f"distance  {result.distance_m:.6g} m of path at {settings.speed:g} m/s",
-            score,
+            f"time      {result.time_s:.6g} s at {at('sampling_rate', f'{rate:g} samples a second')}",
         ]
+        if over_time is None or not over_time.shows:
+            speed = at("speed", f"{settings.speed:g} m/s")
+            lines.append(f"distance  {result.distance_m:.6g} m of path at {speed}")
+        lines.append(score)
     else:
         lines = [f"highest   at {result.lag} samples: no lag to rely on", score]
         if judgement.rivals:
             lines.append("as good   " + ", ".join(map(str, judgement.rivals)))
         if judgement.opposite_lag is not None:
             lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
-    if judgement is not None:
-        lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
-        if judgement.over_time is not None:
-            drift = judgement.over_time
-            lines.append(
-                f"drift     {drift.ppm:+.2f} ppm, ± {drift.error_ppm:.1g}; ± {drift.spread:.2g} samples a block"
-            )
-    return "\n".join([*lines, *(_fact_line(one, settings.sampling_rate) for one in facts)])
+    lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
+    if over_time is not None and over_time.shows:
+        lines.append(f"over time {over_time_in_words(over_time, rate)}")
+    elif over_time is not None:
+        lines.append(f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift")
+    if over_time is not None:
+        lines.append(f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks")
+    if len(result.arrivals) > 1:
+        lines.append("arrivals  " + ", ".join(f"{one.lag:.0f} ({one.sigma:.1f} σ)" for one in result.arrivals))
+    return "\n".join([*lines, *(_fact_line(one, rate) for one in facts)])

@@ -85,7 +85,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
     Parameters
     ----------
     result
-        Result of :func:`stereolag.signals.signal_lag`. If it was judged, a grey ribbon spans the range of chance.
+        Result of :func:`stereolag.signals.signal_lag`. A grey ribbon spans the range of chance.
     title
         Title of the axis.
     sizes
@@ -93,7 +93,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
         the overlap shrinks.
     """
     figure = go.Figure()
-    colour = PEAK if result.verdict == "sure" or result.judgement is None else DOUBTFUL
+    colour = PEAK if result.verdict == "sure" else DOUBTFUL
     if result.lags is not None and result.correlation is not None:
         weight = _weights(result.lags, sizes)
         curve = result.correlation / weight
@@ -138,11 +138,25 @@ def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vect
     return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
 
 
+def band_of_chance(result: SignalLag) -> tuple[float, float] | None:
+    """Return the values between which chance keeps the curve; None if they are not known.
+
+    They come from the curve's own spread. Where equal peaks are so many that they make up the spread, as for a tone, it
+    says nothing about chance.
+    """
+    band = result.judgement.ribbon
+    if band is None or result.lags is None or result.correlation is None:
+        return None
+    peaks = result.correlation[np.searchsorted(result.lags, (result.lag, *result.rivals))]
+    return None if result.verdict == "ambiguous" and peaks.min() < 2 * band[1] else band
+
+
 def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
     """Add the ribbon that spans the range of chance."""
-    if result.judgement is None or result.judgement.ribbon is None or result.lags is None:
+    band = band_of_chance(result)
+    if band is None or result.lags is None:
         return
-    low, high = result.judgement.ribbon
+    low, high = band
     kept = np.unique(np.linspace(0, result.lags.size - 1, RIBBON_POINTS).astype(np.int64))
     lags = result.lags[kept].astype(np.int32)
     lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in (low, high))
@@ -160,22 +174,25 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
     )
 
 
-def lag_over_time(drift: LagOverTime, sampling_rate: float) -> go.Figure:
-    """Return the lag of each block over the time of recording 1, and the line fitted to their drift."""
-    places, lags = np.array(drift.places), np.array(drift.lags)
-    seconds = places / sampling_rate
-    line_lags = np.polyval(np.polyfit(places, lags, 1), places[[0, -1]])
+def lag_over_time(over_time: LagOverTime, sampling_rate: float) -> go.Figure:
+    """Return the lag of each block over the time of recording 1, and its lines: another after each step."""
+    ends = [(one, place) for one in over_time.stretches for place in (one.begin, one.end)]
+    lags = np.array([one.lag_at(place) for one, place in ends])
+    seconds = np.array([place for _, place in ends]) / sampling_rate
     figure = go.Figure()
     line = {"color": CORRELATION, "width": 2}
+    hover = "%{x:,.1f} s: %{y:,.2f} samples<extra></extra>"
+    figure.add_trace(go.Scatter(x=seconds, y=lags, mode="lines", line=line, name="line", hoverinfo="skip"))
+    marker = {"color": PEAK, "size": 7}
+    places, measured = np.array(over_time.places) / sampling_rate, np.array(over_time.lags)
     figure.add_trace(
-        go.Scatter(x=seconds[[0, -1]], y=line_lags, mode="lines", line=line, name="line", hoverinfo="skip")
+        go.Scatter(x=places, y=measured, mode="markers", marker=marker, name="blocks", hovertemplate=hover)
     )
-    marker = {"color": PEAK, "size": 8}
-    figure.add_trace(go.Scatter(x=seconds, y=lags, mode="markers", marker=marker, name="blocks"))
     # At least one sample high: variation by hundredths must not look like drift.
-    middle, half = float(np.median(lags)), max(0.5, 0.6 * float(np.ptp(lags)))
-    y = {"title": "lag, samples", "tickformat": ",.1f", "range": [middle - half, middle + half]}
-    return laid_out(figure, 220, CLOCK, y, **ALONE)
+    every = np.concatenate((lags, measured))
+    middle, half = float(every.max() + every.min()) / 2, max(0.5, 0.6 * float(np.ptp(every)))
+    y = {"title": "lag, samples", "tickformat": ",.6~f", "range": [middle - half, middle + half]}
+    return laid_out(figure, 300, CLOCK, y, **ALONE)
 
 
 def run_times(seconds: Vector) -> go.Figure:

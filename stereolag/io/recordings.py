@@ -18,7 +18,7 @@ import soundfile
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
 from stereolag.io.columns import is_time, on_own_clock, read_columns, times_in_numbers
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
-from stereolag.io.sounds import BLOCK, read_sound
+from stereolag.io.sounds import read_sound
 from stereolag.io.sources import HEADER_BYTES, NPY_MAGIC, Source, is_archive, parse_npy, quote, read_archive, read_bytes
 
 _MAT_MAGIC = b"MATLAB 5.0 MAT-file"
@@ -193,12 +193,6 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
 
 # Writing.
 
-WAV_BYTES = 2**32
-"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
-
-WAV_RATES = (1, 500_000_000)
-"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
-
 
 def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
     """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
@@ -215,60 +209,3 @@ def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
     stream = io.BytesIO()
     soundfile.write(stream, (samples / loudest * 32767).astype(np.int16), round(sampling_rate), format="WAV")
     return stream.getvalue()
-
-
-def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, sampling_rate: float) -> bytes:
-    """Return both recordings as one stereo WAV of 32-bit floats, sensor 1 on the left, with the lag removed.
-
-    Nothing is cut off: before a recording begins and after it ends, its mean takes its place. Values are kept unless
-    one is outside -1..1, where players would clip it: then both recordings are divided by the largest.
-
-    Parameters
-    ----------
-    signal_1, signal_2
-        (N1,) and (N2,) finite numbers.
-    lag
-        Samples, positive where signal 2 hears the event later.
-    sampling_rate
-        Samples per second, rounded, since a WAV file stores a whole number.
-
-    Raises
-    ------
-    ValueError
-        As :func:`check_aligned_wav` does.
-    """
-    from stereolag.signals.lag import aligned, aligned_length  # not loaded by those who only read
-
-    # They keep their type: a converted copy of an hour would take a gigabyte.
-    first, second = np.asarray(signal_1), np.asarray(signal_2)
-    check_aligned_wav(first.size, second.size, lag, sampling_rate)
-    length = aligned_length(first.size, second.size, lag)
-    loudest = max(1.0, *(max(float(signal.max()), -float(signal.min())) for signal in (first, second)))
-    means = float(first.mean(dtype=np.float64)), float(second.mean(dtype=np.float64))
-    stream = io.BytesIO()
-    with soundfile.SoundFile(stream, "w", round(sampling_rate), 2, "FLOAT", format="WAV") as file:
-        for start in range(0, length, BLOCK):
-            part = aligned(first, second, lag, start, min(start + BLOCK, length), means=means)
-            file.write((part / loudest).astype(np.float32))
-    return stream.getvalue()
-
-
-def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) -> None:
-    """Refuse recordings that :func:`aligned_wav` cannot store; far quicker than trying.
-
-    Raises
-    ------
-    ValueError
-        A sampling rate that a WAV file cannot store, or recordings too long for one.
-    """
-    from stereolag.signals.lag import aligned_length
-
-    lowest, highest = WAV_RATES
-    if not lowest <= sampling_rate <= highest:
-        raise ValueError(
-            f"sampling_rate is {sampling_rate:g}; a WAV file holds {lowest} to {highest:,} samples a second."
-        )
-    most = WAV_BYTES // 8 - BLOCK
-    length = aligned_length(size_1, size_2, lag)
-    if length > most:
-        raise ValueError(f"The aligned recordings have {length:,} samples; a stereo WAV file holds {most:,}.")

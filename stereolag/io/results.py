@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ import numpy as np
 if TYPE_CHECKING:  # a command loads only what it measures with
     from stereolag.core.searches import LagSearch, TemplateQuery
     from stereolag.signals import SignalLag
+    from stereolag.signals.clocks import LagOverTime
     from stereolag.stereo.evaluation import Evaluation
     from stereolag.stereo.matcher import DisparityMap
     from stereolag.templates import TemplateSearch
@@ -123,11 +124,19 @@ def matches_csv(result: TemplateSearch) -> str:
     return _csv([*names, "clear"], rows)
 
 
-def lag_figures(result: SignalLag, search: LagSearch) -> dict[str, Any]:
+def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()) -> dict[str, Any]:
     """Return the figures of a lag by name, as printed by ``stereolag lag --json``, and the settings of the search.
 
     The command adds ``recordings``: the facts about its files.
+
+    Parameters
+    ----------
+    result, search
+        The lag, and how it was searched.
+    assumed
+        The settings that neither a file nor the user gave: ``"speed"``, ``"sampling_rate"``.
     """
+    over_time = result.over_time
     return {
         "command": "lag",
         "lag_samples": result.lag,
@@ -140,17 +149,81 @@ def lag_figures(result: SignalLag, search: LagSearch) -> dict[str, Any]:
         "verdict": result.verdict,
         "reason": result.judgement.reason if result.judgement else None,
         "rivals": list(result.rivals),
+        "arrivals": [{"lag_samples": one.lag, "sigma": one.sigma} for one in result.arrivals],
         "inverted": result.inverted,
+        "over_time": over_time and _over_time_figures(over_time, result.sampling_rate),
         "drift_ppm": result.drift_ppm,
         "uncertainty_samples": result.uncertainty,
         "elapsed_s": result.elapsed_s,
         "settings": search.model_dump(),
+        "assumed": {name: value for name, value in search.model_dump().items() if name in assumed},
     }
 
 
-def lag_json(result: SignalLag, search: LagSearch) -> str:
+def _over_time_figures(over_time: LagOverTime, sampling_rate: float) -> dict[str, Any]:
+    """Return the lag over time by name: samples, ppm, and for each step its time in recording 1, seconds."""
+    steps = [
+        {
+            "time_s": step.place / sampling_rate,
+            "before": step.before,
+            "after": step.after,
+            "missing_in_recording_2": step.missing,
+        }
+        for step in over_time.steps
+    ]
+    return {
+        "start": over_time.start,
+        "end": over_time.end,
+        "ppm": over_time.ppm,
+        "error_ppm": over_time.error_ppm,
+        "steps": steps,
+    }
+
+
+_MOST_STEPS = 3
+
+
+def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
+    """Return the lag over time in words: "2,777 samples later at the start, 2,833 at the end (+136 ± 0.2 ppm)".
+
+    Of recording 2, with the times of steps on the clock of recording 1.
+    """
+    steps = over_time.steps
+    drift = f"{over_time.ppm:+,.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
+    lags = _sided([over_time.start, over_time.end] if not steps else [steps[0].before, *(one.after for one in steps)])
+    if not steps:
+        return f"{lags[0]} at the start, {lags[1]} at the end ({drift})"
+    told = [
+        f"{lag} from {step.place / sampling_rate:,.1f} s on" if number else f"then {lag}"
+        for number, (step, lag) in enumerate(zip(steps, lags[1:], strict=True))
+    ]
+    said = f"{lags[0]} until {steps[0].place / sampling_rate:,.1f} s, {', '.join(told[:_MOST_STEPS])}"
+    if len(steps) > _MOST_STEPS:
+        said += f" and {len(steps) - _MOST_STEPS} more"
+    if over_time.drifts:
+        said += f" ({drift})"
+    lost = {
+        number: sum(max(0.0, sign * step.missing) for step in steps) / sampling_rate
+        for number, sign in ((1, -1), (2, 1))
+    }
+    missing = [f"{seconds:.3g} s are missing in recording {number}" for number, seconds in lost.items() if seconds]
+    return f"{said}: {' and '.join(missing)}"
+
+
+def _sided(lags: Sequence[float]) -> list[str]:
+    """Return lags in words, their side only where it changes: "2 samples earlier", "5 later", "7"."""
+    words: list[str] = []
+    side = ""
+    for lag in lags:
+        number, own = f"{abs(round(lag)):,}", "later" if round(lag) >= 0 else "earlier"
+        words.append(f"{number}{'' if words else ' samples'}{'' if own == side else f' {own}'}")
+        side = own
+    return words
+
+
+def lag_json(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()) -> str:
     """Return :func:`lag_figures` as an indented JSON document; a figure that is NaN or infinite is null."""
-    return figures_json(lag_figures(result, search), indent=2) + "\n"
+    return figures_json(lag_figures(result, search, assumed), indent=2) + "\n"
 
 
 def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import get_args
@@ -14,7 +15,7 @@ from recording_bytes import filmed
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.verdict import coloured, tones, unrelated
+from benchmarks.verdict import coloured, drifting, tones, unrelated
 from stereolag.core.typography import typeset
 from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.phasors import LAG, SIZE
@@ -77,13 +78,27 @@ def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tu
 def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
     app = open_page(PAGE)
     assert numbers(app)["Path difference"] == typeset("378.17 m")
-    assert any(typeset("varies by less than ± 0.01 samples, ± 0.076 mm of") in one.value for one in app.markdown)
+    headline = (
+        "Sensor 2 hears it **1.136 s** (50,082.00 ± 0.01 samples) after sensor 1: its path is **378.17 m** longer."
+    )
+    assert app.header[0].value == typeset(headline)
+    assert "Lag over time" in {one.value.removeprefix("### ") for one in app.markdown}
     fair = drawn(app)
     app.button_group(key="lag.curve").set_value("Plain Pearson").run()
     plain = drawn(app)
     assert fair[-1]["x"] == plain[-1]["x"] == [50_082]
     assert fair[-1]["y"][0] == pytest.approx(plain[-1]["y"][0] * np.sqrt(1 - 50_082 / 176_401), abs=1e-3)
     assert float(numbers(app)["Score"]) == pytest.approx(plain[-1]["y"][0], abs=1e-3)
+
+
+def test_drift_and_what_was_assumed_stand_in_the_headline(open_page: OpenPage) -> None:
+    app = measured(open_page, *two_waves(*drifting(60_000, 400, 300.0, 0.1, 1)))
+    said = r"Sensor 2 hears it \*\*400 samples later at the start, 418 at the end \(\+300.\d ±\s0.1\sppm\)\*\*\."
+    assert re.fullmatch(said, app.header[0].value)
+    app = measured(open_page, *two_waves(SOUND[300:], SOUND[:-300]))
+    assert app.header[0].value.endswith(typeset("its path is **2.27 m** longer, at 333 m/s, assumed."))
+    app.number_input[1].set_value(340.0).run()
+    assert app.header[0].value.endswith(typeset("its path is **2.31 m** longer."))
 
 
 def drawn(app: AppTest) -> list[dict[str, list[float]]]:

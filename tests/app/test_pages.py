@@ -145,7 +145,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
 def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
     app = open_page(LAG)
     assert app.header[0].value == typeset(
-        "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
+        "Sensor 2 hears it **1.136 s** (50,082.00 ± 0.01 samples) after sensor 1: its path is **378.17 m** longer."
     )
     assert numbers(app)["Lag, samples"] == "50,082"
     assert len(app.get("plotly_chart")) == 5

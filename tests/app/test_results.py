@@ -14,9 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
-from stereolag.signals import SignalLag
 from stereolag.ui import results
-from stereolag.ui.lag.sentences import lag_in_words
 from stereolag.ui.results import (
     HEAVY_MEMORY,
     HEAVY_S,
@@ -96,20 +94,6 @@ def test_only_what_is_short_is_computed_at_once() -> None:
     made = at_once(seconds=0.1)
     assert made is not None
     assert at_once(seconds=2.0) is made  # in memory
-
-
-@pytest.mark.parametrize(
-    ("lag", "said"),
-    [
-        (50_082, "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."),
-        (-50_082, "Sensor 1 hears it **1.136 s** after sensor 2: its path is **378.17 m** longer."),
-        (0, "Both sensors hear it **at the same time**: neither is nearer to it."),
-    ],
-)
-def test_the_sentence_names_the_later_sensor(lag: int, said: str) -> None:
-    time_s = lag / 44_100
-    result = SignalLag(lag, lag, time_s, abs(time_s) * 333, 1.0, 1.0, 1, None, None, None, 0.0)
-    assert lag_in_words(result) == said
 
 
 def test_durations_have_the_unit_that_suits_them() -> None:

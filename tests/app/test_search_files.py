@@ -55,15 +55,18 @@ def test_the_zip_of_a_lag_measures_it_again(
     result = lag_of(pair, search)
     unpacked(lag_files.lag_files(pair, result, search), tmp_path)
     monkeypatch.chdir(tmp_path)
-    aligned = sl.read_signal("aligned.wav")
-    assert aligned.sampling_rate == 8000
-    assert sl.signal_lag(*aligned.channels).lag == 0
+    for name in ("aligned.wav", "aligned.csv"):
+        aligned = sl.read_signal(name)
+        assert aligned.sampling_rate == pytest.approx(8000)
+        again = sl.signal_lag(pair.signal_1, aligned.channels[0])
+        assert (again.lag, again.verdict) == (0, "sure")
     assert len((tmp_path / "curve.csv").read_text().splitlines()) == 1 + 4000 + 3900 - 1
     kept = json.loads((tmp_path / "lag.json").read_text())
     assert main([*shlex.split(lag_command(search, *lag_files.NAMES))[1:], "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    del told["recordings"]
-    assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
+    del told["recordings"], told["starts_apart_s"]
+    assert kept["assumed"] == {"speed": 333.0}  # which the command then gives
+    assert {**told, "elapsed_s": 0, "assumed": {}} == {**kept, "elapsed_s": 0, "assumed": {}}
     assert run_program(tmp_path / "reproduce.py").startswith("lag 123 samples, 0.015375 s")
 
 
@@ -77,14 +80,21 @@ def test_votes_and_a_rate_that_no_wav_holds(tmp_path: Path) -> None:
     assert (tmp_path / "votes.csv").read_text().startswith("lag_samples,time_s,votes\n")
 
 
+def test_only_a_sure_lag_is_undone_in_files() -> None:
+    pair = replace(recordings(), signal_2=noise(3900, seed=5))
+    files = lag_files.lag_files(pair, lag_of(pair, LagSearch()), LagSearch())
+    refused = {file.name: file.refusal for file in files if file.refusal}
+    assert refused == dict.fromkeys(("aligned.wav", "aligned.csv"), "Only a lag that is sure can be undone.")
+
+
 def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_called_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pair, search = recordings(), LagSearch()
     result = lag_of(pair, search)
     assert result.lags is not None and result.correlation is not None
-    assert "of every lag" in lag_files.lag_files(pair, result, search)[0].meaning
     reduced = replace(result, lags=result.lags[::10], correlation=result.correlation[::10])
+    assert "of every lag" in lag_files.lag_files(pair, result, search)[0].meaning
     assert "of each stretch" in lag_files.lag_files(pair, reduced, search)[0].meaning
     monkeypatch.setattr(lag_files, "CURVE_LAGS", 1000)
     curve = lag_files.lag_files(pair, result, search)[0]
@@ -142,7 +152,11 @@ def test_where_nothing_is_found_the_best_place_is_framed_if_there_is_one(blank: 
 @pytest.mark.parametrize(
     ("path", "fold", "labels"),
     [
-        (LAG, lag_files.KEY, ["All in one ZIP", "Curve CSV", "Result JSON", "Aligned WAV", "Python script"]),
+        (
+            LAG,
+            lag_files.KEY,
+            ["All in one ZIP", "Curve CSV", "Result JSON", "Aligned WAV", "Aligned CSV", "Python script"],
+        ),
         (FIND, match_files.KEY, ["All in one ZIP", "Matches CSV", "Matches JSON", "Framed PNG", "Python script"]),
     ],
 )
@@ -179,7 +193,7 @@ def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked
     def made(*args: object, **options: object) -> bytes:
         raise AssertionError("made unasked")
 
-    for maker in ("curve_csv", "lag_json", "aligned_wav", "npy", "lag_script"):
+    for maker in ("curve_csv", "lag_json", "aligned_file", "npy", "lag_script"):
         monkeypatch.setattr(lag_files, maker, made)
     monkeypatch.setattr(lag_files, "BYTES_OF_A_SAMPLE", 10**6)
     app = open_page(LAG)

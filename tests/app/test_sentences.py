@@ -60,8 +60,8 @@ from stereolag.ui.depth.sentences import (
     remedy_in_words,
 )
 from stereolag.ui.lag.sentences import (
+    blocks_in_words,
     curve_in_words,
-    drift_in_words,
     heard_in_words,
     own_facts,
     own_in_words,
@@ -92,9 +92,10 @@ def test_lags(snapshot: Snapshot) -> None:
     clip = random.normal(size=3000)
     whole = coloured(6000, 0.8, np.random.default_rng(4))
     late = np.concatenate((np.zeros(25), clip))
-    drift = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
+    first, second = drifting(150_000, 400, 50.0, 0.0, 1)
     results = {
         "sure": signal_lag(*common(20_000, 441, 0, colour=0.0)),
+        "heard first": signal_lag(late, clip),
         "at the same time": signal_lag(clip, clip),
         "tone": signal_lag(*tones(6000, 0.01, 0.0, 0)),
         "tone of a broken period": signal_lag(*tones(6000, 0.1234, 0.0, 0)),
@@ -103,14 +104,22 @@ def test_lags(snapshot: Snapshot) -> None:
         "unrelated, by votes": signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0),
         "by votes": signal_lag(clip, late, method="sampled", seed=0),
         "reversed microphone": signal_lag(whole[1000:5000], -whole[:4000]),
-        "drift": drift,
+        "drift": signal_lag(first, second, max_lag=2000),
+        "drift the other way": signal_lag(second[403:], first, max_lag=2000),
+        "step": signal_lag(first, np.delete(second, slice(60_000, 61_000))),
+        "echo": signal_lag(clip, np.pad(clip, (25, 500)) + 0.5 * np.pad(clip, (525, 0))),
     }
     said = {
-        name: [verdict_in_words(one), *verdict_explained(one, 44_100.0, 333.0), f"curve: {curve_in_words(one)}"]
+        name: [verdict_in_words(one), *verdict_explained(one), f"curve: {curve_in_words(one)}"]
         for name, one in results.items()
     }
-    assert drift.judgement is not None and drift.judgement.drift is not None
-    said["drift"].append(f"over time: {drift_in_words(drift.judgement.drift)}")
+    for name, one in results.items():
+        if one.over_time is not None:
+            said[name].append(f"over time: {blocks_in_words(one.over_time, 44_100.0)}")
+    said["assumed"] = [
+        verdict_in_words(results[name], given)
+        for name, given in (("sure", {"speed"}), ("sure", {"speed", "sampling_rate"}), ("step", {"sampling_rate"}))
+    ]
     said["recordings"] = [waveforms_in_words(clip, late, 1000.0), run_times_in_words(np.array([0.1, 0.2, 0.4]))]
     rows = np.zeros((1, 16))
     own = (Recording(rows, None, mended_lines=2), Recording(rows, 8_000.0, resampled_from=16_000.0))

@@ -118,6 +118,42 @@ def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
         assert " m " not in said and said.startswith("highest   at ")
 
 
+def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clock_of_the_first(
+    folder: Path, ran: Command
+) -> None:
+    noise = np.random.default_rng(2).uniform(-0.3, 0.3, 40_000)
+    second = np.delete(noise, slice(20_000, 20_400))
+    second[500:] += 0.5 * second[:-500]
+    soundfile.write("whole.wav", noise[300:], 8000)
+    soundfile.write("lossy.wav", second, 8000)
+    told = ran("lag", "whole.wav", "lossy.wav", "--aligned", "out.wav")
+    assert "over time 300 samples later until 2.5 s, then 100 earlier: 0.05 s are missing in recording 2" in told.out
+    assert re.search(r"^arrivals  -100 \(\d+\.\d σ\), 400 \(\d+\.\d σ\)", told.out, re.MULTILINE)
+    ran("lag", "whole.wav", "lossy.wav", "--aligned", "out.CSV")
+    for name in ("out.wav", "out.CSV"):
+        figures = ran("lag", "whole.wav", name, "--json").figures
+        assert (figures["lag_samples"], figures["reason"], figures["drift_ppm"]) == (
+            0,
+            "clear",
+            pytest.approx(0, abs=2),
+        )
+    refused = ran("lag", "whole.wav", "other.wav", "--aligned", "none.wav")
+    assert (refused.code, (folder / "none.wav").exists()) == (1, False)
+    assert "The lag is 'nothing' (chance), and only one that is sure is undone" in refused.err
+
+
+def test_lag_says_what_it_assumes(ran: Command) -> None:
+    assumed = "at 44100 samples a second, assumed\ndistance  0.928776 m of path at 333 m/s, assumed\n"
+    assert assumed in ran("lag", "first.txt", "second.txt").out
+    for flags, expected in (
+        ((), {"speed": 333, "sampling_rate": 44100}),
+        (("--speed", 333), {"sampling_rate": 44100}),
+        (("--speed", 333, "--sampling-rate", 8000), {}),
+    ):
+        assert ran("lag", "first.txt", "second.txt", *flags, "--json").figures["assumed"] == expected
+    assert ran("lag", "first.wav", "second.wav", "--json").figures["assumed"] == {"speed": 333}
+
+
 def test_lag_brings_two_rates_to_one_and_tells_what_it_compares(folder: Path, ran: Command) -> None:
     figures = ran("lag", "first.wav", "faster.wav", "--json").figures
     assert (figures["lag_samples"], figures["settings"]["sampling_rate"]) == (123, 8000)
@@ -277,6 +313,7 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ),
         (["lag", "first.wav", "silence.wav"], 1, "silence.wav"),
         (["lag", "first.wav", "none.wav"], 1, "none.wav: No such file or directory."),
+        (["lag", "first.wav", "second.wav", "--aligned", "out.mp3"], 2, "--aligned is out.mp3; its name ends in .wav"),
         (["lag", "first.wav", "second.wav", "--speed", "0"], 2, "speed is 0; allowed are numbers above 0."),
         (
             ["lag", "first.wav", "second.wav", "--max-lag", "4000"],

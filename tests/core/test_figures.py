@@ -73,13 +73,25 @@ def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> No
     assert plain[0] == 1.0 and plain[plain.size // 4] == pytest.approx(max(ribbon.y), rel=0.05)
 
 
-def test_the_lag_of_blocks_is_drawn_over_time() -> None:
-    result = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
+def test_a_tone_has_no_band_of_chance_that_covers_its_peaks() -> None:
+    result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
+    assert result.judgement.ribbon is not None and result.correlation is not None
+    assert result.judgement.ribbon[1] > result.correlation.max()
+    assert "chance" not in {trace.name for trace in correlation_curve(result, "").data}
+
+
+@pytest.mark.parametrize("lost", [0, 700])
+def test_the_lag_of_blocks_is_drawn_over_time_with_a_line_for_each_stretch(lost: int) -> None:
+    first, second = drifting(150_000, 400, 50.0, 0.0, 1)
+    result = signal_lag(first, np.delete(second, slice(70_000, 70_000 + lost)), max_lag=2000)
     assert result.over_time is not None
     line, blocks = lag_over_time(result.over_time, 44_100.0).data
     assert len(blocks.x) == result.over_time.blocks
     slope = (line.y[1] - line.y[0]) / (line.x[1] - line.x[0]) / 44_100
     assert 1e6 * slope == pytest.approx(50.0, abs=5)
+    if lost:
+        assert line.x[1] == line.x[2] == pytest.approx(69_600 / 44_100, abs=1e-3)
+        assert line.y[1] - line.y[2] == pytest.approx(lost, abs=0.2)
 
 
 def test_the_histogram_holds_every_run_and_the_median() -> None:

@@ -14,19 +14,25 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from commanded import Command
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import Field
 
 import stereolag as sl
 from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.io.alignment import aligned_file, check_wav, write_aligned
 from stereolag.io.images import image_png
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
-from stereolag.io.recordings import BLOCK, aligned_wav, check_aligned_wav
-from stereolag.io.results import curve_csv, lag_json, matches_csv, matches_json, metrics_csv, search_figures
+from stereolag.io.results import (
+    curve_csv,
+    lag_json,
+    matches_csv,
+    matches_json,
+    metrics_csv,
+    over_time_in_words,
+    search_figures,
+)
 from stereolag.io.sources import npy
-from stereolag.signals.lag import aligned, mix
+from stereolag.signals.clocks import LagOverTime, Stretch
 from tests.programs import run_program
 
 Signal = npt.NDArray[np.float64]
@@ -45,7 +51,8 @@ def measured(lag: int, search: LagSearch, size: int = 3000) -> sl.SignalLag:
 
 def without_time(document: str) -> dict[str, Any]:
     """Return the figures without the elapsed time, and without the details of the files that a command adds."""
-    return {name: value for name, value in json.loads(document).items() if name not in ("elapsed_s", "recordings")}
+    left_out = "elapsed_s", "recordings", "starts_apart_s"
+    return {name: value for name, value in json.loads(document).items() if name not in left_out}
 
 
 @pytest.mark.parametrize(("lag", "method"), [(-700, "fft"), (0, "direct"), (123, "phat")])
@@ -73,67 +80,76 @@ def test_votes_stand_in_the_place_of_a_correlation() -> None:
     assert [int(line["lag_samples"]) for line in lines] == sorted(result.votes)
 
 
-def padded(signal_1: Signal, signal_2: Signal, lag: int) -> Signal:
-    """Return both recordings with the lag undone, by plain padding."""
-    before = max(0, lag), max(0, -lag)
-    length = max(before[0] + signal_1.size, before[1] + signal_2.size)
-    columns = [
-        np.pad(signal, (start, length - start - signal.size), constant_values=signal.mean())
-        for signal, start in zip((signal_1, signal_2), before, strict=True)
-    ]
-    return np.column_stack(columns)
-
-
-@given(st.integers(1, 30), st.integers(1, 30), st.integers(-40, 40), st.integers(0, 80), st.integers(0, 80))
-def test_any_part_of_the_aligned_recordings_is_that_of_the_whole(
-    size_1: int, size_2: int, lag: int, first: int, last: int
-) -> None:
-    signals = np.arange(1.0, size_1 + 1), -np.arange(1.0, size_2 + 1)
-    whole = padded(*signals, lag)
-    np.testing.assert_array_equal(aligned(*signals, lag), whole)
-    first, last = min(first, len(whole)), min(last, len(whole))
-    np.testing.assert_array_equal(aligned(*signals, lag, first, last), whole[first:last])
-
-
-@pytest.mark.parametrize("lag", [-1700, -1, 0, 123, 1700])
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (900.0, 2048.0)])
-def test_the_wav_holds_all_of_both_and_their_lag_is_0(
+@pytest.mark.parametrize("lag", [-700, 0, 123])
+def test_the_aligned_files_are_read_back_with_no_lag(
     lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stereolag.io.recordings.BLOCK", 777)
+    monkeypatch.setattr("stereolag.signals.alignment.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
-    assert sl.signal_lag(first, second).lag == lag
-    back = sl.read_signal(aligned_wav(first, second, lag, 8000.0))
-    assert back.sampling_rate == 8000
-    both = np.column_stack(back.channels)
-    assert np.abs(both).max() <= 1
-    loudest = max(1.0, np.abs(first).max(), np.abs(second).max())
-    np.testing.assert_allclose(both * loudest, padded(first, second, lag), rtol=1e-6)
-    if loudest == 1:
-        np.testing.assert_array_equal(both, padded(first, second, lag).astype(np.float32))
-    again = sl.signal_lag(*back.channels)
-    assert again.lag == 0
-    assert again.score > 0.5 or abs(lag) > 1000
+    aligned = sl.align(first, second, lag)
+    sound = sl.read_signal(aligned_file(".wav", first, second, sl.signal_lag(first, second), 8000.0))
+    assert sound.sampling_rate == 8000
+    loudest = max(1.0, np.abs(second).max())
+    np.testing.assert_allclose(sound.channels[0] * loudest, aligned, atol=0.02 * gain)
+    table = sl.read_signal(aligned_file(".csv", first, second, lag, 8000.0))
+    assert table.sampling_rate == pytest.approx(8000)
+    np.testing.assert_allclose(table.channels[0], aligned, rtol=1e-8, atol=1e-9)
+    for back in (sound, table):
+        again = sl.signal_lag(first, back.channels[0])
+        assert (again.lag, again.verdict) == (0, "sure")
 
 
-def test_what_a_wav_cannot_hold_is_refused() -> None:
+def test_what_no_file_can_hold_is_refused(tmp_path: Path) -> None:
     for rate in (0.5, 1e9):
         with pytest.raises(ValueError, match=r"a WAV file holds 1 to 500,000,000 samples a second"):
-            aligned_wav(np.ones(4), np.ones(4), 0, rate)
-    with pytest.raises(ValueError, match=r"have 600,000,000 samples; a stereo WAV file holds"):
-        check_aligned_wav(300_000_000, 300_000_000, 300_000_000, 8000.0)
-    check_aligned_wav(2**29 - BLOCK, 9, 0, 8000.0)
+            aligned_file(".wav", *apart(0), 0, rate)
+    with pytest.raises(ValueError, match=r"has 1,100,000,000 samples; a WAV file holds"):
+        check_wav(1_100_000_000, 8000.0)
+    unrelated = np.random.default_rng(1).normal(size=(2, 3000))
+    for suffix in (".wav", ".csv"):
+        path = tmp_path / f"out{suffix}"
+        with pytest.raises(ValueError, match=r"'nothing' \(chance\)"):
+            write_aligned(path, suffix, *unrelated, sl.signal_lag(*unrelated), 8000.0)
+        assert not path.exists()
 
 
-def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
-    first, second = apart(400)
-    before, after = mix(first, second, 0, 10**6), mix(first, 50 * second + 3, 400, 10**6)
-    assert after.size == 3400
-    assert before.var() == pytest.approx(2, rel=0.1)  # two sounds
-    assert after[400:3000].var() == pytest.approx(4, rel=0.2)  # one, twice as loud
-    heard = mix(first, second, 400, 1000)  # of long ones, where both have begun
-    assert heard.size == 1000
-    assert heard.var() == pytest.approx(4, rel=0.01)
+OVER_TIME = {
+    "2,777 samples later at the start, 2,833 at the end (+136.0 ± 0.1 ppm)": [(0, 411_765, 2777.0, 136e-6)],
+    "2 samples earlier at the start, 5 later at the end (+70.0 ± 0.1 ppm)": [(0, 100_000, -2.0, 70e-6)],
+    "800 samples later until 12.0 s, then 400: 0.05 s are missing in recording 2": [
+        (0, 96_000, 800.0, 0.0),
+        (96_000, 200_000, 400.0, 0.0),
+    ],
+    "0 samples later until 1.0 s, then 8 earlier, 16 from 2.0 s on, 8 from 3.0 s on and 1 more: "
+    "0.001 s are missing in recording 1 and 0.003 s are missing in recording 2": [
+        (0, 8_000, 0.0, 0.0),
+        (8_000, 16_000, -8.0, 0.0),
+        (16_000, 24_000, -16.0, 0.0),
+        (24_000, 32_000, -8.0, 0.0),
+        (32_000, 40_000, -16.0, 0.0),
+    ],
+}
+
+
+@pytest.mark.parametrize("said", OVER_TIME)
+def test_the_lag_over_time_in_words(said: str) -> None:
+    lines = tuple(Stretch(*line, slope_error=1e-9) for line in OVER_TIME[said])
+    assert over_time_in_words(LagOverTime(lines), 8000.0) == said
+
+
+def test_the_figures_hold_the_lag_over_time_every_arrival_and_what_was_assumed() -> None:
+    first, second = apart(300, 60_000)
+    echo = np.delete(second, slice(30_000, 30_400))
+    echo[500:] += 0.4 * echo[:-500]
+    figures = json.loads(lag_json(sl.signal_lag(first, echo, sampling_rate=8000.0), LagSearch(), {"speed"}))
+    (step,) = figures["over_time"]["steps"]
+    assert step["time_s"] == pytest.approx(29_700 / 8000, abs=0.01)
+    assert (step["before"], step["after"], step["missing_in_recording_2"]) == pytest.approx((300, -100, 400), abs=0.1)
+    assert figures["over_time"]["ppm"] == figures["drift_ppm"] == pytest.approx(0, abs=2)
+    assert [round(one["lag_samples"]) % 400 for one in figures["arrivals"]][:2] == [300, 0]
+    assert figures["arrivals"][0]["sigma"] > figures["arrivals"][1]["sigma"] > 6
+    assert figures["assumed"] == {"speed": 333.0}
 
 
 LAG_SEARCHES = [

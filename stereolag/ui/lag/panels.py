@@ -17,6 +17,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
 from stereolag.core.settings import Bounds
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
+from stereolag.figures.recordings import band_of_chance
 from stereolag.signals import SignalLag, by_hand, phasors, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.components import component
@@ -143,14 +144,14 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
     """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
     first, second = by_hand.disturbed(settings)
     result = signal_lag(first, second, max_lag=by_hand.MAX_LAG)
-    assert result.correlation is not None and result.judgement is not None and result.judgement.ribbon is not None
+    assert result.correlation is not None
     of_second = slice(SHOWN.start + result.lag, SHOWN.stop + result.lag)
     return {
         "settings": settings.model_dump(),
         "said": disturbed_in_words(settings, result),
         "recordings": [part.round(3).tolist() for part in (first[SHOWN], second[of_second])],
         "curve": result.correlation.round(5).tolist(),
-        "ribbon": result.judgement.ribbon,
+        "ribbon": band_of_chance(result),
         "peak": result.lag,
         "rivals": result.rivals,
         "verdict": result.verdict,

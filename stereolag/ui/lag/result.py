@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 
+import numpy as np
 import streamlit as st
 
+from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
+from stereolag.io.alignment import aligned_file, check_wav
 from stereolag.io.programs import lag_command, lag_script
-from stereolag.io.recordings import aligned_wav, check_aligned_wav
 from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag
-from stereolag.signals.lag import aligned_length, mix
+from stereolag.signals.alignment import align, mix
+from stereolag.signals.clocks import LagOverTime
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_numbers
 from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
+    NO_RIBBON,
     RIBBON_EXPLAINED,
+    blocks_in_words,
     curve_in_words,
-    drift_in_words,
     heard_in_words,
     verdict_explained,
     verdict_in_words,
@@ -38,40 +41,51 @@ NAMES = ("recording_1.npy", "recording_2.npy")
 CURVE_LAGS = 1_000_000
 """Most lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
 
-BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 32, 256
-"""Memory while the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
+BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 80, 256
+"""Memory while the ZIP is made: recordings and curve, as numbers and as text."""
 
-BYTES_OF_ALIGNED = 10
-"""Memory per stereo sample while the WAV is written."""
+BYTES_OF_ALIGNED, BYTES_OF_A_LINE = 10, 60
+"""Memory per sample while the aligned WAV, and the CSV, are written."""
+
+ALIGNED = "Recording 2 on the clock of recording 1, lag, drift and steps undone, as long as recording 1."
 
 
-def show_verdict(result: SignalLag, search: LagSearch) -> None:
+def assumed(pair: RecordingPair, search: LagSearch) -> set[str]:
+    """Return the settings that neither the recordings nor the visitor gave."""
+    first = LagSearch()
+    return {
+        name
+        for name in ("speed", "sampling_rate")
+        if getattr(pair, name) is None and getattr(search, name) == getattr(first, name)
+    }
+
+
+def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the verdict and the lag in words and numbers; metres only if the lag is sure."""
-    prose.header(verdict_in_words(result), anchor=False)
-    announce(verdict_in_words(result))
-    for sentence in verdict_explained(result, search.sampling_rate, search.speed):
+    headline = verdict_in_words(result, assumed(pair, search))
+    prose.header(headline, anchor=False)
+    announce(headline)
+    for sentence in verdict_explained(result):
         prose.markdown(sentence)
+    changes = result.over_time is not None and result.over_time.shows
+    when = " In the middle of the longest stretch." if changes else ""
     numbers = [
-        Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
+        Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}.{when}"),
         Number("Time", f"{result.time_s:.4g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
-        Number(
-            "Path difference",
-            f"{result.distance_m:,.2f} m",
-            "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
-            "farther.",
-        ),
     ]
+    if not changes:
+        meaning = (
+            "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
+            "farther."
+        )
+        numbers.append(Number("Path difference", f"{result.distance_m:,.2f} m", meaning))
     if result.verdict != "sure":
         doubtful = "Where the curve is highest: not a lag to rely on."
         numbers = [Number("Highest point, samples", f"{result.lag:,}", doubtful)]
     agreement = "Pearson’s correlation where both overlap: 1 is perfect agreement."
     numbers.append(Number("Score", f"{result.score:.3f}", agreement))
-    if result.judgement is not None:
-        evidence = (
-            "Agreement of the whitened recordings, in standard deviations of chance. For this many lags, "
-            f"{result.judgement.needed:.1f} σ are needed."
-        )
-        numbers.append(Number("Above chance", f"{result.judgement.evidence:.1f} σ", evidence))
+    evidence = f"In standard deviations of chance. For this many lags, {result.judgement.needed:.1f} σ are needed."
+    numbers.append(Number("Evidence", f"{result.judgement.evidence:.1f} σ", evidence))
     took = Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run.")
     show_numbers((*numbers, took))
 
@@ -88,22 +102,41 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
             sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
     curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
     st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
-    if result.lags is not None:
+    if result.lags is not None and figures.band_of_chance(result) is None:
+        prose.caption(NO_RIBBON)
+    elif result.lags is not None:
         prose.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
 
 
-def show_drift(result: SignalLag, search: LagSearch) -> None:
-    """Show the lag of each block over time, if it could be measured."""
-    drift = result.judgement.over_time if result.judgement else None
-    if drift is None:
-        return
-    with st.expander("Lag over time", expanded=drift.shows):
-        over_time = figures.lag_over_time(drift, search.sampling_rate)
-        st.plotly_chart(over_time, key="lag_over_time", alt=drift_in_words(drift))
-        prose.caption(
-            f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
-            + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within the error.")
-        )
+def show_over_time(over_time: LagOverTime, search: LagSearch) -> None:
+    """Show the lag of each block over time."""
+    prose.markdown("### Lag over time")
+    figure = figures.lag_over_time(over_time, search.sampling_rate)
+    st.plotly_chart(figure, key="lag_over_time", alt=blocks_in_words(over_time, search.sampling_rate))
+    clocks = f"{over_time.ppm:+.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
+    prose.caption(
+        f"Each dot is one block of the recordings. Within an unbroken stretch the lag grows by {clocks}: "
+        + ("the clocks run apart." if over_time.drifts else "no drift to speak of.")
+    )
+
+
+def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
+    """Return recording 2 to be drawn beside recording 1, and the whole lag still to be undone, samples."""
+    if result.over_time is None or not result.over_time.shows:
+        return pair.signal_2, result.lag
+    return _aligned(pair, result), 0
+
+
+def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
+    """Return recording 2 on the clock of recording 1; at its best-fitting lag if that is not sure."""
+    lag = result if result.verdict == "sure" else result.lag_subsample
+    return remembered(
+        "aligned recording",
+        lambda: np.asarray(align(pair.signal_1, pair.signal_2, lag), dtype=np.float64),
+        inputs=pair.digest,
+        settings=f"{result.lag_subsample} {result.over_time}",
+        shared=pair.shared,
+    )
 
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -126,6 +159,7 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
     which = f"the {CURVE_LAGS:,} lags around the one found" if many else "every lag"
     if result.lags is not None and result.lags[-1] - result.lags[0] >= len(result.lags):
         which = "the highest lag of each stretch, as drawn"
+    refusal = "" if result.verdict == "sure" else "Only a lag that is sure can be undone."
     return [
         File(
             "Votes CSV" if votes else "Curve CSV",
@@ -138,15 +172,22 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
         File(
             "Result JSON",
             "lag.json",
-            partial(lag_json, result, search),
+            partial(lag_json, result, search, assumed(pair, search)),
             "The figures and settings, with the names of stereolag lag --json.",
         ),
         File(
             "Aligned WAV",
             "aligned.wav",
-            partial(aligned_wav, first, second, result.lag, rate),
-            "Both recordings in stereo, sensor 1 left, the lag undone. Nothing is cut off. 32-bit floats.",
-            _wav_refusal(pair, result, rate),
+            partial(aligned_file, ".wav", first, second, result, rate),
+            f"{ALIGNED} 32-bit floats.",
+            refusal or _wav_refusal(pair, rate),
+        ),
+        File(
+            "Aligned CSV",
+            "aligned.csv",
+            partial(aligned_file, ".csv", first, second, result, rate),
+            f"{ALIGNED} Time in seconds, and the samples.",
+            refusal or too_large(BYTES_OF_A_LINE * first.size),
         ),
         File("Python script", "reproduce.py", partial(lag_script, search, *NAMES), "Measures this lag again."),
         File("", NAMES[0], partial(npy, first), "The samples of sensor 1 as they were compared."),
@@ -154,28 +195,27 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
     ]
 
 
-def _wav_refusal(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> str:
+def _wav_refusal(pair: RecordingPair, sampling_rate: float) -> str:
     try:
-        check_aligned_wav(pair.signal_1.size, pair.signal_2.size, result.lag, sampling_rate)
+        check_wav(pair.signal_1.size, sampling_rate)
     except ValueError as error:
         return str(error)
-    return too_large(BYTES_OF_ALIGNED * aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag))
+    return too_large(BYTES_OF_ALIGNED * pair.signal_1.size)
 
 
 def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> None:
     most = round(LONGEST_S * sampling_rate)
-    heard = (("as recorded", 0), ("the lag undone", result.lag))
-    for column, (name, lag) in zip(st.columns(2, gap="medium"), heard, strict=True):
+    aligned = _aligned(pair, result)
+    # Long ones are heard from where both have begun.
+    begun = max(0, -result.lag) if aligned.size > most else 0
+    heard = {
+        "as recorded": (pair.signal_1[:most], pair.signal_2[:most]),
+        "the lag undone": (pair.signal_1[begun:][:most], aligned[begun:][:most]),
+    }
+    for column, (name, both) in zip(st.columns(2, gap="medium"), heard.items(), strict=True):
         with column:
-            sound = remembered(
-                "both together",
-                partial(mix, pair.signal_1, pair.signal_2, lag, most),
-                inputs=pair.digest,
-                settings=json.dumps([lag, most]),
-                shared=pair.shared,
-            )
-            player(sound, sampling_rate, f"both, {name}")
+            player(mix(*both), sampling_rate, f"both, {name}")
     said = heard_in_words(result)
-    if aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag) > most:
-        said += f" Only {LONGEST_S} s are played, from where both recordings have begun."
+    if max(pair.signal_1.size, pair.signal_2.size) > most:
+        said += f" Only {LONGEST_S} s are played."
     prose.caption(said)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -13,11 +13,13 @@ from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
+from stereolag.figures.recordings import band_of_chance
 from stereolag.io.clocks import Recording, starts_apart
+from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
 from stereolag.signals.clocks import LagOverTime
-from stereolag.ui.sentences import duration, length
+from stereolag.ui.sentences import duration
 
 ECHO_S = 0.03
 """Seconds; sounds closer together are heard as one (Haas, 1951)."""
@@ -26,20 +28,43 @@ LEAST_SPREAD = 0.01
 """Samples; a smaller spread is reported as less than this."""
 
 
-def lag_in_words(result: SignalLag) -> str:
-    """Return which sensor hears the sound later, by how much, and the path difference."""
+def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
+    """Return which sensor hears the sound later, by how much, how sure that is, and the path difference.
+
+    `assumed` names the settings that neither a file nor the visitor gave.
+    """
+    over_time = result.over_time
+    if over_time is not None and over_time.shows:
+        rate = f", at {_assumed_rate(result)}" if over_time.steps and "sampling_rate" in assumed else ""
+        return f"Sensor 2 hears it **{over_time_in_words(over_time, result.sampling_rate)}**{rate}."
+    doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, LEAST_SPREAD):.1g}"
     if result.lag == 0:
-        return "Both sensors hear it **at the same time**: neither is nearer to it."
+        return f"Both sensors hear it **at the same time**{f' (0{doubt} samples)' if doubt else ''}."
     later, earlier = (2, 1) if result.lag > 0 else (1, 2)
-    time, distance = f"{abs(result.time_s):.4g} s", f"{result.distance_m:,.2f} m"
-    return f"Sensor {later} hears it **{time}** after sensor {earlier}: its path is **{distance}** longer."
+    samples = f"{abs(result.lag_subsample):,.{_decimals(result.uncertainty)}f}{doubt} samples"
+    given = [f"{result.speed:,.10g} m/s"] if "speed" in assumed else []
+    given += [f"{result.sampling_rate:,.10g} Hz"] if "sampling_rate" in assumed else []
+    at = f", at {' and '.join(given)}, {'both ' if len(given) > 1 else ''}assumed" if given else ""
+    return (
+        f"Sensor {later} hears it **{abs(result.time_s):.4g} s** ({samples}) after sensor {earlier}: its path is "
+        f"**{result.distance_m:,.2f} m** longer{at}."
+    )
 
 
-def verdict_in_words(result: SignalLag) -> str:
+def _assumed_rate(result: SignalLag) -> str:
+    return f"{result.sampling_rate:,.10g} Hz, assumed"
+
+
+def _decimals(doubt: float) -> int:
+    """Return how many decimals a number has that is off by this much, at most two; none if that is unknown."""
+    return 0 if np.isnan(doubt) or doubt >= 1 else 1 if doubt >= 0.1 else 2
+
+
+def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     """Return the lag if it is sure, otherwise why none can be given."""
     judgement = result.judgement
-    if judgement is None or judgement.verdict == "sure":
-        return lag_in_words(result)
+    if judgement.verdict == "sure":
+        return lag_in_words(result, assumed)
     if judgement.reason == "repeats" and judgement.spacing is not None:
         return f"Cannot tell: it repeats every **{_samples(judgement.spacing)} samples**."
     if judgement.verdict == "ambiguous":
@@ -56,24 +81,15 @@ _NOTHING_WORDS = {
 }
 
 
-def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> list[str]:
-    """Return the details of a verdict: rivals, drift, uncertainty, a reversed microphone, advice."""
-    judgement = result.judgement
-    if judgement is None:
-        return []
+def verdict_explained(result: SignalLag) -> list[str]:
+    """Return the details of a verdict: arrivals, clocks, rivals, a reversed microphone, advice."""
+    judgement, over_time = result.judgement, result.over_time
     said = []
-    drift = judgement.over_time
-    if drift is not None and judgement.reason == "drift":
-        said.append(
-            f"The clocks differ by **{drift.ppm:+.1f} ppm** (± {drift.error_ppm:.1g}): the lag goes from "
-            f"{drift.start:,.1f} to {drift.start + drift.span:,.1f} samples, which smears the peak."
-        )
-    if drift is not None:
-        samples = max(drift.spread, LEAST_SPREAD)
-        said.append(
-            f"Over {drift.blocks} blocks the lag varies by {'±' if samples == drift.spread else 'less than ±'} "
-            f"{samples:.2g} samples, ± {length(samples / sampling_rate * speed)} of path."
-        )
+    if over_time is not None and over_time.shows:
+        said.append("A lag that changes is not the path’s alone, so no metres are given.")
+    if len(result.arrivals) > 1:
+        shown = ", ".join(f"{one.lag:,.0f} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
+        said.append(f"Arrivals beyond chance, samples: {shown}. The direct sound and its echoes, or several sounds.")
     if judgement.opposite_lag is not None:
         said.append(
             f"With its sign reversed, recording 2 fits at {judgement.opposite_lag:,} samples: swap the wires of one "
@@ -114,6 +130,9 @@ RIBBON_EXPLAINED = {
     "the share of them that agrees on the lag, so it is lower than the score.",
 }
 """Caption of the curve for each way to draw it."""
+
+NO_RIBBON = "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn."
+"""Caption of a curve without a band of chance."""
 
 
 def heard_in_words(result: SignalLag) -> str:
@@ -181,11 +200,15 @@ def curve_in_words(result: SignalLag) -> str:
         votes = (result.votes or {}).get(result.lag, 0)
         return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
     searched = f"Correlation at the lags {result.lags[0]:,} to {result.lags[-1]:,} samples"
-    if result.judgement is None or result.verdict == "sure":
+    if result.verdict == "sure":
         return f"{searched}: one clear peak at {result.lag:,}, score {result.score:.3f}."
     if result.verdict == "ambiguous":
-        return f"{searched}: highest at {result.lag:,}, and {len(result.rivals)} other peaks are about as high."
+        return f"{searched}: highest at {result.lag:,}, and {_others(len(result.rivals))} about as high."
     return f"{searched}: nothing rises above chance level; the highest point is at {result.lag:,}."
+
+
+def _others(count: int) -> str:
+    return "1 other peak is" if count == 1 else f"{count} other peaks are"
 
 
 @typesets
@@ -200,6 +223,8 @@ def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float)
 @typesets
 def aligned_in_words(result: SignalLag) -> str:
     """Return how well the recordings match once the lag is undone."""
+    if result.over_time is not None and result.over_time.shows:
+        return "Both recordings on one plot, the second on the clock of the first."
     return (
         f"Both recordings on one plot, the second moved back by {result.lag:,} samples: where they overlap, "
         f"their correlation is {result.score:.3f}."
@@ -207,16 +232,16 @@ def aligned_in_words(result: SignalLag) -> str:
 
 
 @typesets
-def close_up_in_words(result: SignalLag, start: int) -> str:
-    """Return a description of the close-up of the aligned samples."""
-    return f"200 samples of both recordings from sample {start:,} on, the second moved back by {result.lag:,} samples."
+def close_up_in_words(lag: int, start: int) -> str:
+    """Return a description of the close-up of samples from `start` on, `lag` samples apart."""
+    return f"200 samples of both recordings from sample {start:,} on, the second moved back by {lag:,} samples."
 
 
 @typesets
-def drift_in_words(drift: LagOverTime) -> str:
+def blocks_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
     """Return how the lag changes over time."""
-    trend = f"rises by {drift.ppm:+.1f} ppm" if drift.shows else "does not change measurably"
-    return f"Lag of {drift.blocks} blocks over time: it {trend}, {drift.start:,.1f} samples at first."
+    said = over_time_in_words(over_time, sampling_rate) if over_time.shows else "it does not change measurably"
+    return f"Lag of {over_time.blocks} blocks over time: {said}."
 
 
 @typesets
@@ -356,17 +381,18 @@ DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "recordings": "240 samples of both, shifted by the lag found",
     "curve": "Correlation × √overlap, at every lag",
     "close": "The highest point, up close",
-    "agreement": "Agreement, whitened, in standard deviations",
+    "agreement": "Evidence, in standard deviations of chance",
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
     "convinces": "needed",
 }
 
-_DISTURBED = "Highest at {lag:,}, true lag {true:,} · agreement {evidence:,.1f} ({needed:,.1f} needed)"
+_DISTURBED = "Highest at {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
 
 DISTURBED_VERDICTS: Final = {
     "clear": "Sure: recording 2 lags by {lag:,} samples.",
     "drift": "Sure, with drift: the lag goes from {start:,.1f} to {end:,.1f} samples.",
+    "steps": "Sure, with steps: the lag jumps.",
     "wrong": "Fooled: sure of {lag:,} samples, but the true lag is {true:,}.",
     "repeats": "Cannot tell: it repeats every {spacing:,.0f} samples.",
     "rivals": "Cannot tell: {rivals} as well.",
@@ -379,7 +405,8 @@ DISTURBED_LESSONS: Final = {
     "clear": "The peak is at {lag:,} because there the sound lines up with itself and the products add up. At "
     "any other lag positive and negative products cancel.",
     "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
-    "Measured block by block, the lags form a straight line, which is convincing.",
+    "Measured block by block, the lags form a straight line; along it, the recordings agree.",
+    "steps": "Part of a recording is missing: before and after it, the lag is another.",
     "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
     "copy that fits best; it cannot know which one came directly.",
     "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
@@ -393,22 +420,18 @@ DISTURBED_LESSONS: Final = {
 }
 
 _DISTURBED_NOTES: Final = {
-    "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
+    "no_band": NO_RIBBON,
     "echo": "The smaller peak {delay:,} samples later is the echo.",
     "teeth": "The repeating part makes the teeth every {period:,} samples; the rest settles the lag.",
 }
-
-_WIDE = 0.3
-"""Noise alone never makes the band of chance this high."""
 
 
 def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, str]:
     """Return the verdict on disturbed recordings, its kind, its numbers, and what can be learnt from it."""
     judgement, lag, rivals = result.judgement, result.lag, result.rivals
-    assert judgement is not None
     wrong = result.verdict == "sure" and abs(lag - LAG) > settings.drift / 2 + 2
     reason = "wrong" if wrong else judgement.reason
-    drift = judgement.over_time
+    over_time = judgement.over_time
     numbers = {
         "lag": lag,
         "true": LAG,
@@ -416,8 +439,8 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "period": settings.period,
         "spacing": judgement.spacing,
         "rivals": f"{len(rivals)} other lags fit" if len(rivals) > 1 else f"{next(iter(rivals), 0):,} samples fits",
-        "start": drift and drift.start,
-        "end": drift and drift.start + drift.span,
+        "start": over_time and over_time.start,
+        "end": over_time and over_time.end,
         "searched": 2 * MAX_LAG + 1,
         "evidence": judgement.evidence,
         "needed": judgement.needed,
@@ -430,16 +453,16 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
 
 
 def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]:
-    """Yield what else is seen: a band widened by teeth, or an echo or teeth above chance around a sure peak."""
-    assert result.correlation is not None and result.judgement is not None and result.judgement.ribbon is not None
-    heights, chance = result.correlation[MAX_LAG + result.lag :], result.judgement.ribbon[1]
-    if result.verdict == "ambiguous" and chance > max(_WIDE, heights[0] / 2):
-        yield _DISTURBED_NOTES["wide"]
-    if result.verdict == "sure" and result.lag == LAG:
-        around = result.correlation[[MAX_LAG + LAG - settings.period, MAX_LAG + LAG + settings.period]]
-        if settings.echo and heights[ECHO_DELAY] > chance:
+    """Yield what else is seen: no band of chance, or an echo or teeth above it around a sure peak."""
+    assert result.correlation is not None
+    band = band_of_chance(result)
+    if band is None:
+        yield _DISTURBED_NOTES["no_band"]
+    elif result.verdict == "sure" and result.lag == LAG:
+        heights, chance = result.correlation[MAX_LAG:], band[1]
+        if settings.echo and heights[LAG + ECHO_DELAY] > chance:
             yield _DISTURBED_NOTES["echo"]
-        if settings.repetition and around.min() > chance:
+        if settings.repetition and heights[[LAG - settings.period, LAG + settings.period]].min() > chance:
             yield _DISTURBED_NOTES["teeth"]
 
 

@@ -103,7 +103,8 @@ function drawDisturbed(svg, data) {
   const first = clamp(peak - CLOSE, -reach, reach - 2 * CLOSE);
   const last = first + 2 * CLOSE;
   const near = curve.slice(first + reach, last + reach + 1);
-  const [low, high] = [Math.min(1.2 * ribbon[0], ...near), 1.15 * Math.max(ribbon[1], ...near)];
+  const band = ribbon ?? [0, 0];
+  const [low, high] = [Math.min(1.2 * band[0], ...near), 1.15 * Math.max(band[1], ...near)];
   const close = strip(right, boxes.close, { first, last, low, high });
   drawCurve(add, close, data);
   drawAxis(add, { ...close, y: boxes.close.bottom });
@@ -127,9 +128,12 @@ function drawLinedUp(add, right, { top, height }, recordings) {
 
 function drawCurve(add, { first, last, left, right, x, ofValue }, { curve, ribbon, peak, rivals, verdict, words }) {
   const valueAt = (lag) => curve[lag + (curve.length - 1) / 2];
-  const [low, high] = ribbon.map(ofValue);
-  add("rect", { class: "ribbon", x: left, width: right - left, y: high, height: low - high });
-  add("text", { x: right + 4, y: (low + high) / 2 + 4, class: "small faint" }, words.chance);
+  const middle = ofValue(ribbon ? (ribbon[0] + ribbon[1]) / 2 : 0);
+  if (ribbon) {
+    const [low, high] = ribbon.map(ofValue);
+    add("rect", { class: "ribbon", x: left, width: right - left, y: high, height: low - high });
+    add("text", { x: right + 4, y: middle + 4, class: "small faint" }, words.chance);
+  }
   add("path", { class: "zero", d: `M${left} ${ofValue(0)}H${right}` });
   const lags = Array.from({ length: last - first + 1 }, (_, at) => first + at);
   const d = line(lags.map((lag) => [x(lag), ofValue(valueAt(lag))]));
@@ -140,7 +144,7 @@ function drawCurve(add, { first, last, left, right, x, ofValue }, { curve, ribbo
   for (const rival of rivals) mark("rival", rival, 5);
   mark(verdict === "nothing" ? "peak doubtful" : "peak", peak, 7);
   const y = ofValue(valueAt(peak));
-  if (Math.abs(y - (low + high) / 2) > 12) add("text", { x: right + 4, y: y + 4, class: "small" }, shortened(valueAt(peak), 2));
+  if (!ribbon || Math.abs(y - middle) > 12) add("text", { x: right + 4, y: y + 4, class: "small" }, shortened(valueAt(peak), 2));
 }
 
 // Standard deviations on a logarithmic scale, with marks for the level of chance and the convincing level.
