@@ -365,8 +365,9 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     gaps = tuple(Gap(float(positions[end] * step), float(steps[end] - step)) for end in ends)
     is_whole = total == times.size and (positions == np.arange(total)).all()
     channels = filled(values, None if is_whole else positions, total)
+    rate = float(f"{1 / step:.12g}")  # 99 and not 98.99999999999999
     return Recording(
-        channels, 1 / step, start_s=clock.start_s + float(times[0]), epoch=clock.epoch, gaps=gaps, notes=tuple(notes)
+        channels, rate, start_s=clock.start_s + float(times[0]), epoch=clock.epoch, gaps=gaps, notes=tuple(notes)
     )
 
 
