@@ -115,7 +115,6 @@ def test_files_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPa
 @pytest.mark.parametrize(
     ("inputs", "name", "bad", "fragment"),
     [
-        ("recordings", "file_2", uploads.wav(SOUND, 16_001), "their ratio is"),
         ("pairs", "left", uploads.png(SCENE[:-10]), "both images must have the same size"),
         ("pairs", "truth", uploads.png(np.full((10, 10), 256, dtype=np.uint16)), "must have the same size"),
         ("pictures", "template", uploads.png(uploads.texture(70, 20)), "must fit into the image. The previous files"),
@@ -127,7 +126,7 @@ def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
 ) -> None:
     app = own(open_page, inputs)
     before = shown(app)
-    put(app, f"{inputs}.{name}", "other.wav" if inputs == "recordings" else "other.png", bad)
+    put(app, f"{inputs}.{name}", "other.png", bad)
     assert_one_sentence(app, fragment)
     assert shown(app) == before
 
