@@ -243,8 +243,8 @@ class _Wave:
     @property
     def mended(self) -> str:
         """What was wrong, in words."""
-        said = "0" if not self.claimed else "no" if self.claimed >= 2**32 - 1 else f"{self.claimed:,}"
-        return f"header mended: it states {said} bytes of sound and {self.there:,} are there"
+        said = "no length" if self.claimed == 2**32 - 1 else f"{self.claimed:,} bytes of sound"
+        return f"header mended: it states {said}, and {self.there:,} bytes are there"
 
     @property
     def fault(self) -> str:

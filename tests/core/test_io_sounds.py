@@ -164,11 +164,11 @@ def interrupted(
     [
         pytest.param(interrupted(0, size=0), "states 0 bytes", id="sizes 0"),
         pytest.param(interrupted(0), "states 0 bytes", id="samples 0"),
-        pytest.param(interrupted(2**32 - 1, size=2**32 - 1), "states no bytes", id="0xFFFFFFFF"),
+        pytest.param(interrupted(2**32 - 1, size=2**32 - 1), "states no length", id="0xFFFFFFFF"),
         pytest.param(interrupted(2**31), "states 2,147,483,648 bytes", id="too large"),
         pytest.param(interrupted(4096), "states 4,096 bytes", id="too small"),
         pytest.param(interrupted(0, magic=b"RIFX"), "states 0 bytes", id="big-endian"),
-        pytest.param(interrupted(2**32 - 1, magic=b"RF64", before=DS64), "states no bytes", id="RF64"),
+        pytest.param(interrupted(2**32 - 1, magic=b"RF64", before=DS64), "states no length", id="RF64"),
         pytest.param(interrupted(65_536, before=b"note\3\0\0\0abc"), "states 65,536 bytes", id="chunk unpadded"),
         pytest.param(interrupted(0, after=b"\1"), "states 0 bytes", id="half a sample"),
     ],
