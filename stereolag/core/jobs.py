@@ -194,11 +194,11 @@ COSTS: Mapping[str, Cost] = {
     ),
     # Two rows, their scratch vectors and spectra, the sum; before that, a finiteness flag per sample.
     "lag by blocks": Cost(
-        ({"points": 56, "longest": 1}, {"judged": 250}), {"turns": 3e-9, "samples": 2e-8}, {"points": (8, 2)}
+        ({"points": 56, "longest": 1}, {"judged": 400}), {"turns": 3e-9, "samples": 2e-8}, {"points": (8, 2)}
     ),
     # Bands of both at a time, their transforms and copies; later the bound in cells, and the blocks around peaks.
     "lag by bands": Cost(
-        ({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1, "judged": 250}), {"turns": 3e-9, "samples": 8e-8}
+        ({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1, "judged": 550}), {"turns": 3e-9, "samples": 8e-8}
     ),
     "lag by products": Cost(
         (

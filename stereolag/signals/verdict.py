@@ -304,8 +304,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
 
 def judged_samples(size_1: int, size_2: int, *, held: bool) -> int:
     """Return the number of samples of both recordings that are judged, whether or not they are held in memory."""
-    total = size_1 + size_2
-    return total if held and total <= LONGEST_JUDGED else min(total, 2 * _SECTIONS * _SECTION)
+    return min(size_1 + size_2, LONGEST_JUDGED if held else 2 * _SECTIONS * _SECTION)
 
 
 def _whole(recordings: Recordings) -> bool:
