@@ -314,14 +314,18 @@ def _steps_alone(
 ) -> list[Stretch]:
     """Return the lines, without those that are there before or after their time as well: an echo or a shared noise."""
     while len(lines) > 1:
-        borders = [(one.places[-1] + two.places[0]) / 2 for one, two in pairwise(lines)]
-        edges = [-math.inf, *borders, math.inf]
+        along = []
+        for line in lines:
+            columns = np.round(line.start + line.slope * places).astype(int) - lowest
+            along.append(heights[np.arange(places.size), np.clip(columns, 0, heights.shape[1] - 1)])
+        gains = [np.minimum(one, _CLEAREST) for one in along]
+        # Between two lines, the border at which both together have the most.
+        borders = [0, *(int(np.argmax(np.cumsum(one - two))) + 1 for one, two in pairwise(gains)), places.size]
         shares = []
-        for line, begin, end in zip(lines, edges, edges[1:], strict=False):
-            columns = np.clip(np.round(line.start + line.slope * places).astype(int) - lowest, 0, heights.shape[1] - 1)
-            along = heights[np.arange(places.size), columns]
-            inside = (places >= begin) & (places < end)
-            shares.append(float(along[~inside].mean()) / max(float(along[inside].mean()), 1e-30))
+        for one, begin, end in zip(along, borders, borders[1:], strict=False):
+            elsewhere = np.delete(one, np.s_[begin:end])
+            inside = float(one[begin:end].mean()) if begin < end else 0.0
+            shares.append(float(elsewhere.mean()) / max(inside, 1e-30) if elsewhere.size else math.inf)
         if max(shares) < _ECHO_SHARE:
             break
         fewest = min(range(len(lines)), key=lambda at: len(lines[at].places))
