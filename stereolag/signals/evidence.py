@@ -71,9 +71,6 @@ _WORTH_COUNTING = 0.8
 """Share of what is needed below which a peak is not looked into."""
 
 _FAINT, _TOWERING = 0.7, 10.0
-_ALONE = 2.5
-"""A peak this many times as high as everything beside it repeats nowhere."""
-
 _CLEAR_GAP = 4.0
 """Deviations between two heights from which on they are not equal."""
 
@@ -168,9 +165,10 @@ class Evidence:
 
     def _correlate(self, numbers: Sequence[int]) -> None:
         """Add the curves of some weights."""
-        curves = fft.irfft(self.cross * self.weights[[*numbers]], self.points, axis=1, workers=2)
-        for number, products in zip(numbers, curves, strict=True):
-            self.curves[number] = WeightedCurve(self, number, products)
+        spectra = np.concatenate([spectrum * self.weights[[*numbers]] for spectrum in (self.cross, self.own)])
+        curves = fft.irfft(spectra, self.points, axis=1, workers=2)
+        for number, products, own in zip(numbers, curves, curves[len(numbers) :], strict=False):
+            self.curves[number] = WeightedCurve(self, number, products, own)
 
     def _weights(self) -> Samples:
         width = max(3, min(self.sizes) // 128)
@@ -255,8 +253,8 @@ class WeightedCurve:
         Robust standard deviation of the curve.
     """
 
-    def __init__(self, evidence: Evidence, number: int, products: Samples) -> None:
-        self._evidence = evidence
+    def __init__(self, evidence: Evidence, number: int, products: Samples, own: Samples) -> None:
+        self._evidence, self._own = evidence, own
         weight = self._weight = evidence.weights[number]
         parts = (products[min(0, evidence.first) + evidence.points :], products[: evidence.last + 1])
         curve = np.concatenate(parts) if evidence.first < 0 else products[evidence.first : evidence.last + 1]
@@ -271,11 +269,6 @@ class WeightedCurve:
         self.lobe = max(2, int(np.flatnonzero(shape[:_WIDEST_LOBE] > 0.25 * whole)[-1])) + 1
         low = np.flatnonzero(shape[:_WIDEST_ENVELOPE] < 0.3 * beside)
         self.envelope = max(self.lobe, int(low[0]) if low.size else _WIDEST_ENVELOPE)
-
-    @cached_property
-    def _own(self) -> Samples:
-        """The mean of both recordings' own curves, at lags 0, 1, … wrapping around."""
-        return np.asarray(fft.irfft(self._evidence.own * self._weight, self._evidence.points))
 
     @cached_property
     def _heard(self) -> Samples:
@@ -345,13 +338,14 @@ class WeightedCurve:
             return peak
         low, end = max(0, index - _SCALES[-1]), min(self.curve.size, index + _SCALES[-1] + 1)
         middle, part = index - low, self.curve[low:end].astype(np.float64)
-        beside = (self.curve[: max(0, index - self.lobe)], self.curve[index + self.lobe + 1 :])
-        factor = 0.0
-        # Where nothing else is nearly as high, there is no repetition to subtract.
-        if height < _ALONE * max((float(side.max()) for side in beside if side.size), default=height):
-            factor, repeated = self._repetition(offset, part, middle)
-            part = part - repeated
-        rest = np.where(self._evidence.long_enough[low:end], part, 0.0)
+        own = self._own_around(offset, middle, end - 1 - index)
+        # By least squares around the peak without its middle, where noise of each recording adds to its own curve.
+        near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
+        flanks = own[near].copy()
+        flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
+        factor = float(flanks @ part[near]) / (float(flanks @ flanks) + 1e-300)
+        factor = min(max(factor, 0.0), 4.5 * height / max(float(own[middle]), 1e-300))
+        rest = np.where(self._evidence.long_enough[low:end], part - factor * own, 0.0)
         rest[max(0, middle - self.lobe) : middle + self.lobe + 1] = 0
         around = [
             rest[max(0, middle - reach) : middle + reach + 1]
@@ -369,19 +363,6 @@ class WeightedCurve:
     def _between(self, index: int) -> tuple[float, float]:
         around = min(REACH, index, self.curve.size - 1 - index)
         return interpolate_peak(self.curve[index - around : index + around + 1].astype(np.float64))
-
-    def _repetition(self, offset: float, part: Vector, middle: int) -> tuple[float, Vector]:
-        """Return the factor from the own curve to the curve around a peak, and the part that it explains.
-
-        By least squares around the peak without its middle, where noise of each recording adds to its own curve.
-        """
-        own = self._own_around(offset, middle, part.size - 1 - middle)
-        near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
-        flanks = own[near].copy()
-        flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
-        factor = float(flanks @ part[near]) / (float(flanks @ flanks) + 1e-300)
-        factor = min(max(factor, 0.0), 4.5 * float(part[middle]) / max(float(own[middle]), 1e-300))
-        return factor, factor * own
 
     def _own_around(self, offset: float, before: int, after: int) -> Vector:
         """Return the own curve from `before` lags before to `after` lags after an index, for a peak at its `offset`."""
@@ -412,8 +393,7 @@ class WeightedCurve:
         """Return whether the recordings' own repetition explains half of another peak."""
         apart = round(other.lag) - round(peak.lag)
         around = self._own[np.arange(apart - 1, apart + 2) % self._evidence.points]
-        factor = peak.repetition or peak.height / max(float(self._own[0]), 1e-30)
-        return factor * float(around.max()) > 0.5 * other.height
+        return peak.repetition * float(around.max()) > 0.5 * other.height
 
     def rivals(self, peak: Peak) -> list[float]:
         """Return the lags that fit as well as a peak of this curve, the highest first.
