@@ -668,8 +668,9 @@ def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag,
 def check(whole: SignalLag, bands: SignalLag) -> None:
     assert whole.judgement is not None and bands.judgement is not None
     assert bands.lag == whole.lag
-    assert (bands.verdict, bands.judgement.reason) == (whole.verdict, whole.judgement.reason)
-    # Distant rivals are searched for only in a few places.
+    assert bands.verdict == whole.verdict
+    # Distant rivals are searched for only in a few places, too few to see their spacing.
+    assert whole.verdict == "ambiguous" or bands.judgement.reason == whole.judgement.reason
     assert {*bands.rivals} <= {*whole.rivals}
     assert bands.score == pytest.approx(whole.score, abs=1e-9)
     assert bands.lag_subsample == pytest.approx(whole.lag_subsample, abs=1e-3)
