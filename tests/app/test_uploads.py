@@ -71,7 +71,7 @@ def test_a_column_of_times_is_passed_over(with_uploads: Callable[..., AppTest]) 
     assert not app.error
     assert numbers(app)["Lag, samples"] == "100"
     assert [box.value for box in app.selectbox] == [2, 3]
-    assert app.selectbox[0].options == ["1 (rises evenly: time)", "2", "3"]
+    assert app.selectbox[0].options == ["2", "3"]
     two = "\n".join(line.rpartition(";")[0] for line in three.splitlines()).encode()
     app = with_uploads("recordings", file_1=("1.csv", two))
     assert "the page shows the example" in app.info[0].value  # one signal and its times are not a pair
