@@ -15,8 +15,8 @@ from stereolag.core.typography import typeset
 from stereolag.figures.charts import LEGEND_ABOVE, laid_out, rings
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
-from stereolag.signals.clocks import LagOverTime
 from stereolag.signals.correlation import overlap_length, overlap_slices
+from stereolag.signals.over_time import LagOverTime
 
 POINTS = 2_000
 """Most points drawn per line, however long: about two for every pixel of its width."""

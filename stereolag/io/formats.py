@@ -70,7 +70,7 @@ ACCEPTED = (
 
 _AS_NUMBERS = "export its numbers as CSV, NPY or WAV"
 UNPACK = "unpack it"
-_PICTURE = "a recording is sound or numbers"
+_NO_RECORDING = "a recording is sound or numbers"
 FOREIGN_FORMATS = tuple(
     (re.compile(mark, re.DOTALL), name, remedy)
     for mark, name, remedy in (
@@ -88,8 +88,8 @@ FOREIGN_FORMATS = tuple(
         (rb"wvpk|MAC |TTA1|DSD |MP\+|MPCK|tBaK", "an audio file of a rare kind", "export it as WAV or FLAC"),
         (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\x28\xb5\x2f\xfd", "a packed archive", UNPACK),
         (rb"%PDF", "a PDF", _AS_NUMBERS),
-        (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _PICTURE),
-        (rb"\x7fELF|MZ.{0,20}\0", "a program", _PICTURE),
+        (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _NO_RECORDING),
+        (rb"\x7fELF|MZ.{0,20}\0", "a program", _NO_RECORDING),
         (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _AS_NUMBERS),
         (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
         (rb"\s*[\[{]\s*[\[{\"\d\]}-]", "a JSON file", _AS_NUMBERS),

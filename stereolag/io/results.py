@@ -16,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:  # a command loads only what it measures with
     from stereolag.core.searches import LagSearch, TemplateQuery
     from stereolag.signals import SignalLag
-    from stereolag.signals.clocks import LagOverTime
+    from stereolag.signals.over_time import LagOverTime
     from stereolag.stereo.evaluation import Evaluation
     from stereolag.stereo.matcher import DisparityMap
     from stereolag.templates import TemplateSearch

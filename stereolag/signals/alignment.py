@@ -13,10 +13,10 @@ import numpy.typing as npt
 from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import Estimate, Progress, check_memory
-from stereolag.signals.clocks import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.lag import SignalLag, common_rate, signal_lag
+from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 
-Samples = npt.NDArray[np.floating[Any]]
+Signal = npt.NDArray[np.floating[Any]]
 
 BLOCK = 2**20
 """Samples aligned at a time."""
@@ -39,7 +39,7 @@ def align(
     sampling_rate: float | None = None,
     max_lag: int | None = None,
     progress: Progress | None = None,
-) -> Samples:
+) -> Signal:
     """Return recording 2 on the clock of recording 1: the sample that belongs to each sample of recording 1.
 
     The lag is undone at every time: the clock's drift by resampling (a windowed sinc of 32 samples), dropped buffers by
@@ -89,7 +89,7 @@ def align(
     return aligned
 
 
-def aligned_blocks(signal_1: Samples, signal_2: Samples, lag: SignalLag | float) -> Iterator[Vector]:
+def aligned_blocks(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> Iterator[Vector]:
     """Yield what :func:`align` returns, ``BLOCK`` samples at a time, float64."""
     clock = shared_clock(signal_1, signal_2, lag)
     mean = float(signal_2.mean(dtype=np.float64))
@@ -97,7 +97,7 @@ def aligned_blocks(signal_1: Samples, signal_2: Samples, lag: SignalLag | float)
         yield aligned_part(signal_2, clock, first, min(first + BLOCK, signal_1.size), mean)
 
 
-def shared_clock(signal_1: Samples, signal_2: Samples, lag: SignalLag | float) -> tuple[Stretch, ...]:
+def shared_clock(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> tuple[Stretch, ...]:
     """Return the stretches of recording 1 in which recording 2 has samples, in order of time, and the lag in each.
 
     Parameters
@@ -145,7 +145,7 @@ def _drifts(over_time: LagOverTime) -> bool:
     return abs(over_time.span) > _NEARLY and abs(over_time.ppm) > _SIGNIFICANT * over_time.error_ppm
 
 
-def aligned_part(signal_2: Samples, clock: Sequence[Stretch], first: int, last: int, mean: float) -> Vector:
+def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: int, mean: float) -> Vector:
     """Return the samples of recording 2 that belong to the samples `first` to `last` - 1 of recording 1.
 
     Parameters
@@ -174,7 +174,7 @@ def aligned_part(signal_2: Samples, clock: Sequence[Stretch], first: int, last: 
     return aligned
 
 
-def mix(signal_1: Samples, signal_2: Samples) -> Vector:
+def mix(signal_1: Signal, signal_2: Signal) -> Vector:
     """Return both recordings mixed equally loud, from the first sample of both to the last of the longer, float64."""
     both = np.zeros(max(signal_1.size, signal_2.size))
     for signal in (signal_1, signal_2):

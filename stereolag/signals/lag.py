@@ -18,7 +18,6 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
-from stereolag.signals.clocks import LagOverTime, Step
 from stereolag.signals.correlation import (
     SHORTEST_BLOCK,
     ConvertedRecording,
@@ -34,6 +33,7 @@ from stereolag.signals.correlation import (
     phat_curve,
     transform_length,
 )
+from stereolag.signals.over_time import LagOverTime, Step
 from stereolag.signals.search import (
     AROUND,
     FoundLag,

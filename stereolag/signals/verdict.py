@@ -1,7 +1,7 @@
 """Whether a lag can be relied on: the decision between all lags that the evidence speaks for.
 
-The candidates are the highest peaks under every weight (:mod:`stereolag.signals.evidence`), each also with the drift of
-the clocks and the steps of dropped buffers undone (:mod:`stereolag.signals.clocks`), and all are scored by one measure.
+The candidates are the highest peaks under every weight (:mod:`stereolag.signals.evidence`), each also with drift and
+dropped buffers undone (:mod:`stereolag.signals.over_time`), and all are scored by one measure.
 The best is sure if it is beyond chance, no other fits as well, and no weight is as convinced of another lag.
 """
 
@@ -16,7 +16,6 @@ import numpy as np
 from scipy import fft
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.clocks import LagOverTime, Stretch, follow_lag, median_line, on_first_clock, with_steps_placed
 from stereolag.signals.correlation import (
     HeldRecording,
     Inverted,
@@ -30,6 +29,7 @@ from stereolag.signals.correlation import (
     overlap_slices,
 )
 from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
+from stereolag.signals.over_time import LagOverTime, Stretch, follow_lag, median_line, on_first_clock, with_steps_placed
 from stereolag.signals.sampling import enough_votes
 from stereolag.signals.search import FoundLag, lags_within
 

@@ -16,7 +16,7 @@ SOUND = 0.1 * np.random.default_rng(3).normal(size=9_000)
 EXAMPLE = "378.17 m"
 OWN = "Sensor 2 hears it 0.0375 s"
 BROKEN = file_of("broken.wav", b"RIFF and nothing more")
-REFUSAL = "damaged, cut short or without channels"
+REFUSAL = "cut short before the layout of its samples"
 
 
 def on_own_files(page: Page) -> Page:

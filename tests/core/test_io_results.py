@@ -32,7 +32,7 @@ from stereolag.io.results import (
     search_figures,
 )
 from stereolag.io.sources import npy
-from stereolag.signals.clocks import LagOverTime, Stretch
+from stereolag.signals.over_time import LagOverTime, Stretch
 from tests.programs import run_program
 
 Signal = npt.NDArray[np.float64]

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
 from stereolag import samples
 from stereolag.io.recordings import read_signal
-from stereolag.signals import SignalLag, SignalMethod, clocks, signal_lag
-from stereolag.signals.clocks import median_line, resample, resample_reference
+from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
 from stereolag.signals.correlation import find_peak, overlap_length
+from stereolag.signals.over_time import median_line, resample, resample_reference
 from stereolag.signals.verdict import local_curve, regular_spacing
 
 METHODS = get_args(SignalMethod)
@@ -301,7 +301,7 @@ def test_long_recordings_are_judged_by_sections() -> None:
 
 @given(size=st.integers(2, 80), first=st.floats(-5, 60), step=st.floats(0.9, 1.1), values=st.integers(1, 90))
 def test_a_resampled_recording_is_the_plain_formula(size: int, first: float, step: float, values: int) -> None:
-    samples, filters = np.random.default_rng(size).normal(size=size), clocks._filters()
+    samples, filters = np.random.default_rng(size).normal(size=size), over_time.interpolation()
     out = np.empty(values, dtype=np.float32)
     resample(samples, first, step, filters, out)
     np.testing.assert_allclose(out, resample_reference(samples, first, step, filters, values), atol=1e-5)
@@ -311,7 +311,7 @@ def test_a_resampled_sine_is_a_sine() -> None:
     place = 100.3 + 1.0005 * np.arange(5000)
     for frequency in (0.01, 0.2, 0.4):
         out = np.empty(place.size, dtype=np.float32)
-        resample(np.sin(2 * np.pi * frequency * np.arange(6000)), 100.3, 1.0005, clocks._filters(), out)
+        resample(np.sin(2 * np.pi * frequency * np.arange(6000)), 100.3, 1.0005, over_time.interpolation(), out)
         np.testing.assert_allclose(out, np.sin(2 * np.pi * frequency * place), atol=3e-3)
 
 

@@ -16,7 +16,7 @@ from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import align, mix
-from stereolag.signals.clocks import LagOverTime
+from stereolag.signals.over_time import LagOverTime
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_numbers

@@ -18,7 +18,7 @@ from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
-from stereolag.signals.clocks import LagOverTime
+from stereolag.signals.over_time import LagOverTime
 from stereolag.ui.sentences import duration
 
 ECHO_S = 0.03

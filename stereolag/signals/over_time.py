@@ -22,6 +22,7 @@ from scipy import fft, ndimage
 from stereolag.core.arrays import FloatMap, Vector
 from stereolag.loops.compilation import compiled
 from stereolag.signals.correlation import Lags, Recording, interpolate_peak
+from stereolag.signals.evidence import Samples
 
 FARTHEST_PPM = 12_000
 """Largest drift that is looked for."""
@@ -53,8 +54,6 @@ _ECHO_SHARE = 0.25
 
 _FINE_REACH = 64
 _TAPS, _PHASES = 32, 512
-
-Samples = npt.NDArray[np.float32]
 
 
 def median_line(places: npt.NDArray[np.floating], values: npt.NDArray[np.floating]) -> tuple[float, float]:
@@ -455,7 +454,7 @@ def _plane(
         count = math.ceil((length + 2 * reach) * (1 + abs(line.slope))) + 2 * margin
         part = recording_2.part(begin, begin + count)
         if margin:
-            resample(part, first - begin, 1 + line.slope, _filters(), row_2[: length + 2 * reach])
+            resample(part, first - begin, 1 + line.slope, interpolation(), row_2[: length + 2 * reach])
         else:
             row_2[: length + 2 * reach] = part[: length + 2 * reach]
     spectra = fft.rfft(rows, axis=-1, workers=2)
@@ -502,7 +501,7 @@ def _ridge(heights: FloatMap, step: int) -> tuple[Lags, npt.NDArray[np.bool_]]:
 
 
 @lru_cache(maxsize=1)
-def _filters() -> FloatMap:
+def interpolation() -> FloatMap:
     """Return (phases + 1, taps) weights that interpolate between two samples, by a Kaiser-windowed sinc."""
     half = _TAPS // 2
     away = (np.arange(_PHASES + 1) / _PHASES)[:, np.newaxis] - np.arange(1 - half, half + 1)
@@ -520,7 +519,7 @@ def on_first_clock(signal_2: npt.NDArray[np.floating], over_time: LagOverTime, f
     edges = np.clip([first, *ends, first + size], first, first + size) - first
     for stretch, low, high in zip(over_time.stretches, edges, edges[1:], strict=False):
         place = first + int(low)
-        resample(signal_2, place + stretch.lag_at(place), 1 + stretch.slope, _filters(), out[low:high])
+        resample(signal_2, place + stretch.lag_at(place), 1 + stretch.slope, interpolation(), out[low:high])
     return out
 
 
