@@ -198,7 +198,7 @@ COSTS: Mapping[str, Cost] = {
     ),
     # Bands of both at a time, their transforms and copies; later the bound in cells, and the blocks around peaks.
     "lag by bands": Cost(
-        ({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1, "judged": 550}), {"turns": 3e-9, "samples": 8e-8}
+        ({"points": 152, "cells": 56, "blocks": 1}, {"longest": 1}, {"judged": 550}), {"turns": 3e-9, "samples": 8e-8}
     ),
     "lag by products": Cost(
         (
