@@ -65,8 +65,11 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     return signal
 
 
-def as_image(value: npt.ArrayLike, name: str) -> Image:
+def as_image(value: npt.ArrayLike, name: str, *, gaps: bool = False) -> Image:
     """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
+
+    With `gaps` it may hold pixels without data, and numbers of any range: integers that do not fit become float64, and
+    NaN, infinite and far outlying pixels (:data:`FAR_OUT`) NaN.
 
     Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
     floats become float64. A single trailing channel axis and the alpha of a grey image are dropped.
@@ -85,7 +88,31 @@ def as_image(value: npt.ArrayLike, name: str) -> Image:
         )
     if image.size == 0:
         raise ValueError(f"{name} has shape {image.shape}: it holds no pixels.")
-    return _as_pixel_type(image, name)
+    return _with_gaps(image, name) if gaps and image.dtype.kind in "iuf" else _as_pixel_type(image, name)
+
+
+FAR_OUT = 3e4
+"""Distance from the median, over the median distance, from which on a pixel is a mark, like -32768, and no data.
+
+Rounding in sums of such numbers would hide the data."""
+
+
+def _with_gaps(image: Image, name: str) -> Image:
+    """Return an image of numbers as a pixel type, with NaN where it has no data."""
+    if image.dtype in (np.uint8, np.uint16) or (image.dtype.kind in "iu" and image.min() >= 0 and image.max() <= 65535):
+        return _as_pixel_type(image, name)
+    with np.errstate(over="ignore"):
+        wide = image.astype(np.float32 if image.dtype in (np.float16, np.float32) else np.float64)
+    known = np.isfinite(wide)
+    if not known.any():
+        return _as_pixel_type(wide, name)
+    sample = wide[known][:: max(1, wide.size // SAMPLED_PIXELS)].astype(np.float64)
+    for data in (sample, sample[sample != np.median(sample)]):  # without the mark, if most pixels have none
+        spread = np.median(np.abs(data - np.median(data))) if data.size else 0.0
+        if spread > 0:
+            known &= np.abs(wide - np.median(data)) <= FAR_OUT * spread
+            break
+    return wide if known.all() else np.where(known, wide, wide.dtype.type(np.nan))
 
 
 def _as_pixel_type(image: Image, name: str) -> Image:
@@ -153,8 +180,12 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
     return images
 
 
-def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+def as_images(
+    one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str], *, gaps: bool = False
+) -> tuple[Image, Image]:
     """Return two images, checked; with one type if they are given in one, regardless of their brightness.
+
+    `gaps` is passed on to :func:`as_image`.
 
     Raises
     ------
@@ -162,10 +193,11 @@ def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) 
         An image that :func:`as_image` refuses.
     """
     given = np.asarray(one), np.asarray(other)
-    first, second = as_image(given[0], names[0]), as_image(given[1], names[1])
+    first, second = as_image(given[0], names[0], gaps=gaps), as_image(given[1], names[1], gaps=gaps)
     if given[0].dtype == given[1].dtype and first.dtype != second.dtype:
         # `as_image` converts other integer types to uint8 if no value is above 255, else to uint16.
-        return first.astype(np.uint16), second.astype(np.uint16)
+        common = np.result_type(first, second)
+        return first.astype(common), second.astype(common)
     return first, second
 
 

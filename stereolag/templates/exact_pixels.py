@@ -104,7 +104,7 @@ def exact_positions(
         scores = np.empty(len(rows))
         for start in range(0, len(rows), batch):
             part = slice(start, start + batch)
-            scores[part] = scores_at(image, pattern.deviations, pattern.opaque, rows[part], cols[part])
+            scores[part] = scores_at(image, pattern.deviations, pattern.weights, rows[part], cols[part])
             progress((attempt + start / len(rows)) / len(anchors))
         highest = float(np.fmax.reduce(scores, initial=-1.0))
         if highest > best:

@@ -1,4 +1,4 @@
-"""A template prepared for the search: its opaque pixels with their mean removed, resized and rotated where asked."""
+"""A template prepared for the search: weights and deviations of its pixels, resized and rotated where asked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Mask
-from stereolag.core.inputs import Image, as_grey
+from stereolag.core.inputs import Image, as_grey, grey_level
+
+Weights = npt.NDArray[np.float64]
+
+LEAST_WEIGHT = 0.01
+"""Smaller weights are 0: most pixels of a box around a soft shape then cost nothing."""
+
+FULL_WEIGHT = 0.95
+"""Least weight of a pixel through which no background shows: alpha 251 of 255."""
 
 
 @dataclass(frozen=True)
@@ -21,44 +29,63 @@ class Pattern:
     Parameters
     ----------
     colours
-        (height, width, channels), the template's own pixels and dtype, without alpha.
-    opaque
-        (height, width), True where a pixel takes part in the comparison.
+        (height, width, channels), the template's own pixels and dtype, without alpha; of a silhouette its alpha.
+    weights
+        (height, width), 0..1, how much a pixel counts in the comparison.
     deviations
-        (channels, height, width) float64: each channel minus its mean over the opaque pixels, 0 elsewhere.
+        (channels, height, width) float64: each channel minus its weighted mean, 0 where the weight is 0.
+    silhouette
+        Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`.
     """
 
     colours: Image
-    opaque: Mask
+    weights: Weights
     deviations: npt.NDArray[np.float64]
+    silhouette: bool = False
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width, px."""
-        return self.opaque.shape[0], self.opaque.shape[1]
+        return self.weights.shape[0], self.weights.shape[1]
 
     @cached_property
-    def count(self) -> int:
-        """Number of opaque pixels."""
-        return int(np.count_nonzero(self.opaque))
+    def opaque(self) -> Mask:
+        """The pixels through which no background shows, (height, width)."""
+        return np.asarray(self.weights >= FULL_WEIGHT)
+
+    @cached_property
+    def whole(self) -> bool:
+        """Whether every weight is 0 or 1, so that weighted sums of integers are integers."""
+        return bool(((self.weights == 0) | (self.weights == 1)).all())
+
+    @cached_property
+    def count(self) -> float:
+        """Sum of the weights."""
+        return float(self.weights.sum())
 
     @cached_property
     def norm(self) -> float:
-        """Root of the sum of squared deviations."""
-        return float(np.sqrt(np.square(self.deviations).sum()))
+        """Root of the weighted sum of squared deviations."""
+        return float(np.sqrt((self.weights * np.square(self.deviations)).sum()))
+
+    def mirrored(self) -> Pattern:
+        """Return the mirror image, left and right exchanged."""
+        colours, weights = (np.ascontiguousarray(side[:, ::-1]) for side in (self.colours, self.weights))
+        return pattern_of(colours, weights, silhouette=self.silhouette)
 
 
-def pattern_of(colours: Image, opaque: Mask) -> Pattern:
-    """Return the pattern of a template from its (height, width, channels) colours and its mask of opaque pixels.
+def pattern_of(colours: Image, weights: npt.NDArray[np.float64] | Mask, *, silhouette: bool = False) -> Pattern:
+    """Return the pattern of a template from its (height, width, channels) colours and the weights of its pixels.
 
     Raises
     ------
     ValueError
-        No opaque pixels, or every channel constant over them: the correlation coefficient would be 0/0.
+        No pixel with a weight, or every channel constant over them: the correlation coefficient would be 0/0.
     """
-    if not opaque.any():
+    counts = weights > 0
+    if not counts.any():
         raise ValueError("template has no opaque pixel under its mask; at least 2 of different value are needed.")
-    pixels = colours[opaque]
+    pixels = (edges(colours) if silhouette else colours)[counts]
     if not np.ptp(pixels, axis=0).any():
         value = ", ".join(f"{channel:g}" for channel in pixels[0])
         raise ValueError(
@@ -67,16 +94,13 @@ def pattern_of(colours: Image, opaque: Mask) -> Pattern:
         )
     # Relative to its first pixel, a constant channel is exactly 0, whatever the rounding of its mean.
     relative = pixels.astype(np.float64) - pixels[0].astype(np.float64)
-    deviations = np.zeros((colours.shape[2], *opaque.shape))
-    deviations[:, opaque] = (relative - relative.mean(axis=0)).T
-    return Pattern(colours, opaque, deviations)
+    deviations = np.zeros((pixels.shape[1], *weights.shape))
+    deviations[:, counts] = (relative - np.average(relative, axis=0, weights=weights[counts])).T
+    return Pattern(colours, weights.astype(np.float64), deviations, silhouette)
 
 
-def opaque_pixels(template: Image, mask: Image | None) -> Mask:
-    """Return the pixels of a checked template that count: those its mask marks, else those its alpha leaves opaque.
-
-    Any mask value above 0 marks a pixel. In an alpha channel only the highest value present counts as opaque, because
-    the background shows through a half-transparent rim pixel.
+def opacity(template: Image, mask: Image | None) -> Weights:
+    """Return mask or else alpha of each pixel of a checked template over its largest value, 0..1; 1 without either.
 
     Raises
     ------
@@ -87,12 +111,28 @@ def opaque_pixels(template: Image, mask: Image | None) -> Mask:
         if mask.shape[:2] != template.shape[:2]:
             (mh, mw), (th, tw) = mask.shape[:2], template.shape[:2]
             raise ValueError(f"mask is {mw} × {mh} and template is {tw} × {th} pixels; both must have the same size.")
-        marked = mask if mask.ndim == 2 else mask[:, :, :3].max(axis=2)
-        return np.asarray(marked > 0)
-    if template.ndim == 3 and template.shape[2] == 4:
-        alpha = template[:, :, 3]
-        return np.asarray((alpha == alpha.max()) & (alpha > 0))
-    return np.ones(template.shape[:2], dtype=np.bool_)
+        shares = mask if mask.ndim == 2 else mask[:, :, :3].max(axis=2)
+    elif template.ndim == 3 and template.shape[2] == 4:
+        shares = template[:, :, 3]
+    else:
+        return np.ones(template.shape[:2])
+    return np.maximum(shares, 0) / max(float(shares.max()), np.finfo(np.float64).tiny)
+
+
+def weights_of(shares: Weights) -> Weights:
+    """Return the weight of pixels of that opacity: its cube.
+
+    The less opaque a pixel, the more of an unknown background shows through it. Of random glows on photographs, 55 %
+    had their best score at their place with a weight of 1 wherever alpha is not 0, 75 % with alpha itself as the
+    weight, 93 % with its cube.
+    """
+    weights = np.power(shares, 3)
+    return np.where(weights < LEAST_WEIGHT, 0.0, weights)
+
+
+def opaque_pixels(template: Image, mask: Image | None) -> Mask:
+    """Return the pixels of a checked template that count at least half as much as those that count most."""
+    return np.asarray(weights_of(opacity(template, mask)) >= 0.5)
 
 
 def same_channels(image: Image, template: Image) -> tuple[Image, Image]:
@@ -102,15 +142,57 @@ def same_channels(image: Image, template: Image) -> tuple[Image, Image]:
     return image[:, :, :3], template[:, :, :3]
 
 
-MOSTLY_OPAQUE = 0.75
-"""A pixel of a warped template counts if the pixels it is interpolated from are opaque by at least this share."""
+ONE_COLOUR = 2.0
+"""Largest standard deviation, grey levels of 255, of the colours of a silhouette: rounding in a resampled file."""
+
+CLOSE = 8.0
+"""Distance of colours, grey levels of 255, from which on only their ratio counts."""
+
+
+def compared(image: Image, template: Image, mask: Image | None, *, exact: bool = False) -> tuple[Image, Pattern]:
+    """Return the image (rows, cols, channels) and the pattern that are compared.
+
+    A template of one colour has a shape alone. It is compared by the edges of its alpha with those of a map of the
+    image that is highest where the image has that colour; if `exact`, by nothing but its pixels. Under a mask of its
+    own, the one colour is exactly one.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`pattern_of`.
+    """
+    large, colours = same_channels(image, template)
+    shares = opacity(template, mask)
+    weights = weights_of(shares)
+    if colours.dtype.kind == "f":
+        gaps = np.asarray(np.isnan(colours).any(axis=2))
+        colours, weights = np.where(gaps[:, :, np.newaxis], 0, colours), np.where(gaps, 0.0, weights)
+    if not exact and np.ptp(weights):
+        pixels, level = colours[weights > 0].astype(np.float64), grey_level(colours, colours)
+        colour = np.average(pixels, axis=0, weights=weights[weights > 0])
+        variance = np.average(np.square(pixels - colour).mean(axis=1), weights=weights[weights > 0])
+        if variance <= (ONE_COLOUR * level if mask is None else 0.0) ** 2:
+            away = [large[:, :, channel] - np.float32(value) for channel, value in enumerate(colour)]
+            near = -np.log(np.linalg.norm(away, axis=0) / level + CLOSE)
+            shape = shares.astype(np.float32)[:, :, np.newaxis]
+            return edges(near), pattern_of(shape, np.ones(shares.shape), silhouette=True)
+    return large, pattern_of(colours, weights)
+
+
+def edges(plane: Image) -> npt.NDArray[np.float32]:
+    """Return the horizontal and vertical differences (rows, cols, 2) of a plane, smoothed across by Sobel's filter."""
+    smooth: Image = plane.reshape(plane.shape[:2]).astype(np.float32)
+    return np.dstack([cv2.Sobel(smooth, -1, *axis, borderType=cv2.BORDER_REPLICATE) for axis in ((1, 0), (0, 1))])
+
+
+LEAST_WARPED = 0.75
+"""A pixel of a warped template counts if it is interpolated from pixels whose weights are not 0 by this share."""
 
 
 def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     """Return a template resized and rotated about its centre, in the upright box that then contains it.
 
-    Excluded pixels do not bleed into those that count: colours are weighted by the mask, which is warped with them and
-    thresholded.
+    Pixels bleed into others no more than they count: colours are multiplied by their weights, which are warped too.
 
     Parameters
     ----------
@@ -129,20 +211,25 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     (height, width), (rows, cols) = pattern.shape, warped_shape(pattern.shape, scale, rotation)
     matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), rotation, scale)
     matrix[:, 2] += np.array([(cols - width) / 2, (rows - height) / 2])
-    weight = pattern.opaque.astype(np.float32)
-    layers = np.dstack([pattern.colours.astype(np.float32) * weight[:, :, np.newaxis], weight])
+    weight = pattern.weights.astype(np.float32)
+    layers = np.dstack([pattern.colours.astype(np.float32) * weight[:, :, np.newaxis], weight, weight > 0])
     if scale < 1:
         # As wide as the area of the source that one pixel then covers.
         blur = math.sqrt((1 / scale**2 - 1) / 12)
         layers = cv2.GaussianBlur(layers, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     layers = cv2.warpAffine(layers, matrix, (cols, rows), flags=cv2.INTER_LINEAR)
-    opaque = layers[:, :, -1] >= MOSTLY_OPAQUE
-    if not opaque.any():
+    if pattern.silhouette:  # beyond its box it is as transparent as in its corners
+        colours, weights = layers[:, :, :-2], np.ones((rows, cols))
+    else:
+        weights = layers[:, :, -2].astype(np.float64)
+        # Not to a size of float32 steps: weighted sums of integers stay integers.
+        weights = np.where(weights > 1 - 1e-3, 1.0, weights)
+        weights[(layers[:, :, -1] < LEAST_WARPED) | (weights < LEAST_WEIGHT)] = 0
+        colours = layers[:, :, :-2] / np.maximum(layers[:, :, -2:-1], LEAST_WEIGHT)
+    try:
+        return pattern_of(colours, weights, silhouette=pattern.silhouette)
+    except ValueError:
         return None
-    colours = layers[:, :, :-1] / np.maximum(layers[:, :, -1:], MOSTLY_OPAQUE)
-    if not np.ptp(colours[opaque], axis=0).any():
-        return None
-    return pattern_of(colours, opaque)
 
 
 def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple[int, int]:
@@ -155,10 +242,12 @@ def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple
 
 def grey_pattern(pattern: Pattern) -> Pattern | None:
     """Return the pattern of a template's luminance, None if that is uniform."""
-    grey = as_grey(pattern.colours if pattern.colours.shape[2] == 3 else pattern.colours[:, :, 0])
-    if not np.ptp(grey[pattern.opaque]):
+    if pattern.colours.shape[2] == 1:
+        return pattern
+    grey = as_grey(pattern.colours)
+    if not np.ptp(grey[pattern.weights > 0]):
         return None
-    return pattern_of(grey[:, :, np.newaxis], pattern.opaque)
+    return pattern_of(grey[:, :, np.newaxis], pattern.weights)
 
 
 def reduced(image: Image, factor: float) -> npt.NDArray[np.float32]:

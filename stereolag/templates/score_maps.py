@@ -1,10 +1,10 @@
 """The correlation coefficient (ZNCC) of a template at every place of an image, and the peaks of that map.
 
-By FFT or plainly by sliding, over the opaque pixels of the template T and the window I under them, channels c with
-their own means:
-``sum_c (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c (I_c - mean I_c)**2 * sum_c (T_c - mean T_c)**2)``.
+By FFT or plainly by sliding, over the pixels of the template T with their weights w and the window I under them,
+channels c with their own weighted means:
+``sum_c w (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c w (I_c - mean I_c)**2 * sum_c w (T_c - mean T_c)**2)``.
 Removing the mean of the template alone already cancels the window's mean in the products; the window's spread follows
-from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the mask
+from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the weights
 (Padfield, Masked Object Registration in the Fourier Domain, 2012).
 """
 
@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.inputs import Image, flat_energy
+from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
@@ -40,7 +40,7 @@ def pearson(products: Plane, energy: Plane, norm: float, tolerance: float) -> np
     energy
         (rows, cols), the sum of squared deviations of the window.
     norm
-        Root of the summed squared deviations of the template.
+        Root of the weighted sum of squared deviations of the template.
     tolerance
         A window with no more energy than this is flat.
     """
@@ -124,68 +124,70 @@ def running_box_energy(planes: Plane, height: int, width: int) -> Plane:
     return energy
 
 
-def score_at(
-    image: npt.NDArray[Any], deviations: npt.NDArray[np.float64], opaque: npt.NDArray[np.bool_], row: int, col: int
-) -> float:
-    """Return the score of one position, -1..1, NaN where the window is flat.
+def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: int, col: int) -> float:
+    """Return the score of one position, -1..1, NaN where the window is flat or holds a pixel without data that counts.
 
     Parameters
     ----------
     image
         (rows, cols, channels).
     deviations
-        (channels, height, width), the template with its mean removed, 0 where not opaque.
-    opaque
-        (height, width), the pixels that are compared.
+        (channels, height, width), the template with its weighted mean removed.
+    weights
+        (height, width), how much each pixel counts.
     row, col
         Top-left pixel of the position.
     """
-    height, width = opaque.shape
-    pixels = image[row : row + height, col : col + width][opaque].astype(np.float64)
+    height, width = weights.shape
+    counts = weights > 0
+    pixels = image[row : row + height, col : col + width][counts].astype(np.float64)
+    template, shares = deviations[:, counts].T, weights[counts][:, np.newaxis]
     relative = pixels - pixels[0]
-    window = relative - relative.mean(axis=0)
-    norm = np.linalg.norm(window) * np.linalg.norm(deviations)
+    window = relative - (shares * relative).sum(axis=0) / shares.sum()
+    norm = np.sqrt((shares * window**2).sum() * (shares * template**2).sum())
     if norm == 0:
         return float("nan")
-    return float(np.clip(np.sum(window * deviations[:, opaque].T) / norm, -1.0, 1.0))
+    return float(np.clip((shares * window * template).sum() / norm, -1.0, 1.0))
 
 
 @compiled
 def scores_at(
-    image: npt.NDArray[Any],
-    deviations: npt.NDArray[np.float64],
-    opaque: npt.NDArray[np.bool_],
-    rows: Indices,
-    cols: Indices,
+    image: npt.NDArray[Any], deviations: Plane, weights: Plane, rows: Indices, cols: Indices
 ) -> npt.NDArray[np.float64]:
     """Return :func:`score_at` at each of `rows`, `cols`."""
-    height, width = opaque.shape
     channels = deviations.shape[0]
-    template_energy = (deviations**2).sum()
-    count = opaque.sum()
+    down, across = np.nonzero(weights)
+    counts = len(down)
+    shares = np.empty(counts)
+    template = np.empty((channels, counts))
+    for index in range(counts):
+        shares[index] = weights[down[index], across[index]]
+        for channel in range(channels):
+            template[channel, index] = shares[index] * deviations[channel, down[index], across[index]]
+    template_energy = 0.0
+    for channel in range(channels):
+        for index in range(counts):
+            template_energy += template[channel, index] ** 2 / shares[index]
+    total_share = shares.sum()
     scores = np.empty(len(rows))
-    for index in range(len(rows)):
-        top, left = rows[index], cols[index]
+    for place in range(len(rows)):
+        top, left = rows[place], cols[place]
         product = 0.0
         energy = 0.0
         for channel in range(channels):
             # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
-            first = float(image[top, left, channel])
+            first = float(image[top + down[0], left + across[0], channel])
             total = 0.0
-            for row in range(height):
-                for col in range(width):
-                    if opaque[row, col]:
-                        total += float(image[top + row, left + col, channel]) - first
-            mean = total / count
-            for row in range(height):
-                for col in range(width):
-                    if opaque[row, col]:
-                        deviation = float(image[top + row, left + col, channel]) - first - mean
-                        product += deviation * deviations[channel, row, col]
-                        energy += deviation * deviation
-        scores[index] = np.nan
+            for index in range(counts):
+                total += shares[index] * (float(image[top + down[index], left + across[index], channel]) - first)
+            mean = total / total_share
+            for index in range(counts):
+                deviation = float(image[top + down[index], left + across[index], channel]) - first - mean
+                product += deviation * template[channel, index]
+                energy += shares[index] * deviation * deviation
+        scores[place] = np.nan
         if energy > 0:
-            scores[index] = max(-1.0, min(1.0, product / np.sqrt(template_energy * energy)))
+            scores[place] = max(-1.0, min(1.0, product / np.sqrt(template_energy * energy)))
     return scores
 
 
@@ -218,19 +220,28 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
     planes = _centred(image)
     squares = np.square(planes).sum(axis=0)
     height, width = pattern.shape
-    opaque = pattern.opaque.astype(np.float64)
+    kernels = pattern.weights * pattern.deviations
     channels, rows, cols = len(planes), image.shape[0] - height + 1, image.shape[1] - width + 1
     products, square_sums, sums = np.zeros((rows, cols)), np.zeros((rows, cols)), np.zeros((channels, rows, cols))
     for row in range(rows):
         for line in range(height):
-            square_sums[row] += np.correlate(squares[row + line], opaque[line], "valid")
+            square_sums[row] += np.correlate(squares[row + line], pattern.weights[line], "valid")
             for channel in range(channels):
                 pixels = planes[channel, row + line]
-                sums[channel, row] += np.correlate(pixels, opaque[line], "valid")
-                products[row] += np.correlate(pixels, pattern.deviations[channel, line], "valid")
+                sums[channel, row] += np.correlate(pixels, pattern.weights[line], "valid")
+                products[row] += np.correlate(pixels, kernels[channel, line], "valid")
             progress((row + (line + 1) / height) / rows)
     energy = square_sums - np.square(sums).sum(axis=0) / pattern.count
-    return pearson(products, energy, pattern.norm, _flatness(image, planes, pattern))
+    return without_gaps(pearson(products, energy, pattern.norm, _flatness(image, planes, pattern)), image, pattern)
+
+
+def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
+    """Return a score map, in its memory, with NaN where the window holds a pixel without data (NaN)."""
+    if image.dtype.kind == "f" and np.isnan(image).any():
+        box, gaps = np.ones(pattern.shape, np.uint8), np.asarray(np.isnan(image).any(axis=2), dtype=np.uint8)
+        hidden = cv2.dilate(gaps, box, anchor=(0, 0), borderType=cv2.BORDER_CONSTANT)
+        scores[hidden[: scores.shape[0], : scores.shape[1]] > 0] = np.nan
+    return scores
 
 
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
@@ -243,9 +254,9 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
     shape = fft_rows, fft_cols
-    deviations = [_spectrum(plane, shape) for plane in pattern.deviations]
-    # Without a mask, running sums are faster.
-    mask = None if pattern.opaque.all() else _spectrum(pattern.opaque.astype(np.float64), shape)
+    kernels = [_spectrum(plane, shape) for plane in pattern.weights * pattern.deviations]
+    # If all pixels count the same, running sums are faster.
+    weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights, shape)
     scores = np.empty(places, dtype=np.float32)
     tiles = [
         partial(
@@ -253,42 +264,42 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             scores[row : row + down, col : col + across],
             image[row : row + down + height - 1, col : col + across + width - 1],
             pattern,
-            deviations,
-            mask,
+            kernels,
+            weights,
         )
         for row in range(0, places[0], down)
         for col in range(0, places[1], across)
     ]
     in_threads(tiles, progress)
-    return scores
+    return without_gaps(scores, image, pattern)
 
 
-def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, deviations: list[Plane], mask: Plane | None) -> None:
+def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None) -> None:
     """Write the scores of one tile.
 
-    `block` is the part of the image that its positions cover; `deviations` and `mask` are packed spectra of the
-    template, the latter None if all of it counts.
+    `block` is the part of the image that its positions cover; `kernels` and `weights` are packed spectra of the
+    template, the latter None if all of it counts the same.
     """
     planes = _centred(block)
-    rows, shape = len(scores), (deviations[0].shape[0], deviations[0].shape[1])
-    # Masked sums of integers are integers: rounded to the nearest, they are exact.
-    exact = np.rint if block.dtype.kind == "u" else np.positive
+    rows, shape = len(scores), (kernels[0].shape[0], kernels[0].shape[1])
+    # Sums of integers are integers: rounded to the nearest, they are exact.
+    exact = np.rint if _exact(block, pattern) else np.positive
     energy: Plane = np.empty((0, 0))
-    if mask is not None:
+    if weights is not None:
         squares = _spectrum(np.square(planes).sum(axis=0), shape)
-        energy = exact(_positions(_times(squares, mask, out=squares), rows))
+        energy = exact(_positions(_times(squares, weights, out=squares), rows))
     total: Plane | None = None
     # One channel after the other, because the spectra take most of the memory.
-    for plane, template in zip(planes, deviations, strict=True):
+    for plane, template in zip(planes, kernels, strict=True):
         channel = _spectrum(plane, shape)
-        if mask is not None:
-            energy -= np.square(exact(_positions(_times(channel, mask), rows))) / pattern.count
+        if weights is not None:
+            energy -= np.square(exact(_positions(_times(channel, weights), rows))) / pattern.count
         _times(channel, template, out=channel)
         total = channel if total is None else np.add(total, channel, out=total)
         del channel  # or it would still be there when the next is computed
     assert total is not None
     products = _positions(total, rows)
-    if mask is None:
+    if weights is None:
         energy = running_box_energy(planes, *pattern.shape)
     fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
 
@@ -312,16 +323,36 @@ def _positions(spectrum: Plane, rows: int) -> Plane:
 
 
 def _centred(image: Image) -> Plane:
-    """Return the channels (channels, rows, cols) as float64 around 0; integers stay integers."""
+    """Return the channels (channels, rows, cols) as float64 around 0, and 0 without data; integers stay integers."""
     planes = np.moveaxis(image, 2, 0).astype(np.float64, order="C")
-    means = planes.mean(axis=(1, 2), keepdims=True)
-    planes -= np.rint(means) if image.dtype.kind == "u" else means
+    if image.dtype.kind == "u":
+        planes -= np.rint(planes.mean(axis=(1, 2), keepdims=True))
+        return planes
+    gaps = np.isnan(planes)
+    planes[gaps] = 0
+    planes -= planes.sum(axis=(1, 2), keepdims=True) / np.maximum((~gaps).sum(axis=(1, 2), keepdims=True), 1)
+    planes[gaps] = 0
     return planes
 
 
+def _exact(image: Image, pattern: Pattern) -> bool:
+    """Return whether weighted sums of the image's pixels are of whole numbers, without rounding."""
+    return image.dtype.kind == "u" and pattern.whole
+
+
+NOISE = 1e-14
+"""Rounding in a sum over a window, as a share of what the transforms of the image and of the weights hold."""
+
+
 def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
-    """Return the sum of squared deviations up to which a window counts as flat."""
-    return flat_energy(pattern.count, float(np.abs(planes).max()), exact=image.dtype.kind == "u")
+    """Return the weighted sum of squared deviations up to which a window counts as flat.
+
+    A transform spreads the rounding of its largest values over all places, but in proportion to the root of their
+    summed squares: a single hot pixel does not make its surroundings flat.
+    """
+    if _exact(image, pattern):
+        return FLAT_WHOLE
+    return NOISE * float(np.abs(planes).max() * np.linalg.norm(planes) * np.linalg.norm(pattern.weights))
 
 
 def tiling(places: int, size: int) -> tuple[int, int]:
@@ -460,7 +491,7 @@ def positions_near(image: Image, pattern: Pattern, row: int, col: int, reach: in
 
 def best_position(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float] | None:
     """Return the best of these positions and its score; None if there are none or all are flat."""
-    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
+    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.weights, rows, cols)
     if np.isnan(scores).all():
         return None
     best = int(np.nanargmax(scores))

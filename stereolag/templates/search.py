@@ -16,7 +16,7 @@ from stereolag.core.inputs import Image, as_image, as_images
 from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.templates.exact_pixels import exact_positions, likely_places
-from stereolag.templates.patterns import Pattern, opaque_pixels, pattern_of, same_channels
+from stereolag.templates.patterns import Pattern, compared
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
 from stereolag.templates.score_maps import Places, direct_score_map, fft_score_map, peaks, tiling
 from stereolag.templates.verdict import TemplateSearch, judged, reject_variants
@@ -185,8 +185,8 @@ def match_template(
     image
         (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float. Its alpha is ignored.
     template
-        Likewise, no larger than the image. Only its most opaque pixels are compared. If one of the two is grey, the
-        luminance of the other is compared.
+        Likewise, no larger than the image. Its alpha is the weight of its pixels, as a mask is. If one of the two is
+        grey, the luminance of the other is compared. A template of one colour is searched by the edges of its alpha.
     method
         "fft" scores every position, in a time that hardly depends on the size of the template.
         "direct" gives the same result by sliding the template along every row: minutes for a photograph.
@@ -196,7 +196,7 @@ def match_template(
         so few values that none is rare. Its matches are compared with the likeliest places of a smaller image, which
         takes longer than finding them.
     mask
-        (height, width) of the template: its pixels above 0 are compared, regardless of the template's alpha.
+        (height, width) of the template, instead of its alpha: the higher, the more a pixel counts; at 0 it does not.
     max_matches
         Largest number of matches, each a local maximum of the score. The lead is measured after the last match that has
         one: of three equal copies, one alone is not found, but all three are if three are wanted.
@@ -289,7 +289,7 @@ def _checked(
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
-    large, small = as_images(image, template, ("image", "template"))
+    large, small = as_images(image, template, ("image", "template"), gaps=True)
     least = 1.0 if poses is None else poses.scales[0]
     if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:
         resized = "" if least == 1 else f" at {least:g} of its size"
@@ -307,6 +307,5 @@ def _checked(
         rotations=None if poses is None else poses.rotations,
     )
     check_memory(needed)
-    opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
-    large, colours = same_channels(large, small)
-    return large, pattern_of(colours, opaque)
+    marks = None if mask is None else as_image(mask, "mask")
+    return compared(large, small, marks, exact=method == "sampled")

@@ -236,12 +236,12 @@ def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Rea
     posed = pattern if upright else warped(pattern, match.scale, match.rotation)
     if posed is None:
         return None
-    own = score_at(image, posed.deviations, posed.opaque, match.row, match.col)
+    own = score_at(image, posed.deviations, posed.weights, match.row, match.col)
     if not leads(1.0, own):
         return None
     if pattern.colours.shape[2] == 3:
         orders = [list(order) for order in permutations(range(3))][1:]
-        swapped = (score_at(image, posed.deviations[order], posed.opaque, match.row, match.col) for order in orders)
+        swapped = (score_at(image, posed.deviations[order], posed.weights, match.row, match.col) for order in orders)
         if leads(max(swapped), own):
             return "other_colours"
     return "mirrored" if leads(_mirrored(image, posed, match), own) else None
@@ -252,6 +252,4 @@ def _mirrored(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
     (height, width), (row, col) = pattern.shape, (match.row, match.col)
     down, across = height // MOVED, width // MOVED
     around = image[max(0, row - down) : row + height + down, max(0, col - across) : col + width + across]
-    colours, opaque, deviations = pattern.colours[:, ::-1], pattern.opaque[:, ::-1], pattern.deviations[:, :, ::-1]
-    mirrored = Pattern(*map(np.ascontiguousarray, (colours, opaque, deviations)))
-    return float(np.nanmax(fft_score_map(np.ascontiguousarray(around), mirrored, silent), initial=-1.0))
+    return float(np.nanmax(fft_score_map(np.ascontiguousarray(around), pattern.mirrored(), silent), initial=-1.0))
