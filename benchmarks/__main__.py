@@ -24,7 +24,9 @@ from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.recordings import KINDS
+from benchmarks.rocketman import TRIALS as SEARCHES
 from benchmarks.rocketman import rocketman_table
+from benchmarks.searches import KINDS as SEARCHED
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
@@ -94,12 +96,13 @@ def main() -> None:
     )
     parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
     parser.add_argument("--lengths", nargs="*", choices=LENGTHS, help="of long: which recordings; all unless named")
-    verdict = parser.add_argument_group("of verdict", "a part of the table is printed, but not kept")
-    verdict.add_argument("--kinds", nargs="*", choices=KINDS, help="which kinds of recordings; all unless named")
-    verdict.add_argument("--trials", type=int, default=TRIALS, help="pairs of each kind; %(default)s unless given")
-    verdict.add_argument("--seed", type=int, default=0, help="the first pair's; others draw other pairs")
-    verdict.add_argument("--method", choices=METHODS, default="fft", help="of the search; %(default)s unless named")
-    verdict.add_argument("--jobs", type=int, default=1, help="processes at once")
+    drawn = parser.add_argument_group("of verdict and rocketman", "a part of the table is printed, but not kept")
+    kinds = [*KINDS, *SEARCHED]
+    drawn.add_argument("--kinds", nargs="*", choices=kinds, help="of recordings or searches; all unless named")
+    drawn.add_argument("--trials", type=int, help=f"of each kind; {TRIALS} and {SEARCHES} unless given")
+    drawn.add_argument("--seed", type=int, default=0, help="the first trial's; others draw other pairs and pictures")
+    drawn.add_argument("--method", choices=METHODS, default="fft", help="of verdict; %(default)s unless named")
+    drawn.add_argument("--jobs", type=int, default=1, help="processes at once")
     options = parser.parse_args()
     wanted = options.tables or USUAL
     if "speed" in wanted:
@@ -134,15 +137,16 @@ def main() -> None:
             keep("suggestion", "Suggested settings", *suggestion_table())
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
+    whole = not options.kinds and options.trials is None and not options.seed
     if "verdict" in wanted:
         body, figures = recordings_table(
             options.kinds or list(KINDS),
-            trials=options.trials,
+            trials=options.trials or TRIALS,
             seed=options.seed,
             method=options.method,
             jobs=options.jobs,
         )
-        if options.kinds or options.trials != TRIALS or options.seed or options.method != "fft":
+        if not whole or options.method != "fft":
             print(body, flush=True)
         else:
             methods, verdicts = methods_table()
@@ -150,7 +154,13 @@ def main() -> None:
     if "long" in wanted:
         keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "rocketman" in wanted:
-        keep("rocketman", "Rocketman with doubt", *rocketman_table())
+        body, searches = rocketman_table(
+            options.kinds or list(SEARCHED), trials=options.trials or SEARCHES, seed=options.seed, jobs=options.jobs
+        )
+        if whole:
+            keep("rocketman", "Template search with doubt", body, searches)
+        else:
+            print(body, flush=True)
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     elif not options.tables:

@@ -1,0 +1,1095 @@
+"""Searches of a template with known truth, of the kinds that users bring; every search is drawn from its kind and seed.
+
+They are drawn without knowledge of how the search works. The rules of truth:
+
+- A place is right if the middle of its visible part is, to 2 px or 4 % of its side; with sizes and angles searched,
+  also its size to 5 % and its angle to 5 degrees, of small ones to 1.5 px at their sides.
+- All places that hold the template must be named, and no other: one sibling among 30 copies is a place that is wrong,
+  one copy too few is a miss.
+- A sibling (another mark in the same outline, another word on the same button), a mirror image, another colour of the
+  same thing, another landscape: not the template, whatever it correlates at. White balance, gain and gamma of the whole
+  picture, compression, noise and parts of a pixel leave it the template.
+- A pale (disabled) form alone is found rightly only with a reason other than "clear"; it may also be not found. Beside
+  the normal form, only that is right.
+- A template that is partly covered or partly outside the picture is there. An icon is never covered: with its mark
+  covered, nobody can tell it from its sibling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+
+from benchmarks.pairs import DATA
+from benchmarks.screens import (
+    FAMILIES,
+    GLYPHS,
+    PALETTE,
+    WORDS,
+    Array,
+    Colour,
+    Icon,
+    Lamp,
+    Layout,
+    Panel,
+    Random,
+    Text,
+    Widget,
+    button_at,
+    coverage,
+    detailed_place,
+    fractal,
+    has_detail,
+    icon_at,
+    is_symmetric,
+    landscape,
+    layout,
+    paint,
+    part_of,
+    photograph,
+    photographs,
+    product,
+    put,
+    siblings,
+    sprite,
+    text_width,
+    theme,
+)
+from stereolag import read_image
+from stereolag.samples import mazes
+
+
+@dataclass(frozen=True)
+class Place:
+    """The upright box of a template in the picture, also of what is outside; px, its size over its own, degrees."""
+
+    row: float
+    col: float
+    height: float
+    width: float
+    scale: float = 1.0
+    rotation: float = 0.0
+
+    def middle(self, shape: Sequence[int]) -> tuple[float, float]:
+        """Return the middle of what is visible in a picture of this shape."""
+        ends = ((self.row, self.height, shape[0]), (self.col, self.width, shape[1]))
+        row, col = ((max(0.0, start) + min(start + size, end)) / 2 for start, size, end in ends)
+        return row, col
+
+    def is_near(self, other: Place, shape: Sequence[int]) -> bool:
+        """Return whether another place has the same middle, to 2 px or 4 % of this one's side."""
+        here, there = self.middle(shape), other.middle(shape)
+        sides = self.height, self.width
+        return all(abs(a - b) <= max(2.0, 0.04 * side) for a, b, side in zip(here, there, sides, strict=True))
+
+    def has_pose(self, other: Place) -> bool:
+        """Return whether another place has the same size, to 5 %, and angle, to 5 degrees or 1.5 px at its sides."""
+        turned = abs((self.rotation - other.rotation + 180) % 360 - 180)
+        tolerance = max(5.0, float(np.degrees(3 / max(self.height, self.width))))
+        return abs(other.scale / self.scale - 1) <= 0.05 and turned <= tolerance
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A picture, a template, and all places where it is.
+
+    Attributes
+    ----------
+    picture, template, mask, options
+        Arguments of :func:`stereolag.match_template`.
+    places
+        Those of the template; none if it is not there.
+    pale
+        Places of a pale form, which may be named with a reason other than "clear".
+    """
+
+    picture: Array
+    template: Array
+    places: tuple[Place, ...]
+    mask: Array | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    pale: tuple[Place, ...] = ()
+
+
+Kind: TypeAlias = Callable[[Random], Trial]
+
+SCALES, ROTATIONS = (0.7, 1.4), (-30.0, 30.0)
+
+
+# --- Ways to alter a picture ------------------------------------------------------------------------------------------
+
+
+def as_jpeg(picture: Array, quality: int) -> Array:
+    """Return a picture as compressed by JPEG."""
+    shown = picture[:, :, ::-1] if picture.ndim == 3 else picture
+    _, data = cv2.imencode(".jpg", np.ascontiguousarray(shown), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    read = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    return np.ascontiguousarray(read[:, :, ::-1]) if picture.ndim == 3 else np.asarray(read)
+
+
+def noisy(picture: Array, sigma: float, random: Random) -> Array:
+    """Return a picture with noise of this standard deviation."""
+    return np.asarray(np.clip(np.rint(picture + random.normal(scale=sigma, size=picture.shape)), 0, 255), np.uint8)
+
+
+def by_a_camera(picture: Array, random: Random) -> Array:
+    """Return a picture as it is, as JPEG, with noise, or brighter or darker and paler."""
+    way = int(random.integers(4))
+    if way == 1:
+        return as_jpeg(picture, int(random.integers(40, 96)))
+    if way == 2:
+        return noisy(picture, float(random.uniform(2, 10)), random)
+    if way == 3:
+        return np.asarray(np.rint(picture * random.uniform(0.6, 1) + random.uniform(0, 40)).clip(0, 255), np.uint8)
+    return picture
+
+
+def in_other_light(picture: Array, random: Random) -> Array:
+    """Return a picture with gains and offsets of its own for each channel."""
+    gains = random.uniform(0.72, 1, 3)
+    return np.asarray(np.rint(picture * gains / gains.max() * 0.95 + random.uniform(0, 12, 3)).clip(0, 255), np.uint8)
+
+
+# --- Ways to choose a template ----------------------------------------------------------------------------------------
+
+
+def cut(picture: Array, place: Place) -> Array:
+    """Return what is in a place of whole pixels."""
+    row, col = int(place.row), int(place.col)
+    return picture[row : row + int(place.height), col : col + int(place.width)].copy()
+
+
+def box(widget: Widget, scale: float, margin: int, shape: Sequence[int]) -> Place:
+    """Return the whole pixels of a widget and a margin, cut off at the picture's borders."""
+    top, left = (max(0, int(np.floor(start * scale)) - margin) for start in (widget.row, widget.col))
+    bottom = min(shape[0], int(np.ceil((widget.row + widget.height) * scale)) + margin)
+    right = min(shape[1], int(np.ceil((widget.col + widget.width) * scale)) + margin)
+    return Place(top, left, bottom - top, right - left)
+
+
+def chosen(screen: Layout, random: Random, wanted: Callable[[Widget], bool] = lambda _: True) -> Widget | None:
+    """Return one of the widgets of which there is only one, or None."""
+    every = [one for one in screen.only_ones() if wanted(one)]
+    return every[int(random.integers(len(every)))] if every else None
+
+
+def screen_with(random: Random, wanted: Callable[[Widget], bool] = lambda _: True) -> tuple[Layout, Widget]:
+    """Return a screen and one of its widgets of which there is only one."""
+    while True:
+        screen = layout(random)
+        widget = chosen(screen, random, wanted)
+        if widget is not None:
+            return screen, widget
+
+
+def is_icon(widget: Widget) -> bool:
+    return any(isinstance(part, Icon) for part in widget.parts)
+
+
+def is_word(widget: Widget) -> bool:
+    return widget.key in WORDS
+
+
+def is_filled(widget: Widget) -> bool:
+    """Return whether a widget is white on a colour."""
+    return any(isinstance(part, Text) and part.colour == (255, 255, 255) for part in widget.parts)
+
+
+def with_name(widget: Widget, name: str) -> Widget:
+    """Return an icon or a button with another glyph or word."""
+    parts = []
+    for part in widget.parts:
+        if isinstance(part, Icon):
+            part = replace(part, name=name)
+        if isinstance(part, Text):
+            part = replace(part, text=name)
+        parts.append(part)
+    return replace(widget, key=name, parts=tuple(parts))
+
+
+def with_colour(widget: Widget, colour: Callable[[Colour], Colour]) -> Widget:
+    """Return a widget with its icons, words and lamps in other colours."""
+    parts = (
+        replace(part, colour=colour(part.colour)) if isinstance(part, Icon | Text | Lamp) else part
+        for part in widget.parts
+    )
+    return replace(widget, parts=tuple(parts))
+
+
+def piece(random: Random, low: int = 48, high: int = 150) -> tuple[Array, Place]:
+    """Return a photograph and a place with something to see in it."""
+    while True:
+        picture = photograph(random)
+        place = place_in(picture, random, low, high)
+        if has_detail(cut(picture, place)):
+            return picture, place
+
+
+def place_in(picture: Array, random: Random, low: int = 48, high: int = 150) -> Place:
+    """Return a place with something to see in a picture, or the last one tried."""
+    height, width = (int(random.integers(low, min(high, side // 2))) for side in picture.shape[:2])
+    return Place(*detailed_place(picture, height, width, random), height, width)
+
+
+def screen_piece(random: Random) -> tuple[Array, Place]:
+    """Return a screen and a place with several widgets in it."""
+    while True:
+        picture = layout(random).drawn()
+        height, width = int(random.integers(70, 170)), int(random.integers(110, 260))
+        row, col = detailed_place(picture, height, width, random)
+        place = Place(row, col, height, width)
+        if has_detail(cut(picture, place)):
+            return picture, place
+
+
+# --- Screens and photographs ------------------------------------------------------------------------------------------
+
+
+def screens(random: Random) -> Trial:
+    """An icon, a button, a word or a part of a screen at 100 to 150 %, cut from it."""
+    scale = float(random.choice([1, 1.1, 1.25, 1.33, 1.5]))
+    if random.random() < 0.2:
+        picture, place = screen_piece(random)
+    else:
+        screen, widget = screen_with(random)
+        picture = screen.drawn(scale)
+        place = box(widget, scale, int(random.integers(0, 6)), picture.shape)
+    return Trial(picture, cut(picture, place), (place,))
+
+
+def screens_as_jpeg(random: Random) -> Trial:
+    """The same of a screen compressed by JPEG of quality 40 to 95."""
+    given = screens(random)
+    return replace(given, picture=as_jpeg(given.picture, int(random.integers(40, 96))))
+
+
+def screens_at_other_sizes(random: Random) -> Trial:
+    """A widget at 100 % in a screen at 100 to 150 %."""
+    screen, widget = screen_with(random, lambda one: one.height >= 20)
+    scale = float(random.choice([1, 1.1, 1.25, 1.33, 1.5]))
+    plain = screen.drawn()
+    place = box(widget, 1, int(random.integers(1, 6)), plain.shape)
+    there = Place(place.row * scale, place.col * scale, place.height * scale, place.width * scale, scale)
+    return Trial(screen.drawn(scale), cut(plain, place), (there,), options={"scales": (0.9, 1.6)})
+
+
+def photographs_as_taken(random: Random) -> Trial:
+    """A part of a photograph, in that photograph as JPEG, with noise, or in other light."""
+    picture, place = piece(random)
+    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+
+
+def photographs_turned_and_resized(random: Random) -> Trial:
+    """A part of a photograph, in that photograph turned by up to 30 degrees and resized to 70 to 140 %."""
+    while True:
+        picture, place = piece(random, 56, 130)
+        scale, rotation = float(np.exp(random.uniform(*np.log(SCALES)))), float(random.uniform(*ROTATIONS))
+        size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
+        middle = (picture.shape[1] - 1) / 2, (picture.shape[0] - 1) / 2
+        matrix = cv2.getRotationMatrix2D(middle, rotation, scale)
+        matrix[:, 2] += (size[0] - 1) / 2 - middle[0], (size[1] - 1) / 2 - middle[1]
+        soft = picture if scale > 1 else cv2.GaussianBlur(picture, (0, 0), 0.35 / scale)
+        turned = cv2.warpAffine(soft, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        rows, cols = (place.row, place.row + place.height), (place.col, place.col + place.width)
+        corners = np.array([[x, y] for y in rows for x in cols]) - 0.5
+        at = corners @ matrix[:, :2].T + matrix[:, 2] + 0.5
+        (left, top), (right, bottom) = at.min(axis=0), at.max(axis=0)
+        if left >= 0 and top >= 0 and right <= size[0] and bottom <= size[1]:
+            there = Place(top, left, bottom - top, right - left, scale, rotation)
+            options = {"scales": SCALES, "rotations": ROTATIONS}
+            return Trial(by_a_camera(turned, random), cut(picture, place), (there,), options=options)
+
+
+def photographs_without_room(random: Random) -> Trial:
+    """A part of a photograph or landscape so large that no second one fits beside it."""
+    picture = landscape(random, 150, 200) if random.random() < 0.5 else photograph(random, 180, 240)
+    shares = random.uniform(0.55, 0.95, 2)
+    height, width = (int(share * side) for share, side in zip(shares, picture.shape, strict=False))
+    row, col = detailed_place(picture, height, width, random)
+    place = Place(row, col, height, width)
+    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+
+
+# --- Parts of a pixel, light ------------------------------------------------------------------------------------------
+
+
+def icons_off_the_grid(random: Random) -> Trial:
+    """An icon, in a screen whose icons are a quarter to three quarters of a pixel further."""
+    return _off_the_grid(random, is_icon)
+
+
+def symmetric_icons_off_the_grid(random: Random) -> Trial:
+    """The same of icons that are their own mirror image."""
+    return _off_the_grid(random, lambda one: is_icon(one) and is_symmetric(one.key))
+
+
+def _off_the_grid(random: Random, wanted: Callable[[Widget], bool]) -> Trial:
+    screen, widget = screen_with(random, wanted)
+    down, right = (float(random.uniform(0.25, 0.75)) for _ in range(2))
+    shift = ((0.0, right), (down, 0.0), (down, right))[int(random.integers(3))]
+    plain = screen.drawn()
+    place = box(widget, 1, int(random.integers(1, 5)), plain.shape)
+    return Trial(screen.drawn(shift=shift), cut(plain, place), (place,))
+
+
+def other_white_balance(random: Random) -> Trial:
+    """A part of a photograph or a screen, with gains and offsets of each channel."""
+    picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
+    return Trial(in_other_light(picture, random), cut(picture, place), (place,))
+
+
+def icons_in_other_white_balance(random: Random) -> Trial:
+    """An icon or a word, in its screen with gains and offsets of each channel."""
+    screen, widget = screen_with(random)
+    picture = screen.drawn()
+    place = box(widget, 1, int(random.integers(1, 5)), picture.shape)
+    return Trial(in_other_light(picture, random), cut(picture, place), (place,))
+
+
+def other_gamma(random: Random) -> Trial:
+    """A part of a photograph or a screen with another gamma."""
+    picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
+    gamma = float(np.exp(random.uniform(-0.6, 0.6)))
+    shown = np.rint(255 * (picture / 255) ** gamma).astype(np.uint8)
+    return Trial(shown, cut(picture, place), (place,))
+
+
+# --- Covered, outside -------------------------------------------------------------------------------------------------
+
+
+def covered_by_10_to_30_percent(random: Random) -> Trial:
+    """A part of a photograph or screen, of which 10 to 30 % is covered from a side, from a corner or in its middle."""
+    return _covered(random, 0.1, 0.3)
+
+
+def covered_by_30_to_40_percent(random: Random) -> Trial:
+    """The same of 30 to 40 %."""
+    return _covered(random, 0.3, 0.4)
+
+
+def _covered(random: Random, least: float, most: float) -> Trial:
+    picture, place = piece(random, 60) if random.random() < 0.5 else screen_piece(random)
+    template, shown = cut(picture, place), picture.copy()
+    share, way = random.uniform(least, most), int(random.integers(3))
+    height, width = int(place.height), int(place.width)
+    if way == 0 and random.random() < 0.5:
+        tall, wide = height, round(share * width)
+    elif way == 0:
+        tall, wide = round(share * height), width
+    else:
+        ratio = np.sqrt(share) * np.exp(random.uniform(-0.3, 0.3))
+        tall = round(min(1.0, ratio) * height)
+        wide = min(width, round(share * height * width / tall))
+    row, col = (int(random.choice([0, room])) for room in (height - tall, width - wide))
+    if way == 2:
+        row, col = (int(random.integers(room + 1)) for room in (height - tall, width - wide))
+    row, col = row + int(place.row), col + int(place.col)
+    cover = shown[row : row + tall, col : col + wide]
+    filling = int(random.integers(3))
+    if filling == 0:
+        cover[:] = random.integers(0, 256, 3)
+    elif filling == 1:
+        other = photograph(random)
+        cover[:] = cv2.resize(part_of(other, (2 * tall, 2 * wide), random), (wide, tall), interpolation=cv2.INTER_AREA)
+    else:
+        note = Panel(0, 0, tall, wide, (255, 255, 225), (90, 90, 90))
+        words = [Text(6 + 18 * index, 6, 12, " ".join(random.choice(WORDS, 4)), (40, 40, 40)) for index in range(20)]
+        parts = Widget("note", 0, 0, tall, wide, (note, *words))
+        cover[:] = Layout(tall, wide, theme(random), (parts,)).drawn()
+    return Trial(shown, template, (place,))
+
+
+def outside_by_5_to_30_percent(random: Random) -> Trial:
+    """A part of a photograph or screen, of which 5 to 30 % is outside the picture, at a side or a corner."""
+    return _outside(random, 0.05, 0.3)
+
+
+def outside_by_30_to_50_percent(random: Random) -> Trial:
+    """The same of 30 to 50 %."""
+    return _outside(random, 0.3, 0.5)
+
+
+def _outside(random: Random, least: float, most: float) -> Trial:
+    while True:
+        picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
+        share = random.uniform(least, most)
+        corner = random.random() < 0.3
+        split = random.uniform(0.2, 0.8) if corner else float(random.integers(2))
+        inside = (1 - share) ** split, (1 - share) ** (1 - split)
+        ends = []
+        for start, size, length, part in zip(
+            (place.row, place.col), (place.height, place.width), picture.shape, inside, strict=False
+        ):
+            first, last = 0, length
+            if part < 1 and random.random() < 0.5:
+                first = round(start + (1 - part) * size)
+            elif part < 1:
+                last = round(start + part * size)
+            ends.append((first, last))
+        (top, bottom), (left, right) = ends
+        shown = picture[top:bottom, left:right].copy()
+        seen = picture[max(top, int(place.row)) : bottom, max(left, int(place.col)) : right]
+        seen = seen[: int(place.height), : int(place.width)]
+        if shown.shape[0] > place.height and shown.shape[1] > place.width and has_detail(seen):
+            there = replace(place, row=place.row - top, col=place.col - left)
+            return Trial(shown, cut(picture, place), (there,))
+
+
+# --- Alpha and masks --------------------------------------------------------------------------------------------------
+
+
+def _composed(random: Random, coloured: Array, alpha: Array) -> tuple[Array, Place]:
+    """Return a photograph or screen with a sprite over it, and its place."""
+    picture = photograph(random, 360, 480) if random.random() < 0.7 else layout(random, 360, 480).drawn()
+    height, width = alpha.shape
+    row, col = (int(random.integers(side - size + 1)) for side, size in zip(picture.shape, alpha.shape, strict=False))
+    paint(picture, alpha, coloured, row, col)
+    return picture, Place(row, col, height, width)
+
+
+def _with_alpha(coloured: Array, alpha: Array) -> Array:
+    return np.dstack([coloured, np.rint(255 * alpha).astype(np.uint8)])
+
+
+def soft_alpha(random: Random) -> Trial:
+    """A sprite whose alpha falls off over 1 to 12 px, or is 254 but for one pixel."""
+    coloured, alpha = sprite(random, float(random.uniform(1, 12)))
+    if random.random() < 0.3:
+        alpha = np.minimum(alpha, 254 / 255)
+        alpha[alpha.shape[0] // 2, alpha.shape[1] // 2] = 1
+    picture, place = _composed(random, coloured, alpha)
+    return Trial(picture, _with_alpha(coloured, alpha), (place,))
+
+
+def glows(random: Random) -> Trial:
+    """A core with a glow that falls off to its border, whose alpha reaches 60 to 100 % in its middle alone."""
+    side = int(random.integers(36, 100))
+    away = np.hypot(*(np.mgrid[:side, :side] - (side - 1) / 2)) / (side / 2)
+    alpha = random.uniform(0.6, 1) * np.clip(1 - away, 0, 1) ** random.uniform(0.5, 1.5)
+    inner, outer = random.uniform(170, 255, 3), random.uniform(0, 255, 3)
+    coloured = outer + (inner - outer) * np.exp(-((away / random.uniform(0.3, 0.6)) ** 2))[:, :, None]
+    rays = 1 + 0.25 * np.cos(int(random.integers(2, 7)) * np.arctan2(*(np.mgrid[:side, :side] - (side - 1) / 2)))
+    coloured = np.clip(coloured * rays[:, :, None], 0, 255).astype(np.uint8)
+    picture, place = _composed(random, coloured, alpha.astype(np.float32))
+    return Trial(picture, _with_alpha(coloured, alpha), (place,))
+
+
+def blurred_masks(random: Random) -> Trial:
+    """A sprite on another ground, with a mask that is blurred or was compressed by JPEG, so that it is nowhere 0."""
+    coloured, alpha = sprite(random, 1.0)
+    picture, place = _composed(random, coloured, alpha)
+    other = cv2.resize(part_of(photograph(random), (200, 200), random), alpha.shape[::-1])
+    paint(other, alpha, coloured, 0, 0)
+    mask = np.rint(255 * alpha).astype(np.uint8)
+    if random.random() < 0.5:
+        mask = cv2.GaussianBlur(mask, (0, 0), float(random.uniform(1, 4)))
+    else:
+        mask = as_jpeg(mask, int(random.integers(20, 90)))
+    return Trial(picture, other, (place,), mask=mask)
+
+
+def _silhouette(random: Random) -> tuple[str, Array, Array, Callable[[str], tuple[Array, Array]]]:
+    name, size = str(random.choice(sorted(GLYPHS))), int(random.integers(24, 81))
+    shape, weight = (size + 4, size + 4), float(random.uniform(2, 4))
+    tones = ((0, 0, 0), (255, 255, 255), (255, 200, 0), (220, 0, 40), (0, 90, 200))
+    colour = np.array(tones[int(random.integers(len(tones)))])
+    while True:
+        picture = photograph(random, 360, 480)
+        row, col = (int(random.integers(side - shape[0] + 1)) for side in picture.shape[:2])
+        near = picture[row : row + shape[0], col : col + shape[1]].astype(float)
+        # Against a ground of its own colour a silhouette is not to be seen.
+        if np.percentile(np.abs(near - colour).max(axis=2), 10) > 60:
+            break
+
+    def drawn(named: str) -> tuple[Array, Array]:
+        alpha = coverage(GLYPHS[named], shape, size, (2, 2), weight)
+        shown = picture.copy()
+        paint(shown, alpha, colour, row, col)
+        return shown, _with_alpha(np.broadcast_to(colour, (*shape, 3)).astype(np.uint8), alpha)
+
+    return name, np.array([row, col, *shape]), colour, drawn
+
+
+def silhouettes(random: Random) -> Trial:
+    """A glyph of one colour, its shape in the alpha alone, on a photograph."""
+    name, place, _, drawn = _silhouette(random)
+    picture, template = drawn(name)
+    return Trial(picture, template, (Place(*place.tolist()),))
+
+
+def other_silhouettes(random: Random) -> Trial:
+    """A silhouette, of which only a sibling or nothing is on the photograph."""
+    name, _, _, drawn = _silhouette(random)
+    template = drawn(name)[1]
+    picture = drawn(str(random.choice(siblings(name))))[0] if random.random() < 0.5 else photograph(random, 360, 480)
+    return Trial(picture, template, ())
+
+
+# --- Copies -----------------------------------------------------------------------------------------------------------
+
+
+def copies(random: Random) -> Trial:
+    """1 to 70 equal icons among their siblings; more are wanted than there are."""
+    count, look = int(random.integers(1, 71)), theme(random)
+    size, frame = float(random.choice([20, 24, 32])), float(random.choice([0, 0, 5, 8]))
+    pitch = int(size + 2 * frame + random.integers(2, 14))
+    cells = [(row, col) for row in range(10) for col in range(14)]
+    wanted = str(random.choice(look.glyphs))
+    others = [one for one in (*siblings(wanted), *look.glyphs) if one != wanted]
+    colour = look.icons[int(random.integers(len(look.icons)))]
+    widgets = []
+    for index, cell in enumerate(random.permutation(cells)[: count + int(random.integers(10, 60))].tolist()):
+        name = wanted if index < count else str(random.choice(others))
+        widgets.append(icon_at(name, 20 + cell[0] * pitch, 20 + cell[1] * pitch, size, look, colour, frame))
+    picture = Layout(10 * pitch + 40, 14 * pitch + 40, look, tuple(widgets)).drawn()
+    margin = int(random.integers(0, 2))
+    places = tuple(box(one, 1, margin, picture.shape) for one in widgets[:count])
+    wished = count + int(random.integers(1, 40))
+    return Trial(picture, cut(picture, places[0]), places, options={"max_matches": wished})
+
+
+def rows_of_a_list(random: Random) -> Trial:
+    """1 to 12 equal rows of a list, one below the other with rows of other names; more are wanted than there are."""
+    count, look = int(random.integers(1, 13)), theme(random)
+    total, pitch = count + int(random.integers(5, 18)), int(random.integers(18, 28))
+    width = int(random.integers(240, 480))
+    names = random.permutation([f"{one} {other}" for one in WORDS[:20] for other in WORDS[20:30]])
+    glyph, colour = str(random.choice(look.glyphs)), look.icons[0]
+    order = random.permutation(total)
+    widgets: list[Widget] = []
+    for index, slot in enumerate(order.tolist()):
+        row = 10 + slot * pitch
+        name = str(names[0] if index < count else names[index])
+        icon = Icon(row + (pitch - 16) // 2, 26, 16, glyph, colour, look.weight)
+        label = Text(row + pitch // 2 - 8, 50, 13, name, look.ink)
+        kept = Text(row + pitch // 2 - 8, 190, 13, "12.05.2026", look.ink)
+        edge = Panel(row + pitch - 1, 20, 1, width, look.border)
+        widgets.append(Widget(name, row, 20, pitch, width, (edge, icon, label, kept)))
+    picture = Layout(total * pitch + 20, width + 40, look, tuple(widgets)).drawn()
+    places = tuple(box(one, 1, 0, picture.shape) for one in widgets[:count])
+    wished = count + int(random.integers(1, 20))
+    return Trial(picture, cut(picture, places[0]), places, options={"max_matches": wished})
+
+
+def copies_at_any_angle(random: Random) -> Trial:
+    """1 to 20 equal labels at any angle on a table, perhaps with others; more are wanted than there are."""
+    size, count = int(random.integers(32, 56)), int(random.integers(1, 21))
+    wanted, table = product(random), random.uniform(60, 235, 3)
+    picture = np.clip(table + 4 * fractal(440, 600, 0.5, random)[:, :, None], 0, 255).astype(np.uint8)
+    template = np.zeros((size, size, 3), np.uint8)
+    put(template, wanted, size / 2, size / 2, size, 0)
+    high = np.ptp(wanted[0][0][0].points[:, 1]) * size / 24
+    top = int(np.ceil((size - high) / 2))
+    template = template[top : size - top]
+    taken: list[tuple[float, float]] = []
+    places = []
+    others = [product(random) for _ in range(int(random.integers(0, 5)))]
+    for _ in range(2000):
+        row, col = random.uniform(size, 440 - size), random.uniform(size, 600 - size)
+        if any(np.hypot(row - y, col - x) < 1.35 * size for y, x in taken):
+            continue
+        taken.append((row, col))
+        turned = float(random.uniform(-180, 180))
+        if len(places) == count:
+            if not others:
+                break
+            put(picture, others.pop(), row, col, size, turned)
+            continue
+        put(picture, wanted, row, col, size, turned)
+        cos, sin = abs(np.cos(np.radians(turned))), abs(np.sin(np.radians(turned)))
+        tall = template.shape[0] * cos + template.shape[1] * sin
+        wide = template.shape[1] * cos + template.shape[0] * sin
+        places.append(Place(row - tall / 2, col - wide / 2, tall, wide, 1.0, turned))
+    options = {"rotations": (-180.0, 180.0), "max_matches": count + int(random.integers(1, 12))}
+    return Trial(as_jpeg(picture, int(random.integers(80, 97))), template, tuple(places), options=options)
+
+
+# --- Siblings, colours, disabled forms --------------------------------------------------------------------------------
+
+
+def the_right_one_of_siblings(random: Random) -> Trial:
+    """An icon among all of its siblings, in the same colour and size."""
+    given, names = _family(random)
+    row = int(random.integers(len(names)))
+    picture = given.drawn()
+    place = box(given.widgets[row], 1, int(random.integers(0, 4)), picture.shape)
+    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+
+
+def siblings_of_icons(random: Random) -> Trial:
+    """An icon that is not on the screen, but one or more of its siblings are."""
+    screen, widget = screen_with(random, lambda one: is_icon(one) and bool(siblings(one.key)))
+    return _exchanged(random, screen, widget, siblings(widget.key))
+
+
+def siblings_of_words(random: Random) -> Trial:
+    """A word or button that is not on the screen, but others like it are."""
+    screen, widget = screen_with(random, is_word)
+    long = text_width(widget.key, 13)
+    return _exchanged(random, screen, widget, [one for one in WORDS if 0.8 < text_width(one, 13) / long < 1.25])
+
+
+def siblings_at_other_sizes(random: Random) -> Trial:
+    """An icon of which only siblings are on the screen, searched at 90 to 160 % of its size."""
+    given = siblings_of_icons(random)
+    return replace(given, options={"scales": (0.9, 1.6)})
+
+
+def siblings_of_many(random: Random) -> Trial:
+    """An icon that is not there, of which up to 20 are wanted."""
+    given = siblings_of_icons(random)
+    return replace(given, options={"max_matches": int(random.integers(2, 21))})
+
+
+def siblings_without_room(random: Random) -> Trial:
+    """An icon searched in a small region about its usual place, where a sibling is."""
+    given = siblings_of_icons(random)
+    place = given.options.pop("at")
+    reach = int(random.integers(2, max(3, min(given.template.shape[:2]) // 2)))
+    top, left = max(0, int(place.row) - reach), max(0, int(place.col) - reach)
+    bottom, right = int(place.row + place.height) + reach, int(place.col + place.width) + reach
+    return replace(given, picture=given.picture[top:bottom, left:right].copy())
+
+
+def _exchanged(random: Random, screen: Layout, widget: Widget, names: Sequence[str]) -> Trial:
+    shown = {one.key for one in screen.widgets}
+    absent = [one for one in names if one not in shown] or sorted(set(GLYPHS) - shown)
+    other = with_name(widget, str(random.choice(absent)))
+    picture = screen.drawn()
+    place = box(widget, 1, int(random.integers(0, 5)), picture.shape)
+    template = cut(screen.exchanged(widget, other).drawn(), place)
+    return Trial(picture, template, (), options={"at": place})
+
+
+def _family(random: Random) -> tuple[Layout, list[str]]:
+    look, names = theme(random), list(FAMILIES[int(random.integers(len(FAMILIES)))])
+    random.shuffle(names)
+    size, colour = float(random.choice([20, 24, 32])), look.icons[int(random.integers(len(look.icons)))]
+    frame = float(random.choice([0, 6]))
+    pitch = size + 2 * frame + float(random.integers(6, 20))
+    places = [(30 + pitch * (index // 8), 30 + pitch * (index % 8)) for index in range(len(names))]
+    widgets = (icon_at(name, *at, size, look, colour, frame) for name, at in zip(names, places, strict=True))
+    return Layout(240, 520, look, tuple(widgets)), names
+
+
+def _coloured(
+    random: Random, template: str, shown: Sequence[str], widget_of: Callable[[str, float, float], Widget]
+) -> Trial:
+    """Return a panel with widgets of these colours, and the template of one that may be among them."""
+    look = theme(random)
+    look = replace(look, back=look.card)
+    pitch = float(random.integers(60, 100))
+    widgets = [widget_of(name, 24 + pitch * (index // 3), 24 + 130 * (index % 3)) for index, name in enumerate(shown)]
+    picture = Layout(240, 420, look, tuple(widgets)).drawn()
+    margin = int(random.integers(0, 6))
+    at = widget_of(template, 24, 24)
+    place = box(at, 1, margin, picture.shape)
+    wanted = cut(Layout(240, 420, look, (at,)).drawn(), place)
+    places = tuple(
+        box(one, 1, margin, picture.shape) for one, name in zip(widgets, shown, strict=True) if name == template
+    )
+    return Trial(by_a_camera(picture, random) if random.random() < 0.4 else picture, wanted, places)
+
+
+def _colours(random: Random, there: bool) -> tuple[str, list[str]]:
+    names = [str(one) for one in random.permutation(sorted(PALETTE))]
+    shown = [str(random.choice(names[1:])) for _ in range(int(random.integers(1, 8)))]
+    if there:
+        shown.insert(int(random.integers(len(shown) + 1)), names[0])
+    return names[0], shown
+
+
+def _lamps(random: Random) -> Callable[[str, float, float], Widget]:
+    size = float(random.integers(14, 44))
+    return lambda name, row, col: Widget(name, row, col, size, size, (Lamp(row, col, size, PALETTE[name]),))
+
+
+def _buttons(random: Random) -> Callable[[str, float, float], Widget]:
+    look, word = theme(random), str(random.choice(WORDS))
+    height, width = float(random.integers(24, 40)), float(random.integers(80, 120))
+    return lambda name, row, col: replace(button_at(word, row, col, height, width, look, PALETTE[name]), key=name)
+
+
+def _icons(random: Random) -> Callable[[str, float, float], Widget]:
+    look, glyph, size = theme(random), str(random.choice(sorted(GLYPHS))), float(random.choice([20, 24, 32, 48]))
+    return lambda name, row, col: replace(icon_at(glyph, row, col, size, look, PALETTE[name]), key=name)
+
+
+def lamps_of_another_colour(random: Random) -> Trial:
+    """A lamp, of which only other colours are on the panel."""
+    return _coloured(random, *_colours(random, False), _lamps(random))
+
+
+def buttons_of_another_colour(random: Random) -> Trial:
+    """A coloured button, of which only other colours are there, one of them grey."""
+    return _coloured(random, *_colours(random, False), _buttons(random))
+
+
+def icons_of_another_colour(random: Random) -> Trial:
+    """An icon, of which only other colours are there."""
+    return _coloured(random, *_colours(random, False), _icons(random))
+
+
+def the_right_one_of_colours(random: Random) -> Trial:
+    """A lamp, a button or an icon among those of other colours."""
+    ways = _lamps, _buttons, _icons
+    return _coloured(random, *_colours(random, True), ways[int(random.integers(3))](random))
+
+
+def _paler(screen: Layout, widget: Widget, random: Random) -> Widget:
+    share = random.uniform(0.25, 0.5)
+    back = np.array(screen.look.card)
+    return with_colour(widget, lambda colour: tuple(int(one) for one in back + share * (np.array(colour) - back)))  # type: ignore[return-value]
+
+
+def disabled_alone(random: Random) -> Trial:
+    """An icon or word, of which only the pale (disabled) form is on the screen."""
+    screen, widget = screen_with(random, lambda one: (is_icon(one) or is_word(one)) and not is_filled(one))
+    plain = screen.drawn()
+    place = box(widget, 1, int(random.integers(1, 5)), plain.shape)
+    picture = screen.exchanged(widget, _paler(screen, widget, random)).drawn()
+    return Trial(picture, cut(plain, place), (), pale=(place,))
+
+
+def enabled_beside_disabled(random: Random) -> Trial:
+    """An icon whose pale (disabled) form is on the screen as well."""
+    given, names = _family(random)
+    given = replace(given, look=replace(given.look, back=given.look.card), rows=400)
+    widget = given.widgets[int(random.integers(len(names)))]
+    paler = replace(_paler(given, widget, random), row=widget.row)
+    away = 200.0
+    paler = replace(paler, row=widget.row + away, parts=tuple(replace(one, row=one.row + away) for one in paler.parts))
+    picture = replace(given, widgets=(*given.widgets, paler)).drawn()
+    place = box(widget, 1, int(random.integers(1, 4)), picture.shape)
+    return Trial(picture, cut(picture, place), (place,))
+
+
+# --- Other pictures ---------------------------------------------------------------------------------------------------
+
+
+def _two_landscapes(random: Random) -> tuple[Array, Array]:
+    """Return two drawn landscapes or two streets, both of 120 to 240 rows."""
+    rows = int(random.integers(120, 240))
+    streets = photographs(streets=True)
+    if random.random() < 0.6 or len(streets) < 2:
+        cols = int(rows * random.uniform(1.2, 1.6))
+        one, other = landscape(random, rows, cols), landscape(random, rows, cols)
+        return one, other
+    first, second = random.choice(len(streets), 2, replace=False).tolist()
+    seen = []
+    for index in (first, second):
+        street = streets[index]
+        width = round(rows * street.shape[1] / street.shape[0])
+        small = cv2.resize(street, (width, rows), interpolation=cv2.INTER_AREA)
+        seen.append(part_of(small, (rows, int(1.4 * rows)), random))
+    return seen[0], seen[1]
+
+
+def other_landscapes(random: Random) -> Trial:
+    """A part of a landscape, in another one, where it has room at several places."""
+    one, other = _two_landscapes(random)
+    height, width = (int(random.uniform(0.25, 0.45) * side) for side in one.shape[:2])
+    row, col = detailed_place(one, height, width, random)
+    return Trial(other, one[row : row + height, col : col + width].copy(), ())
+
+
+def other_landscapes_without_room(random: Random) -> Trial:
+    """A landscape, in another one of nearly its size."""
+    one, other = _two_landscapes(random)
+    height, width = (int(random.uniform(0.55, 0.98) * side) for side in one.shape[:2])
+    row, col = (int(random.integers(room + 1)) for room in (one.shape[0] - height, one.shape[1] - width))
+    return Trial(other, one[row : row + height, col : col + width].copy(), ())
+
+
+def other_photographs(random: Random) -> Trial:
+    """A part of a photograph in another one, or in the same one painted over; as it is, or at all sizes and angles."""
+    every = photographs()
+    first, second = random.choice(len(every), 2, replace=False).tolist()
+    picture, shown = (part_of(every[index], (480, 640), random) for index in (first, second))
+    place = place_in(picture, random)
+    template = cut(picture, place)
+    if random.random() < 0.5:
+        shown, (row, col) = picture.copy(), (int(place.row), int(place.col))
+        other = cv2.resize(part_of(every[second], (200, 200), random), template.shape[1::-1])
+        shown[row : row + template.shape[0], col : col + template.shape[1]] = other
+    posed = {"scales": SCALES, "rotations": ROTATIONS} if random.random() < 0.4 else {}
+    return Trial(shown, template, (), options=posed)
+
+
+# --- Rocketman, public pictures ---------------------------------------------------------------------------------------
+
+
+def rocketman_turned_and_resized(random: Random) -> Trial:
+    """Rocketman in the maze, turned by up to 30 degrees and resized to 70 to 140 %."""
+    picture, template, place = _maze()
+    scale, rotation = float(np.exp(random.uniform(*np.log(SCALES)))), float(random.uniform(*ROTATIONS))
+    row, col = (float(random.uniform(130, side - 130)) for side in picture.shape[:2])
+    shown = drawn(painted_over(picture, place), template, row, col, scale, rotation)
+    cos, sin = np.cos(np.radians(rotation)), abs(np.sin(np.radians(rotation)))
+    height = scale * (place.height * cos + place.width * sin)
+    width = scale * (place.width * cos + place.height * sin)
+    there = Place(row - height / 2, col - width / 2, height, width, scale, rotation)
+    return Trial(shown, template, (there,), options={"scales": SCALES, "rotations": ROTATIONS})
+
+
+def no_rocketman(random: Random) -> Trial:
+    """The maze without Rocketman, or with him where his mirror image, other colours or his negative is sought."""
+    picture, template, place = _maze()
+    way, posed = int(random.integers(6)), {"scales": SCALES, "rotations": ROTATIONS}
+    if way == 0:
+        picture = painted_over(picture, place)
+    elif way == 1:
+        template = np.ascontiguousarray(template[:, ::-1])
+    elif way == 2:
+        orders = ((1, 2, 0), (2, 1, 0), (0, 2, 1))
+        template = template[:, :, (*orders[int(random.integers(3))], 3)]
+    elif way == 3:
+        template = np.dstack([255 - template[:, :, :3], template[:, :, 3:]])
+    elif way == 4:
+        template, posed = np.asarray(cv2.resize(template, None, fx=0.9, fy=0.9, interpolation=cv2.INTER_AREA)), {}
+    else:
+        other = photograph(random)
+        template = cut(other, place_in(other, random))
+    return Trial(picture, template, (), options=posed if random.random() < 0.5 else {})
+
+
+def _maze() -> tuple[Array, Array, Place]:
+    """Return the maze, Rocketman, and his place."""
+    example = mazes()["maze"]
+    picture, template = read_image(example.picture), read_image(example.template)
+    return picture, template, Place(example.row, example.col, *template.shape[:2])
+
+
+def painted_over(picture: Array, place: Place) -> Array:
+    """Return the picture with another part of it, from further right, in this place."""
+    painted, row, col = picture.copy(), int(place.row), int(place.col)
+    painted[row : row + int(place.height), col : col + int(place.width)] = cut(picture, replace(place, col=col + 300))
+    return painted
+
+
+def drawn(picture: Array, template: Array, row: float, col: float, scale: float, rotation: float) -> Array:
+    """Return the picture with an RGBA template drawn into it, centred at (row, col) and supersampled."""
+    finer = 4
+    reach = int(np.hypot(*template.shape[:2]) * scale / 2) + 3
+    top, left, side = round(row) - reach, round(col) - reach, 2 * reach
+    middle = template.shape[1] / 2 - 0.5, template.shape[0] / 2 - 0.5
+    matrix = cv2.getRotationMatrix2D(middle, rotation, scale * finer)
+    matrix[:, 2] += np.array([(col - left) * finer, (row - top) * finer]) - 0.5 - np.array(middle)
+    layers = template.astype(np.float32)
+    layers[:, :, :3] *= layers[:, :, 3:] / 255
+    fine = cv2.warpAffine(layers, matrix, (side * finer, side * finer), flags=cv2.INTER_CUBIC)
+    little = cv2.resize(fine, (side, side), interpolation=cv2.INTER_AREA)
+    cover = np.clip(little[:, :, 3:] / 255, 0, 1)
+    shown = picture.copy()
+    part = shown[top : top + side, left : left + side]
+    part[:] = np.clip(np.rint(part * (1 - cover) + little[:, :, :3]), 0, 255)
+    return shown
+
+
+PUBLIC: tuple[tuple[str, str, str | None, tuple[tuple[int, int], ...]], ...] = (
+    ("boofcv_desktop/scene.png", "template_paint.png", None, ((222, 338),)),
+    ("simplecv/scene.png", "template.png", None, ((33, 363),)),
+    ("opencv_messi/scene.jpg", "template.jpg", None, ((85, 220),)),
+    ("boofcv_desktop/scene.png", "template_cursor.png", "mask.png", ((6, 271), (265, 210), (285, 371))),
+    ("boofcv_desktop/scene.png", "template_browser.png", None, ()),
+)
+"""Pictures at :data:`benchmarks.pairs.DATA`: scene, template, mask, and the (row, col) of each place."""
+
+
+def public_pictures(random: Random) -> Trial:
+    """Screens and photographs of other projects, as they are or at all sizes."""
+    scene, name, mask, corners = PUBLIC[int(random.integers(len(PUBLIC)))]
+    path = DATA / "template" / scene
+    template = read_image(path.parent / name)
+    marks = None if mask is None else read_image(path.parent / mask)[:, :, :3].max(axis=2)
+    places = tuple(Place(*corner, *template.shape[:2]) for corner in corners)
+    posed = {"scales": SCALES} if random.random() < 0.5 else {}
+    return Trial(read_image(path), template, places, marks, {"max_matches": max(1, len(corners)), **posed})
+
+
+# --- Numbers and sizes ------------------------------------------------------------------------------------------------
+
+
+def _terrain(random: Random) -> Array:
+    return 900 + 250 * fractal(int(random.integers(240, 400)), int(random.integers(300, 520)), 1.6, random)
+
+
+def _numbers(random: Random) -> tuple[Array, Place]:
+    """Return heights of terrain or the grey levels of a photograph as floats, and a place in it."""
+    if random.random() < 0.5:
+        picture, place = piece(random)
+        return picture.mean(axis=2).astype(np.float32), place
+    picture = _terrain(random)
+    height, width = (int(one) for one in random.integers(36, 100, 2))
+    row, col = (
+        int(random.integers(side - size + 1)) for side, size in zip(picture.shape, (height, width), strict=True)
+    )
+    return picture.astype(np.float32), Place(row, col, height, width)
+
+
+def _holes(shape: Sequence[int], place: Place, random: Random) -> Array:
+    """Return where there is no data: spots, and the wedges beside a turned strip; none of them in the place."""
+    holes = np.zeros(shape, np.uint8)
+    for _ in range(int(random.integers(1, 6))):
+        at = int(random.integers(shape[1])), int(random.integers(shape[0]))
+        axes = int(random.integers(2, 40)), int(random.integers(2, 40))
+        cv2.ellipse(holes, at, axes, float(random.uniform(0, 180)), 0, 360, 1, -1)
+    if random.random() < 0.5:
+        side = int(random.uniform(0.1, 0.5) * min(shape))
+        cv2.fillPoly(holes, [np.array([[0, 0], [side, 0], [0, side]])], 1)
+    row, col = int(place.row), int(place.col)
+    holes[row : row + int(place.height), col : col + int(place.width)] = 0
+    if not holes.any():
+        holes[0 if row else -1, 0 if col else -1] = 1
+    return holes > 0
+
+
+def missing_values(random: Random) -> Trial:
+    """Terrain or a photograph with NaN outside the place."""
+    picture, place = _numbers(random)
+    template = cut(picture, place)
+    picture[_holes(picture.shape, place, random)] = np.nan
+    return Trial(picture, template, (place,))
+
+
+def signed_with_nodata(random: Random) -> Trial:
+    """Terrain or a photograph as int16, with -32768 where there is no data."""
+    picture, place = _numbers(random)
+    numbers = np.rint(picture - random.uniform(0, 900)).astype(np.int16)
+    template = cut(numbers, place)
+    numbers[_holes(picture.shape, place, random)] = -32768
+    return Trial(numbers, template, (place,))
+
+
+def one_hot_pixel(random: Random) -> Trial:
+    """A picture of 16 bits or floats with one pixel that is brighter than all others by far, outside the place."""
+    picture, place = _numbers(random)
+    floats = random.random() < 0.5
+    numbers = picture if floats else np.rint(picture + 800).astype(np.uint16)
+    template = cut(numbers, place)
+    outside = np.ones(numbers.shape, bool)
+    outside[int(place.row) : int(place.row + place.height), int(place.col) : int(place.col + place.width)] = False
+    every = np.argwhere(outside)
+    hot = every[int(random.integers(len(every)))]
+    numbers[tuple(hot)] = 1e6 if floats else 65535
+    return Trial(numbers, template, (place,))
+
+
+def other_number_types(random: Random) -> Trial:
+    """A screen or photograph, grey or in colour, in 16 bits, in a few levels of them, signed numbers or floats."""
+    picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
+    if random.random() < 0.5:
+        picture = np.rint(picture.mean(axis=2)).astype(np.uint8)
+    level = int(random.integers(500, 20000))
+    ways: tuple[Callable[[Array], Array], ...] = (
+        lambda one: one.astype(np.uint16) * 257,
+        lambda one: one.astype(np.uint16) // 4 + level,
+        lambda one: (one / 255).astype(np.float32),
+        lambda one: one / 255 * 1e-3,
+        lambda one: (one.astype(np.int16) - 128) * 100,
+        lambda one: one.astype(np.float32) * 1000 - 30000,
+    )
+    as_numbers = ways[int(random.integers(len(ways)))]
+    return Trial(as_numbers(picture), as_numbers(cut(picture, place)), (place,))
+
+
+def small_templates(random: Random) -> Trial:
+    """An icon of 8 to 14 px among others."""
+    look, size = theme(random), int(random.integers(8, 15))
+    names = [str(one) for one in random.permutation(sorted(OUTLINES))]
+    pitch = size + int(random.integers(3, 10))
+    colour = look.icons[int(random.integers(len(look.icons)))]
+    places = [(16 + pitch * (index // 6), 16 + pitch * (index % 6)) for index in range(len(names))]
+    widgets = tuple(icon_at(name, *at, size, look, colour) for name, at in zip(names, places, strict=True))
+    picture = Layout(180, 260, look, widgets).drawn()
+    place = box(widgets[int(random.integers(len(widgets)))], 1, 0, picture.shape)
+    return Trial(picture, cut(picture, place), (place,))
+
+
+OUTLINES = ("bell", "lock", "star", "heart", "house", "bin", "disk", "person", "undo", "flag", "letter", "drop", "bolt",
+            "clock", "page", "folder", "cloud", "magnifier", "shield plus", "circle cross", "square check")  # fmt: skip
+"""Glyphs that can be told from one another at 8 px."""
+
+
+def small_templates_at_any_angle(random: Random) -> Trial:
+    """An icon of 16 to 24 px at any angle on a plain ground, with others at other angles."""
+    size, ground = int(random.integers(16, 25)), random.uniform(150, 250, 3)
+    names = [str(one) for one in random.permutation(["bell", "flag", "key", "pencil", "heart", "house", "cup", "undo"])]
+    picture = np.empty((220, 300, 3), np.uint8)
+    picture[:] = ground
+    template = np.empty((size, size, 3), np.uint8)
+    template[:] = ground
+    ink: Colour = tuple(int(one) for one in random.integers(0, 90, 3))  # type: ignore[assignment]
+    put(template, [(GLYPHS[names[0]], ink)], size / 2, size / 2, size, 0)
+    spots = random.permutation([(row, col) for row in (40, 110, 180) for col in (40, 110, 180, 250)])[: len(names)]
+    turned = random.uniform(-180, 180, len(names))
+    for name, at, angle in zip(names, spots.tolist(), turned.tolist(), strict=True):
+        put(picture, [(GLYPHS[name], ink)], *at, size, angle)
+    side = size * float(abs(np.cos(np.radians(turned[0]))) + abs(np.sin(np.radians(turned[0]))))
+    place = Place(spots[0][0] - side / 2, spots[0][1] - side / 2, side, side, 1.0, float(turned[0]))
+    return Trial(picture, template, (place,), options={"rotations": (-180.0, 180.0)})
+
+
+KINDS: dict[str, Kind] = {
+    kind.__name__.replace("_", " "): kind
+    for kind in (
+        screens,
+        screens_as_jpeg,
+        screens_at_other_sizes,
+        photographs_as_taken,
+        photographs_turned_and_resized,
+        photographs_without_room,
+        icons_off_the_grid,
+        symmetric_icons_off_the_grid,
+        other_white_balance,
+        icons_in_other_white_balance,
+        other_gamma,
+        covered_by_10_to_30_percent,
+        covered_by_30_to_40_percent,
+        outside_by_5_to_30_percent,
+        outside_by_30_to_50_percent,
+        soft_alpha,
+        glows,
+        blurred_masks,
+        silhouettes,
+        copies,
+        rows_of_a_list,
+        copies_at_any_angle,
+        the_right_one_of_siblings,
+        the_right_one_of_colours,
+        enabled_beside_disabled,
+        missing_values,
+        signed_with_nodata,
+        one_hot_pixel,
+        other_number_types,
+        small_templates,
+        small_templates_at_any_angle,
+        rocketman_turned_and_resized,
+        public_pictures,
+        siblings_of_icons,
+        siblings_of_words,
+        siblings_at_other_sizes,
+        siblings_of_many,
+        siblings_without_room,
+        lamps_of_another_colour,
+        buttons_of_another_colour,
+        icons_of_another_colour,
+        disabled_alone,
+        other_silhouettes,
+        other_landscapes,
+        other_landscapes_without_room,
+        other_photographs,
+        no_rocketman,
+    )
+}
+
+
+def trial(kind: str, seed: int) -> Trial:
+    """Return one search of a kind of :data:`KINDS`."""
+    given = KINDS[kind](np.random.default_rng([*kind.encode(), seed]))
+    given.options.pop("at", None)
+    return given
