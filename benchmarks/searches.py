@@ -29,6 +29,7 @@ from benchmarks.screens import (
     FAMILIES,
     GLYPHS,
     PALETTE,
+    UNIT,
     WORDS,
     Array,
     Colour,
@@ -443,12 +444,16 @@ def _outside(random: Random, least: float, most: float) -> Trial:
 
 
 def _composed(random: Random, coloured: Array, alpha: Array) -> tuple[Array, Place]:
-    """Return a photograph or screen with a sprite over it, and its place."""
-    picture = photograph(random, 360, 480) if random.random() < 0.7 else layout(random, 360, 480).drawn()
-    height, width = alpha.shape
-    row, col = (int(random.integers(side - size + 1)) for side, size in zip(picture.shape, alpha.shape, strict=False))
-    paint(picture, alpha, coloured, row, col)
-    return picture, Place(row, col, height, width)
+    """Return a photograph or screen with a sprite over it where it is to be seen, and its place."""
+    while True:
+        plain = photograph(random, 360, 480) if random.random() < 0.7 else layout(random, 360, 480).drawn()
+        rooms = (side - size + 1 for side, size in zip(plain.shape, alpha.shape, strict=False))
+        row, col = (int(random.integers(room)) for room in rooms)
+        place, picture = Place(row, col, *alpha.shape), plain.copy()
+        paint(picture, alpha, coloured, row, col)
+        change = np.abs(cut(picture, place).astype(float) - cut(plain, place)).max(axis=2)
+        if (change * alpha).sum() > 25 * alpha.sum():
+            return picture, place
 
 
 def _with_alpha(coloured: Array, alpha: Array) -> Array:
@@ -463,6 +468,12 @@ def soft_alpha(random: Random) -> Trial:
         alpha[alpha.shape[0] // 2, alpha.shape[1] // 2] = 1
     picture, place = _composed(random, coloured, alpha)
     return Trial(picture, _with_alpha(coloured, alpha), (place,))
+
+
+def other_sprites(random: Random) -> Trial:
+    """A sprite with soft alpha, of which only another one is in the picture."""
+    given, other = soft_alpha(random), soft_alpha(random)
+    return replace(given, template=other.template, places=())
 
 
 def glows(random: Random) -> Trial:
@@ -576,35 +587,48 @@ def rows_of_a_list(random: Random) -> Trial:
 
 
 def copies_at_any_angle(random: Random) -> Trial:
-    """1 to 20 equal labels at any angle on a table, perhaps with others; more are wanted than there are."""
-    size, count = int(random.integers(32, 56)), int(random.integers(1, 21))
-    wanted, table = product(random), random.uniform(60, 235, 3)
-    picture = np.clip(table + 4 * fractal(440, 600, 0.5, random)[:, :, None], 0, 255).astype(np.uint8)
-    template = np.zeros((size, size, 3), np.uint8)
+    """1 to 20 equal labels at any angle on a table, also of 75 to 130 %, perhaps with others; more are wanted."""
+    return _labels(random, int(random.integers(1, 21)))
+
+
+def other_labels_at_any_angle(random: Random) -> Trial:
+    """A label, of which only others are on the table."""
+    return _labels(random, 0)
+
+
+def _labels(random: Random, count: int) -> Trial:
+    """Return a table with so many equal labels, and up to four others, at least one if there are no equal ones."""
+    size, resized = float(random.integers(32, 50)), random.random() < 0.4
+    wanted, ground = product(random), random.uniform(60, 235, 3)
+    picture = np.clip(ground + 4 * fractal(440, 600, 0.5, random)[:, :, None], 0, 255).astype(np.uint8)
+    side = int(size)
+    template = np.zeros((side, side, 3), np.uint8)
     put(template, wanted, size / 2, size / 2, size, 0)
-    high = np.ptp(wanted[0][0][0].points[:, 1]) * size / 24
+    high = np.ptp(wanted[0][0][0].points[:, 1]) * size / UNIT
     top = int(np.ceil((size - high) / 2))
-    template = template[top : size - top]
+    template = template[top : side - top]
+    labels = [wanted] * count + [product(random) for _ in range(int(random.integers(count == 0, 5)))]
     taken: list[tuple[float, float]] = []
     places = []
-    others = [product(random) for _ in range(int(random.integers(0, 5)))]
-    for _ in range(2000):
-        row, col = random.uniform(size, 440 - size), random.uniform(size, 600 - size)
-        if any(np.hypot(row - y, col - x) < 1.35 * size for y, x in taken):
-            continue
-        taken.append((row, col))
-        turned = float(random.uniform(-180, 180))
-        if len(places) == count:
-            if not others:
+    for index, label in enumerate(labels):
+        for _ in range(500):
+            row, col = random.uniform(size, 440 - size), random.uniform(size, 600 - size)
+            if all(np.hypot(row - y, col - x) >= 1.7 * size for y, x in taken):
                 break
-            put(picture, others.pop(), row, col, size, turned)
-            continue
-        put(picture, wanted, row, col, size, turned)
+        else:
+            break
+        taken.append((row, col))
+        scale = float(random.uniform(0.75, 1.3)) if resized else 1.0
+        turned = float(random.uniform(-180, 180))
+        put(picture, label, row, col, scale * size, turned)
         cos, sin = abs(np.cos(np.radians(turned))), abs(np.sin(np.radians(turned)))
-        tall = template.shape[0] * cos + template.shape[1] * sin
-        wide = template.shape[1] * cos + template.shape[0] * sin
-        places.append(Place(row - tall / 2, col - wide / 2, tall, wide, 1.0, turned))
-    options = {"rotations": (-180.0, 180.0), "max_matches": count + int(random.integers(1, 12))}
+        tall = scale * (template.shape[0] * cos + template.shape[1] * sin)
+        wide = scale * (template.shape[1] * cos + template.shape[0] * sin)
+        if index < count:
+            places.append(Place(row - tall / 2, col - wide / 2, tall, wide, scale, turned))
+    options: dict[str, Any] = {"rotations": (-180.0, 180.0), "max_matches": count + int(random.integers(1, 12))}
+    if resized:
+        options["scales"] = SCALES
     return Trial(as_jpeg(picture, int(random.integers(80, 97))), template, tuple(places), options=options)
 
 
@@ -956,6 +980,16 @@ def missing_values(random: Random) -> Trial:
     return Trial(picture, template, (place,))
 
 
+def other_terrain(random: Random) -> Trial:
+    """A part of terrain, in other terrain, perhaps with NaN."""
+    picture, other = _terrain(random).astype(np.float32), _terrain(random).astype(np.float32)
+    height, width = (int(one) for one in random.integers(36, 100, 2))
+    template = part_of(other, (height, width), random)
+    if random.random() < 0.5:
+        picture[_holes(picture.shape, Place(0, 0, 1, 1), random)] = np.nan
+    return Trial(picture, template, ())
+
+
 def signed_with_nodata(random: Random) -> Trial:
     """Terrain or a photograph as int16, with -32768 where there is no data."""
     picture, place = _numbers(random)
@@ -999,15 +1033,30 @@ def other_number_types(random: Random) -> Trial:
 
 def small_templates(random: Random) -> Trial:
     """An icon of 8 to 14 px among others."""
+    return _small(random, there=True)
+
+
+def other_small_templates(random: Random) -> Trial:
+    """An icon of 8 to 14 px that is not there, but others are."""
+    return _small(random, there=False)
+
+
+def _small(random: Random, there: bool) -> Trial:
     look, size = theme(random), int(random.integers(8, 15))
-    names = [str(one) for one in random.permutation(sorted(OUTLINES))]
+    wanted, *names = (str(one) for one in random.permutation(sorted(OUTLINES)))
     pitch = size + int(random.integers(3, 10))
     colour = look.icons[int(random.integers(len(look.icons)))]
-    places = [(16 + pitch * (index // 6), 16 + pitch * (index % 6)) for index in range(len(names))]
-    widgets = tuple(icon_at(name, *at, size, look, colour) for name, at in zip(names, places, strict=True))
-    picture = Layout(180, 260, look, widgets).drawn()
-    place = box(widgets[int(random.integers(len(widgets)))], 1, 0, picture.shape)
-    return Trial(picture, cut(picture, place), (place,))
+    index = int(random.integers(len(names)))
+    cells = [(16 + pitch * (cell // 6), 16 + pitch * (cell % 6)) for cell in range(len(names))]
+    screens = [
+        Layout(
+            180, 260, look, tuple(icon_at(name, *at, size, look, colour) for name, at in zip(shown, cells, strict=True))
+        )
+        for shown in (names, [*names[:index], wanted, *names[index + 1 :]])
+    ]
+    without, within = (screen.drawn() for screen in screens)
+    place = box(screens[1].widgets[index], 1, 0, within.shape)
+    return Trial(within if there else without, cut(within, place), (place,) if there else ())
 
 
 OUTLINES = ("bell", "lock", "star", "heart", "house", "bin", "disk", "person", "undo", "flag", "letter", "drop", "bolt",
@@ -1080,6 +1129,10 @@ KINDS: dict[str, Kind] = {
         icons_of_another_colour,
         disabled_alone,
         other_silhouettes,
+        other_sprites,
+        other_labels_at_any_angle,
+        other_small_templates,
+        other_terrain,
         other_landscapes,
         other_landscapes_without_room,
         other_photographs,
