@@ -21,12 +21,12 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import FLAT_WHOLE, Image
-from stereolag.core.jobs import Progress
+from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
 
 Result = TypeVar("Result")
-Plane = npt.NDArray[np.float64]
+Plane = npt.NDArray[np.floating[Any]]
 Indices = npt.NDArray[np.intp]
 
 
@@ -193,11 +193,11 @@ def scores_at(
 
 ScoreMap = npt.NDArray[np.float32]
 
-LONGEST_FFT = 720
+LONGEST_FFT = 960
 """Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
 
 FFT_UNIT = 48
-"""OpenCV transforms doubles fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
+"""OpenCV transforms are fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
 
 
 def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
@@ -247,16 +247,18 @@ def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
     """Return the score of every position by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
 
-    Everything is in float64: sums of 8-bit pixels are exact, and the residue of a flat window is far below any real
-    variation. The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
+    The transforms of 8-bit images are in single precision, which takes half the time; :func:`best_position` gives a
+    place its exact score. Without a mask, their sums over windows are exact. Others are in double precision. The tiles
+    run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
     """
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
     shape = fft_rows, fft_cols
-    kernels = [_spectrum(plane, shape) for plane in pattern.weights * pattern.deviations]
+    kind = np.float32 if image.dtype == np.uint8 else np.float64
+    kernels = [_spectrum(plane, shape) for plane in (pattern.weights * pattern.deviations).astype(kind)]
     # If all pixels count the same, running sums are faster.
-    weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights, shape)
+    weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights.astype(kind), shape)
     scores = np.empty(places, dtype=np.float32)
     tiles = [
         partial(
@@ -280,20 +282,20 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[
     `block` is the part of the image that its positions cover; `kernels` and `weights` are packed spectra of the
     template, the latter None if all of it counts the same.
     """
-    planes = _centred(block)
+    planes = _centred(block, kernels[0].dtype)
     rows, shape = len(scores), (kernels[0].shape[0], kernels[0].shape[1])
     # Sums of integers are integers: rounded to the nearest, they are exact.
-    exact = np.rint if _exact(block, pattern) else np.positive
+    rounded = np.rint if _exact(planes, block, pattern) else np.positive
     energy: Plane = np.empty((0, 0))
     if weights is not None:
         squares = _spectrum(np.square(planes).sum(axis=0), shape)
-        energy = exact(_positions(_times(squares, weights, out=squares), rows))
+        energy = rounded(_positions(_times(squares, weights, out=squares), rows))
     total: Plane | None = None
     # One channel after the other, because the spectra take most of the memory.
     for plane, template in zip(planes, kernels, strict=True):
         channel = _spectrum(plane, shape)
         if weights is not None:
-            energy -= np.square(exact(_positions(_times(channel, weights), rows))) / pattern.count
+            energy -= np.square(rounded(_positions(_times(channel, weights), rows))) / energy.dtype.type(pattern.count)
         _times(channel, template, out=channel)
         total = channel if total is None else np.add(total, channel, out=total)
         del channel  # or it would still be there when the next is computed
@@ -306,7 +308,7 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[
 
 def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
     """Return the packed spectrum of a plane that is padded with zeros to `shape`."""
-    padded = np.zeros(shape)
+    padded = np.zeros(shape, dtype=plane.dtype)
     padded[: plane.shape[0], : plane.shape[1]] = plane
     return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
 
@@ -319,12 +321,13 @@ def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
 def _positions(spectrum: Plane, rows: int) -> Plane:
     """Return the inverse transform of a packed spectrum, in its memory; only the first `rows`."""
     inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
-    return np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
+    positions: Plane = np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows))
+    return positions[:rows]
 
 
-def _centred(image: Image) -> Plane:
-    """Return the channels (channels, rows, cols) as float64 around 0, and 0 without data; integers stay integers."""
-    planes = np.moveaxis(image, 2, 0).astype(np.float64, order="C")
+def _centred(image: Image, kind: npt.DTypeLike = np.float64) -> Plane:
+    """Return the channels (channels, rows, cols) as floats around 0, and 0 without data; integers stay integers."""
+    planes = np.moveaxis(image, 2, 0).astype(kind, order="C")
     if image.dtype.kind == "u":
         planes -= np.rint(planes.mean(axis=(1, 2), keepdims=True))
         return planes
@@ -335,13 +338,14 @@ def _centred(image: Image) -> Plane:
     return planes
 
 
-def _exact(image: Image, pattern: Pattern) -> bool:
-    """Return whether weighted sums of the image's pixels are of whole numbers, without rounding."""
-    return image.dtype.kind == "u" and pattern.whole
+def _exact(planes: Plane, image: Image, pattern: Pattern) -> bool:
+    """Return whether weighted sums over windows are of whole numbers, without rounding."""
+    sums_exact = planes.dtype == np.float64 or bool((pattern.weights == 1).all())
+    return image.dtype.kind == "u" and pattern.whole and sums_exact
 
 
-NOISE = 1e-14
-"""Rounding in a sum over a window, as a share of what the transforms of the image and of the weights hold."""
+NOISE = 20
+"""Rounding in a sum over a window, in units of the last digit of what the transforms of image and weights hold."""
 
 
 def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
@@ -350,9 +354,10 @@ def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
     A transform spreads the rounding of its largest values over all places, but in proportion to the root of their
     summed squares: a single hot pixel does not make its surroundings flat.
     """
-    if _exact(image, pattern):
+    if _exact(planes, image, pattern):
         return FLAT_WHOLE
-    return NOISE * float(np.abs(planes).max() * np.linalg.norm(planes) * np.linalg.norm(pattern.weights))
+    held = float(np.abs(planes).max()) * float(np.linalg.norm(planes)) * float(np.linalg.norm(pattern.weights))
+    return NOISE * float(np.finfo(planes.dtype).eps) * held
 
 
 def tiling(places: int, size: int) -> tuple[int, int]:
@@ -392,6 +397,9 @@ Scores = npt.NDArray[np.floating[Any]]
 
 ROWS_AT_ONCE = 256
 """Rows of a score map searched for peaks at a time, to keep the copies small."""
+
+PEAKS_AT_ONCE = 256
+"""Peaks, best first, compared with those already chosen: mostly enough for all that are wanted."""
 
 NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
 
@@ -433,12 +441,17 @@ class Places:
             Positions to choose from; all by default. Of equal scores the first wins.
         """
         left = np.arange(len(self.rows)) if left is None else left
-        for one in taken:
-            left = self.apart(one, left, share)
+        order = left[np.argsort(-self.scores[left], kind="stable")]
         found: list[int] = []
-        while left.size and len(found) < count:
-            found.append(int(left[np.argmax(self.scores[left])]))
-            left = self.apart(found[-1], left, share)
+        for start in range(0, len(order), PEAKS_AT_ONCE):
+            some = order[start : start + PEAKS_AT_ONCE]
+            for one in (*taken, *found):
+                some = self.apart(one, some, share)
+            while some.size and len(found) < count:
+                found.append(int(some[0]))
+                some = self.apart(found[-1], some[1:], share)
+            if len(found) == count:
+                break
         return found
 
     def next_scores(self, kept: Sequence[int]) -> list[float]:
@@ -470,12 +483,14 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
     The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
     NaN is never a peak.
     """
-    found = []
-    for first in range(0, len(score_map), ROWS_AT_ONCE):
+
+    def band(first: int) -> Indices:
         start = max(0, first - 1)  # compared with the adjacent rows too
         part = np.nan_to_num(score_map[start : first + ROWS_AT_ONCE + 1], nan=-2.0)
         highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= -1.0)
-        found.append(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
+        return np.asarray(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
+
+    found = in_threads([partial(band, first) for first in range(0, len(score_map), ROWS_AT_ONCE)], silent)
     rows, cols = np.divmod(np.concatenate(found), score_map.shape[1])
     return Places(rows, cols, score_map[rows, cols], shape)
 
