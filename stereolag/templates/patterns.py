@@ -250,8 +250,7 @@ def grey_pattern(pattern: Pattern) -> Pattern | None:
     return pattern_of(grey[:, :, np.newaxis], pattern.weights)
 
 
-def reduced(image: Image, factor: float) -> npt.NDArray[np.float32]:
-    """Return an image (rows, cols, channels) reduced by `factor`, 1 or more, by averaging areas, float32."""
+def reduced(image: Image, factor: float) -> Image:
+    """Return an image (rows, cols, channels) of its dtype, reduced by `factor`, 1 or more, by averaging areas."""
     rows, cols = (max(1, round(side / factor)) for side in image.shape[:2])
-    smaller = cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)
-    return np.asarray(smaller, dtype=np.float32).reshape(rows, cols, -1)
+    return np.asarray(cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)).reshape(rows, cols, -1)

@@ -11,7 +11,9 @@ import pytest
 from skimage.data import chelsea, coffee
 
 from stereolag import match_template
+from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateMethod
+from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.patterns import opacity, pattern_of, weights_of
 from stereolag.templates.score_maps import score_at
 
@@ -157,3 +159,46 @@ def test_signed_integers_are_searched() -> None:
     image = photograph(0, 90, 90)[:, :, 0].astype(np.int16) * 40 - 9999
     search = match_template(image, image[20:40, 30:52])
     assert search.found and (search.matches[0].row, search.matches[0].col) == (20, 30)
+
+
+def score_near(image: Array, template: Array, row: int, col: int) -> float:
+    """Return the score of the place of a template of which a part is hidden, if it is among the likeliest."""
+    places = hidden_places(image, pattern_of(template, np.ones(template.shape[:2])), silent)
+    near = (np.abs(places.rows - row) <= 1) & (np.abs(places.cols - col) <= 1)
+    return float(places.scores[near].max(initial=-1))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4])
+@pytest.mark.parametrize("seed", [0, 1, 6, 7])
+def test_a_covered_template_is_told_by_the_blocks_that_agree(seed: int, share: float) -> None:
+    picture, random = photograph(seed, 240, 300), np.random.default_rng(seed)
+    template = picture[60:130, 90:170].copy()
+    wide = round(80 * share)
+    picture[60:130, 170 - wide : 170] = photograph(seed + 1, 70, wide) if seed % 2 else random.integers(0, 256, 3)
+    assert score_near(picture, template, 60, 90) > 0.9
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+@pytest.mark.parametrize("side", range(4))
+def test_a_template_may_be_outside_by_nearly_a_half(side: int, dtype: type) -> None:
+    picture = photograph(side, 240, 300).astype(dtype)
+    template = picture[80:160, 100:190].copy()
+    shown, (row, col) = (
+        (picture[115:], (-35, 100)),
+        (picture[:125], (80, 100)),
+        (picture[:, 140:], (80, -40)),
+        (picture[:, :150], (80, 100)),
+    )[side]
+    assert score_near(shown, template, row, col) > 0.9
+
+
+def test_pixels_without_data_hide_a_part_too() -> None:
+    picture = photograph(1, 240, 300).astype(np.float32)
+    template = picture[60:130, 90:170].copy()
+    picture[100:200, 20:130] = np.nan
+    assert score_near(picture, template, 60, 90) > 0.9
+
+
+def test_nothing_is_told_of_templates_with_too_little_in_a_block() -> None:
+    picture = photograph(0)
+    assert hidden_places(picture, pattern_of(picture[50:62, 60:75], np.ones((12, 15))), silent).rows.size == 0
