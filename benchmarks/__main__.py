@@ -24,8 +24,8 @@ from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.recordings import KINDS
+from benchmarks.rocketman import SEED, rocketman_table
 from benchmarks.rocketman import TRIALS as SEARCHES
-from benchmarks.rocketman import rocketman_table
 from benchmarks.searches import KINDS as SEARCHED
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
@@ -100,7 +100,7 @@ def main() -> None:
     kinds = [*KINDS, *SEARCHED]
     drawn.add_argument("--kinds", nargs="*", choices=kinds, help="of recordings or searches; all unless named")
     drawn.add_argument("--trials", type=int, help=f"of each kind; {TRIALS} and {SEARCHES} unless given")
-    drawn.add_argument("--seed", type=int, default=0, help="the first trial's; others draw other pairs and pictures")
+    drawn.add_argument("--seed", type=int, help=f"of the first trial; 0 and {SEED} unless given")
     drawn.add_argument("--method", choices=METHODS, default="fft", help="of verdict; %(default)s unless named")
     drawn.add_argument("--jobs", type=int, default=1, help="processes at once")
     options = parser.parse_args()
@@ -137,12 +137,12 @@ def main() -> None:
             keep("suggestion", "Suggested settings", *suggestion_table())
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
-    whole = not options.kinds and options.trials is None and not options.seed
+    whole = not options.kinds and options.trials is None and options.seed is None
     if "verdict" in wanted:
         body, figures = recordings_table(
             options.kinds or list(KINDS),
             trials=options.trials or TRIALS,
-            seed=options.seed,
+            seed=options.seed or 0,
             method=options.method,
             jobs=options.jobs,
         )
@@ -155,7 +155,10 @@ def main() -> None:
         keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "rocketman" in wanted:
         body, searches = rocketman_table(
-            options.kinds or list(SEARCHED), trials=options.trials or SEARCHES, seed=options.seed, jobs=options.jobs
+            options.kinds or list(SEARCHED),
+            trials=options.trials or SEARCHES,
+            seed=SEED if options.seed is None else options.seed,
+            jobs=options.jobs,
         )
         if whole:
             keep("rocketman", "Template search with doubt", body, searches)

@@ -243,7 +243,7 @@ def coverage(
 def is_symmetric(name: str) -> bool:
     """Return whether a glyph is its own mirror image."""
     seen = coverage(GLYPHS[name], (48, 48), 48)
-    return bool(np.abs(seen - seen[:, ::-1]).mean() < 0.01 * seen.mean() * 4)
+    return bool(np.abs(seen - seen[:, ::-1]).mean() < 0.04 * seen.mean())
 
 
 def paint(picture: Array, cover: Array, colour: Sequence[float] | Array, row: int, col: int) -> None:

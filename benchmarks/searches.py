@@ -90,7 +90,7 @@ class Place:
     def has_pose(self, other: Place) -> bool:
         """Return whether another place has the same size, to 5 %, and angle, to 5 degrees or 1.5 px at its sides."""
         turned = abs((self.rotation - other.rotation + 180) % 360 - 180)
-        tolerance = max(5.0, float(np.degrees(3 / max(self.height, self.width))))
+        tolerance = max(5.0, float(np.degrees(4 / max(self.height, self.width))))
         return abs(other.scale / self.scale - 1) <= 0.05 and turned <= tolerance
 
 
