@@ -141,7 +141,8 @@ class ConvertedRecording(Recording):
     def running_sums(self, first: int, last: int) -> DoubleMap:
         """Return the sums and the sums of squares of the first `first`, `first` + 1, … `last` samples, (2, N)."""
         start = first // GRAIN * GRAIN
-        return running_sums(self.part(start, last), self.sums[:, first // GRAIN])[:, first - start :]
+        before = float(self.sums[0, first // GRAIN]), float(self.sums[1, first // GRAIN])
+        return running_sums(self.part(start, last), before)[:, first - start :]
 
 
 def loudest_stretch(one: Recording, other: Recording, lag: int, longest: int) -> tuple[slice, slice]:
@@ -195,12 +196,17 @@ def _dot(first: Vector, second: Vector) -> float:
     return total
 
 
-def running_sums(samples: Vector, before: Vector | float = 0.0) -> DoubleMap:
+@compiled
+def running_sums(samples: Vector, before: tuple[float, float] = (0.0, 0.0)) -> DoubleMap:
     """Return (2, N + 1): the sums and the sums of squares of the first 0, 1, … N samples, added to those `before`."""
     sums = np.empty((2, samples.size + 1))
-    sums[:, 0] = before
-    sums[0, 1:], sums[1, 1:] = samples, samples * samples
-    return np.asarray(np.cumsum(sums, axis=1, out=sums))
+    total, squares = before
+    for i in range(samples.size):
+        sums[0, i], sums[1, i] = total, squares
+        total += samples[i]
+        squares += samples[i] * samples[i]
+    sums[0, -1], sums[1, -1] = total, squares
+    return sums
 
 
 @compiled
@@ -494,10 +500,10 @@ def _forget_transforms() -> None:
         fft.fft(np.zeros(length, dtype=np.complex128))
 
 
-def transform_length(size: int) -> int:
-    """Return the length of the transforms for recordings of at most `size` samples."""
-    # A length with many factors of two is a tenth faster than the shortest fast one.
-    return 128 * int(fft.next_fast_len(-(-size // 128)))
+def transform_length(size: int, *, real: bool = False) -> int:
+    """Return the length of the transforms, of real numbers or of complex ones, for at most `size` samples."""
+    # A length with many factors of two is up to a third faster than the shortest fast one.
+    return 128 * int(fft.next_fast_len(-(-size // 128), real=real))
 
 
 def _right_angle(size: int) -> Spectrum:

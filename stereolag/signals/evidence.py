@@ -27,7 +27,7 @@ import numpy.typing as npt
 from scipy import fft, ndimage
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import REACH, Lags, best_cycle, interpolate_peak, overlap_length
+from stereolag.signals.correlation import REACH, Lags, best_cycle, interpolate_peak, overlap_length, transform_length
 
 MARGIN = 1.8
 """Standard deviations above the highest that chance reaches, from which on an agreement is convincing."""
@@ -71,6 +71,10 @@ _WORTH_COUNTING = 0.8
 """Share of what is needed below which a peak is not looked into."""
 
 _FAINT, _TOWERING = 0.7, 10.0
+_ALONE = 2.5
+_CORE = 3
+"""A peak this many times as high as everything more than so many lags beside it repeats nowhere, not even in cycles."""
+
 _CLEAR_GAP = 4.0
 """Deviations between two heights from which on they are not equal."""
 
@@ -148,7 +152,7 @@ class Evidence:
         self.sizes = signal_1.size, signal_2.size
         self.first, self.last = first, last
         self.needed = math.sqrt(2 * math.log(searched + 1)) + MARGIN
-        self.points = int(fft.next_fast_len(sum(self.sizes), real=True))
+        self.points = transform_length(sum(self.sizes), real=True)
         rows = np.zeros((2, self.points), dtype=np.float32)
         rows[0, : signal_1.size], rows[1, : signal_2.size] = signal_1, signal_2
         self.spectra: Spectrum = np.asarray(fft.rfft(rows, axis=1, workers=2))
@@ -165,10 +169,9 @@ class Evidence:
 
     def _correlate(self, numbers: Sequence[int]) -> None:
         """Add the curves of some weights."""
-        spectra = np.concatenate([spectrum * self.weights[[*numbers]] for spectrum in (self.cross, self.own)])
-        curves = fft.irfft(spectra, self.points, axis=1, workers=2)
-        for number, products, own in zip(numbers, curves, curves[len(numbers) :], strict=False):
-            self.curves[number] = WeightedCurve(self, number, products, own)
+        curves = fft.irfft(self.cross * self.weights[[*numbers]], self.points, axis=1, workers=2)
+        for number, products in zip(numbers, curves, strict=True):
+            self.curves[number] = WeightedCurve(self, number, products)
 
     def _weights(self) -> Samples:
         width = max(3, min(self.sizes) // 128)
@@ -253,8 +256,8 @@ class WeightedCurve:
         Robust standard deviation of the curve.
     """
 
-    def __init__(self, evidence: Evidence, number: int, products: Samples, own: Samples) -> None:
-        self._evidence, self._own = evidence, own
+    def __init__(self, evidence: Evidence, number: int, products: Samples) -> None:
+        self._evidence = evidence
         weight = self._weight = evidence.weights[number]
         parts = (products[min(0, evidence.first) + evidence.points :], products[: evidence.last + 1])
         curve = np.concatenate(parts) if evidence.first < 0 else products[evidence.first : evidence.last + 1]
@@ -269,6 +272,11 @@ class WeightedCurve:
         self.lobe = max(2, int(np.flatnonzero(shape[:_WIDEST_LOBE] > 0.25 * whole)[-1])) + 1
         low = np.flatnonzero(shape[:_WIDEST_ENVELOPE] < 0.3 * beside)
         self.envelope = max(self.lobe, int(low[0]) if low.size else _WIDEST_ENVELOPE)
+
+    @cached_property
+    def _own(self) -> Samples:
+        """The mean of both recordings' own curves, at lags 0, 1, … wrapping around."""
+        return np.asarray(fft.irfft(self._evidence.own * self._weight, self._evidence.points))
 
     @cached_property
     def _heard(self) -> Samples:
@@ -338,14 +346,13 @@ class WeightedCurve:
             return peak
         low, end = max(0, index - _SCALES[-1]), min(self.curve.size, index + _SCALES[-1] + 1)
         middle, part = index - low, self.curve[low:end].astype(np.float64)
-        own = self._own_around(offset, middle, end - 1 - index)
-        # By least squares around the peak without its middle, where noise of each recording adds to its own curve.
-        near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
-        flanks = own[near].copy()
-        flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
-        factor = float(flanks @ part[near]) / (float(flanks @ flanks) + 1e-300)
-        factor = min(max(factor, 0.0), 4.5 * height / max(float(own[middle]), 1e-300))
-        rest = np.where(self._evidence.long_enough[low:end], part - factor * own, 0.0)
+        beside = (self.curve[: max(0, index - _CORE)], self.curve[index + _CORE + 1 :])
+        factor = 0.0
+        # Where nothing else is nearly as high, there is no repetition to subtract.
+        if height < _ALONE * max((float(side.max()) for side in beside if side.size), default=height):
+            factor, repeated = self._repetition(offset, part, middle)
+            part = part - repeated
+        rest = np.where(self._evidence.long_enough[low:end], part, 0.0)
         rest[max(0, middle - self.lobe) : middle + self.lobe + 1] = 0
         around = [
             rest[max(0, middle - reach) : middle + reach + 1]
@@ -364,9 +371,22 @@ class WeightedCurve:
         around = min(REACH, index, self.curve.size - 1 - index)
         return interpolate_peak(self.curve[index - around : index + around + 1].astype(np.float64))
 
+    def _repetition(self, offset: float, part: Vector, middle: int) -> tuple[float, Vector]:
+        """Return the factor from the own curve to the curve around a peak, and the part that it explains.
+
+        By least squares around the peak without its middle, where noise of each recording adds to its own curve.
+        """
+        own = self._own_around(offset, middle, part.size - 1 - middle)
+        near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
+        flanks = own[near].copy()
+        flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
+        factor = float(flanks @ part[near]) / (float(flanks @ flanks) + 1e-300)
+        factor = min(max(factor, 0.0), 4.5 * float(part[middle]) / max(float(own[middle]), 1e-300))
+        return factor, factor * own
+
     def _own_around(self, offset: float, before: int, after: int) -> Vector:
         """Return the own curve from `before` lags before to `after` lags after an index, for a peak at its `offset`."""
-        points = int(fft.next_fast_len(before + after + 257, real=True))
+        points = transform_length(before + after + 257, real=True)
         left = (points - before - after - 1) // 2
         places = np.arange(-before - left, points - before - left) % self._evidence.points
         spectrum = fft.rfft(self._own[places])
@@ -393,7 +413,8 @@ class WeightedCurve:
         """Return whether the recordings' own repetition explains half of another peak."""
         apart = round(other.lag) - round(peak.lag)
         around = self._own[np.arange(apart - 1, apart + 2) % self._evidence.points]
-        return peak.repetition * float(around.max()) > 0.5 * other.height
+        factor = peak.repetition or peak.height / max(float(self._own[0]), 1e-30)
+        return factor * float(around.max()) > 0.5 * other.height
 
     def rivals(self, peak: Peak) -> list[float]:
         """Return the lags that fit as well as a peak of this curve, the highest first.

@@ -21,7 +21,7 @@ from scipy import fft, ndimage
 
 from stereolag.core.arrays import FloatMap, Vector
 from stereolag.loops.compilation import compiled
-from stereolag.signals.correlation import Lags, Recording, interpolate_peak
+from stereolag.signals.correlation import Lags, Recording, interpolate_peak, transform_length
 from stereolag.signals.evidence import Samples
 
 FARTHEST_PPM = 12_000
@@ -51,6 +51,9 @@ _ALL, _MOST = 0.8, 0.6
 
 _ECHO_SHARE = 0.25
 """A lag belongs to its stretch alone if its mean height elsewhere is below this share."""
+
+_BLUR = 0.1
+"""Change of the lag within a block that blurs no peak, samples."""
 
 _FINE_REACH = 64
 _TAPS, _PHASES = 32, 512
@@ -265,15 +268,29 @@ def follow_lag(
     """
     size = min(recording_1.size, recording_2.size - lag) - max(0, -lag)
     longest = int(np.clip(2 ** round(math.log2(max(size, 1) / _BLOCKS)), _SHORTEST, _LONGEST))
-    best: tuple[float, LagOverTime | None] = 0.0, None
+    best = _straight(recording_1, recording_2, lag)
     # Ordinary clocks first, in a narrow strip; then blocks that are so short that the drift does not blur them.
-    for length, farthest, least in ((longest, _USUAL_PPM, _ALL), (longest, ppm, _MOST), (longest // 8, ppm, 0.0)):
-        if length >= _SHORTEST:
-            strip = max(reach if farthest == ppm else 0, int(farthest * 1e-6 * size))
-            best = max(best, _followed(recording_1, recording_2, lag, strip, farthest, length), key=lambda one: one[0])
-            if best[0] >= least:
-                break
+    for length, least in ((longest, _ALL), (longest // 8, _MOST)):
+        if best[0] < least and length >= _SHORTEST:
+            strip = max(reach, int(ppm * 1e-6 * size))
+            best = max(best, _followed(recording_1, recording_2, lag, strip, ppm, length), key=lambda one: one[0])
     return best[1]
+
+
+def _straight(recording_1: Recording, recording_2: Recording, lag: int) -> tuple[float, LagOverTime | None]:
+    """Return the share of the blocks that are on one line of ordinary clocks, and that line."""
+    begin, end = max(0, -lag), min(recording_1.size, recording_2.size - lag)
+    line, share = Stretch(begin, end, lag, 0.0), 0.0
+    reach = max(_FINE_REACH, min(_MOST_REACH, int(_USUAL_PPM * 1e-6 * (end - begin))))
+    for _ in range(2):  # the second time along the drift found first
+        starts, length = _fine_starts(line)
+        found = _refined(recording_1, recording_2, line, reach) if starts.size > _FEWEST else None
+        if found is None or not found.places:
+            break
+        line, share, reach = found, len(found.places) / starts.size, _FINE_REACH
+        if abs(line.slope) * length < _BLUR:
+            break
+    return share, LagOverTime((line,)) if share else None
 
 
 def _followed(
@@ -385,16 +402,21 @@ def _merged(lines: Sequence[Stretch]) -> list[Stretch]:
     return merged
 
 
-def _refined(recording_1: Recording, recording_2: Recording, line: Stretch) -> Stretch | None:
-    """Return a line measured anew in blocks that follow it; None if fewer than half of its blocks confirm it."""
+def _fine_starts(line: Stretch) -> tuple[Lags, int]:
+    """Return the first samples of the blocks in which a line is measured, and their length."""
     size = line.end - line.begin
     length = int(np.clip(size // _FINE_BLOCKS, _SHORTEST, 4 * _LONGEST))
-    starts = np.arange(line.begin, line.end - length // 2, max(length, size // _MOST_BLOCKS))
+    return np.arange(line.begin, line.end - length // 2, max(length, size // _MOST_BLOCKS)), length
+
+
+def _refined(recording_1: Recording, recording_2: Recording, line: Stretch, reach: int = _FINE_REACH) -> Stretch | None:
+    """Return a line measured anew in blocks that follow it; None if fewer than half of its blocks confirm it."""
+    starts, length = _fine_starts(line)
     places = starts + length / 2
-    heights = _plane(recording_1, recording_2, starts, line, length, _FINE_REACH)
+    heights = _plane(recording_1, recording_2, starts, line, length, reach)
     tops = heights.argmax(axis=1)
-    clear = (heights.max(axis=1) > _CLEAR) & (np.abs(tops - _FINE_REACH) < _FINE_REACH)
-    away = [_top(row, int(top)) - _FINE_REACH for row, top in zip(heights, tops, strict=True)]
+    clear = (heights.max(axis=1) > _CLEAR) & (np.abs(tops - reach) < reach)
+    away = [_top(row, int(top)) - reach for row, top in zip(heights, tops, strict=True)]
     fine = line.start + line.slope * places + np.array(away)
     found = _line(places[clear], fine[clear])
     if found is None or 2 * len(found.places) < int(clear.sum()):
@@ -440,7 +462,7 @@ def _plane(
 
     Two curves are taken, whitened and by phase, of each the higher value.
     """
-    points = int(fft.next_fast_len(2 * length + 2 * reach, real=True))
+    points = transform_length(length + length // 4 + 2 * reach, real=True)
     together = max(1, _POINTS_AT_ONCE // points)
     if starts.size > together:
         groups = (starts[begin : begin + together] for begin in range(0, starts.size, together))

@@ -60,6 +60,9 @@ _AS_GOOD = 0.95
 _RIVAL = 0.85
 """Another lag is as good from this share of the height on; noise alone lowers a tooth of a comb by a few per cent."""
 
+_UNDOUBTED = 3.0
+"""From this score on, more evidence only tells that the sections are of the clearer parts."""
+
 _VISIBLE = 4.0
 """Pearson's correlation shows a lag from this many standard deviations of chance on."""
 
@@ -320,7 +323,11 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
         places = [found.lag, *_high_points(found, recordings)]
         every = [_by_sections(recordings, lag, searched) for lag in places]
         best = max(every, key=lambda one: one.score)
-        alike = [one for one in every if one.score > max(1, _RIVAL * best.score)]
+        alike = [
+            one
+            for one in every
+            if one.score > max(1, _RIVAL * (best.score if best.changes else min(best.score, _UNDOUBTED)))
+        ]
         best = alike[0] if alike else best
         return replace(best, others=tuple(one.lag for one in alike if not best.is_at(one.lag)))
     samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
