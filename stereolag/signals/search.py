@@ -148,7 +148,7 @@ def _spectra(recording: ConvertedRecording) -> Iterator[tuple[int, Bands]]:
     """Yield the start of a group of blocks, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
     for start in range(0, recording.size, _BLOCKS_AT_ONCE * BLOCK):
         count = min(_BLOCKS_AT_ONCE, -(-(recording.size - start) // BLOCK))
-        rows = recording.part(start, start + count * BLOCK).reshape(count, BLOCK).astype(np.float32)
+        rows = recording.single(start, start + count * BLOCK).reshape(count, BLOCK)
         spectra = np.asarray(fft.rfft(rows, axis=1, workers=2), dtype=np.complex64)
         # Unlike the other frequencies, the mean of a block has no negative counterpart.
         spectra[:, 0] *= np.float32(np.sqrt(0.5))

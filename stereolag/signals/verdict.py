@@ -200,7 +200,7 @@ class _Alignment:
             if leader is not None and not self.is_at(self.shift + leader.lag):
                 lags.append(leader.lag)
         found = [self.shift + lag for lag in lags] + [*self.others]
-        if self.changes:
+        if self.changes or not found:
             return found
         near = 4 * self.evidence.curves[self.peaks[0].weight].envelope + 32
         least = _RIVAL * overlap_pearson(*recordings, round(self.lag))
