@@ -70,6 +70,9 @@ _LEAD, _LEAD_OF_LOCAL = 1.8, 1.15
 _WORTH_COUNTING = 0.8
 """Share of what is needed below which a peak is not looked into."""
 
+_AGREED = 1.5, 2.5, 1.2
+"""Where most weights lead to one lag, these times what is needed convinces: carried, above and clear of a peak."""
+
 _FAINT, _TOWERING = 0.7, 10.0
 _ALONE = 2.5
 _CORE = 3
@@ -194,8 +197,20 @@ class Evidence:
             leaders = [next(peak for peak in found if peak.weight == number) for number in _UNLIKE]
             apart = abs(leaders[0].lag - leaders[1].lag)
             if apart < 1 and min(leader.score for leader in leaders) > _BY_FAR:
-                break
-        return found
+                return found
+        return [self._agreed(found[0]), *found[1:]]
+
+    def _agreed(self, peak: Peak) -> Peak:
+        """Return the best peak with the evidence that it has if most of the weights lead to it.
+
+        A few loud calls fill their surroundings with cycles of their own, so their peak stands out little from these,
+        but it towers over all the rest, under one weight as under another.
+        """
+        highest = [float(self.first + np.argmax(curve.curve)) for curve in self.curves.values()]
+        if sum(abs(lag - peak.lag) < 1 for lag in highest) < len(highest) - 1:
+            return peak
+        agreed = min(peak.carried / _AGREED[0], peak.above / _AGREED[1], peak.clear / _AGREED[2]) / self.needed
+        return replace(peak, score=max(peak.score, agreed))
 
     def _counted(self, places: tuple[float, ...]) -> list[Peak]:
         """Return the highest peaks of the curves there are, and those at the given lags, with their scores."""
