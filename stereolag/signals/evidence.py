@@ -62,7 +62,7 @@ _FEW_SAMPLES = 64
 """Overlaps below this number of samples are not searched."""
 
 _SHORTEST_SHARE = 0.02
-_MEDIAN_OF = 2**16
+_MEDIAN_OF = 2**15
 
 _LEAD, _LEAD_OF_LOCAL = 1.8, 1.15
 """A peak this many times as high as all the rest is convincing alone; with its local height, their product is."""
@@ -72,6 +72,9 @@ _WORTH_COUNTING = 0.8
 
 _AGREED = 1.5, 2.5, 1.2
 """Where most weights lead to one lag, these times what is needed convinces: carried, above and clear of a peak."""
+
+_BETWEEN = math.pi / 2
+"""Between two samples, a curve is at most this many times as high as on them."""
 
 _FAINT, _TOWERING = 0.7, 10.0
 _ALONE = 2.5
@@ -167,24 +170,24 @@ class Evidence:
         self.overlap = overlap_length(*self.sizes, lags).astype(np.float32)
         shortest = max(min(_FEW_SAMPLES, min(self.sizes) // 2), _SHORTEST_SHARE * float(self.overlap.max()))
         self.long_enough = self.overlap >= shortest
-        self.weights = self._weights()
+        width = max(3, min(self.sizes) // 128)
+        smooth = ndimage.uniform_filter1d(self.powers, width, axis=1, mode="reflect")
+        self._common = np.sqrt(np.maximum(smooth[0] * smooth[1], 0))
+        self._loud = float(np.quantile(self._common[:: max(1, self._common.size // 8192)], _LOUD))
         self.curves: dict[int, WeightedCurve] = {}
 
     def _correlate(self, numbers: Sequence[int]) -> None:
         """Add the curves of some weights."""
-        curves = fft.irfft(self.cross * self.weights[[*numbers]], self.points, axis=1, workers=2)
-        for number, products in zip(numbers, curves, strict=True):
-            self.curves[number] = WeightedCurve(self, number, products)
+        weights = [self._weight(number) for number in numbers]
+        curves = fft.irfft(np.stack([self.cross * weight for weight in weights]), self.points, axis=1, workers=2)
+        for number, weight, products in zip(numbers, weights, curves, strict=True):
+            self.curves[number] = WeightedCurve(self, weight, products)
 
-    def _weights(self) -> Samples:
-        width = max(3, min(self.sizes) // 128)
-        smooth = ndimage.uniform_filter1d(self.powers, width, axis=1, mode="reflect")
-        common = np.sqrt(np.maximum(smooth[0] * smooth[1], 0))
-        loud = float(np.quantile(common[:: max(1, common.size // 8192)], _LOUD))
-        weights = [1 / (common + np.float32(floor * loud + 1e-30)) for floor in _FLOORS]
+    def _weight(self, number: int) -> Samples:
+        if number < len(_FLOORS):
+            return np.asarray(1 / (self._common + np.float32(_FLOORS[number] * self._loud + 1e-30)))
         magnitude = np.sqrt(self.powers[0] * self.powers[1])
-        weights.append(1 / (magnitude + np.float32(_PHASE_FLOOR * magnitude.mean() + 1e-30)))
-        return np.stack(weights)
+        return np.asarray(1 / (magnitude + np.float32(_PHASE_FLOOR * magnitude.mean() + 1e-30)))
 
     def peaks(self, places: tuple[float, ...] = ()) -> list[Peak]:
         """Return the highest peaks under every weight, and those at the given lags, the most convincing first.
@@ -271,14 +274,13 @@ class WeightedCurve:
         Robust standard deviation of the curve.
     """
 
-    def __init__(self, evidence: Evidence, number: int, products: Samples) -> None:
-        self._evidence = evidence
-        weight = self._weight = evidence.weights[number]
+    def __init__(self, evidence: Evidence, weight: Samples, products: Samples) -> None:
+        self._evidence, self._weight = evidence, weight
         parts = (products[min(0, evidence.first) + evidence.points :], products[: evidence.last + 1])
         curve = np.concatenate(parts) if evidence.first < 0 else products[evidence.first : evidence.last + 1]
         self.curve: Samples = np.where(evidence.long_enough, curve[: evidence.overlap.size], np.float32(0))
-        some = np.abs(self.curve[evidence.long_enough])
-        self.deviation = 1.4826 * float(np.median(some[:: max(1, some.size // _MEDIAN_OF)])) + 1e-30
+        some = np.s_[:: max(1, self.curve.size // _MEDIAN_OF)]
+        self.deviation = 1.4826 * float(np.median(np.abs(self.curve[some][evidence.long_enough[some]]))) + 1e-30
         bands = evidence.bands(evidence.own * weight)
         shape = np.abs(fft.ifft(np.append(bands, np.zeros(bands.size))))[: bands.size]
         # Noise of each recording alone adds to the middle of its own curve, and to no other place.
@@ -354,6 +356,11 @@ class WeightedCurve:
     def measure(self, index: int) -> Peak:
         """Return the peak whose envelope contains an index, with the evidence of its height."""
         needed, scale = self._evidence.needed, self.deviation
+        most = _BETWEEN * max(float(self.curve[index]) / scale, self._over_local(index) / _WORTH_COUNTING)
+        if most < needed:
+            return Peak(
+                0, self._evidence.first + index, float(self.curve[index]), above=float(self.curve[index]) / scale
+            )
         index = best_cycle(self.curve, index, self.envelope + 2)
         offset, height = self._between(index)
         peak = Peak(0, self._evidence.first + index + offset, height, above=height / scale)

@@ -83,7 +83,7 @@ _REGULAR = 0.75
 """Least share of the rivals that are evenly spaced."""
 
 _MOST_RIVALS = 16
-_SAMPLED = 2**16
+_SAMPLED = 2**15
 """Points of a curve used to estimate its spread."""
 
 
@@ -362,9 +362,9 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             if wider is not None and wider.steps:
                 found_there = max(found_there, _along(wider, samples_1, samples_2, searched), key=lambda one: one.score)
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
-        # Undoing a lag that does change raises the agreement itself too, not only the contrast to what lies around.
-        agrees = found_there.peaks[0].carried >= _AS_GOOD * best.peaks[0].carried
-        if agrees and found_there.score > best.score * (_AS_GOOD if same else 1.0):
+        # Undoing a lag that does change raises the peak over the whole curve too, not only over what lies around.
+        higher = found_there.peaks[0].above >= _AS_GOOD * best.peaks[0].above
+        if higher and found_there.score > best.score * (_AS_GOOD if same else 1.0):
             best = found_there
     return best
 
