@@ -63,8 +63,8 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
         both = figures.aligned(pair.signal_1, second, lag, search.sampling_rate)
         st.plotly_chart(both, key="aligned", alt=aligned_in_words(result))
     with right:
-        prose.markdown("### Up close: 200 samples of both")
         shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
+        prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
         start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
         if start < highest:
             liveliest = figures.liveliest_start(pair.signal_1, shared)

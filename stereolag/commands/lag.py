@@ -162,5 +162,5 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
     if over_time is not None:
         lines.append(f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks")
     if len(result.arrivals) > 1:
-        lines.append("arrivals  " + ", ".join(f"{one.lag:.0f} ({one.sigma:.1f} σ)" for one in result.arrivals))
+        lines.append("arrivals  " + ", ".join(f"{round(one.lag)} ({one.sigma:.1f} σ)" for one in result.arrivals))
     return "\n".join([*lines, *(_fact_line(one, rate) for one in facts)])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
-from tsdownsample import MinMaxLTTBDownsampler
+from tsdownsample import MinMaxDownsampler
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import typeset
@@ -27,6 +28,15 @@ CLOSE_UP_SAMPLES = 200
 VOTES_SHOWN = 200
 
 RIBBON_POINTS = 257
+
+CLOSE = 250
+"""Lags around the peak of which each is drawn, so that its shape shows when one zooms in."""
+
+_ANNOTATED = 28
+"""Margin above a curve with a label there, px."""
+
+_FAR_RIGHT = 0.8
+"""Share of the axis from which on a label stands left of its point."""
 
 DOUBTFUL = "#8a8a8a"
 """Colour of a peak that is not sure, and of its rivals."""
@@ -94,25 +104,40 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
     """
     figure = go.Figure()
     colour = PEAK if result.verdict == "sure" else DOUBTFUL
+    marks: list[go.Scatter] = []
     if result.lags is not None and result.correlation is not None:
         weight = _weights(result.lags, sizes)
         curve = result.correlation / weight
         _add_ribbon(figure, result, weight)
-        figure.add_trace(_line(result.lags, curve, title, CORRELATION))
-        at = np.searchsorted(result.lags, (result.lag, *result.rivals))
-        if result.rivals:
-            lags, heights = result.lags[at[1:]].astype(np.int32), curve[at[1:]].astype(np.float32)
-            hover = "lag %{x}: %{y}<extra>fits as well</extra>"
-            figure.add_trace(rings(lags, heights, DOUBTFUL, 9, 2, name="fits as well", hovertemplate=hover))
-        height = float(curve[at[0]])
+        marks = _marks(result, curve)
+        peak = int(np.searchsorted(result.lags, result.lag))
+        shown = np.searchsorted(result.lags, [lag for mark in marks for lag in mark.x])
+        around = range(max(0, peak - CLOSE), min(peak + CLOSE + 1, curve.size))
+        figure.add_trace(_line(result.lags, curve, title, CORRELATION, [*shown.tolist(), *around]))
+        height = float(curve[peak])
+        first, last = result.lags[[0, -1]].tolist()
         if sizes is not None:
             figure.update_yaxes(range=[-1.08, 1.08])
     else:
         votes = dict(list((result.votes or {}).items())[:VOTES_SHOWN])
         lags, counts = np.array(list(votes), dtype=np.int32), np.array(list(votes.values()), dtype=np.int32)
-        bar_width = max(1.0, float(np.ptp(lags)) / VOTES_SHOWN)
+        spread = float(np.ptp(lags))
+        bar_width = max(1.0, spread / VOTES_SHOWN)
         figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
         height = float(counts[0])
+        first, last = int(lags.min()), int(lags.max())
+        room = max(0.02 * spread, 20.0)
+        figure.update_xaxes(range=[first - room, last + room])
+        figure.update_yaxes(range=[0, 1.1 * height], tickformat=",d", dtick=1 if height < 6 else None)
+    over_time, label = result.over_time, f"  {result.lag:,}  "
+    if over_time is not None and over_time.shows:
+        low, high = round(over_time.lowest), round(over_time.highest)
+        figure.add_vrect(x0=low, x1=high, fillcolor=PEAK, opacity=0.2, line={"color": PEAK, "width": 1})
+        # Above the curve, which may hide the ring.
+        above = {"x": (low + high) / 2, "y": 1, "yref": "paper", "yanchor": "bottom", "showarrow": False}
+        figure.add_annotation(above, text=typeset(f"{low:,} to {high:,}"), font={"color": PEAK, "size": 14})
+        label = ""
+    figure.add_traces(marks)
     figure.add_trace(
         rings(
             [result.lag],
@@ -120,15 +145,43 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
             colour,
             11,
             2.5,
-            text=[typeset(f"  {result.lag:,}")],
-            textposition="middle right",
+            text=[typeset(label)],
+            textposition="middle left" if result.lag > first + _FAR_RIGHT * (last - first) else "middle right",
             textfont={"color": colour, "size": 14},
             name="peak",
             hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
         )
     )
     x = {"title": "lag, samples (right: sensor 2 hears it later)", "tickformat": ",d"}
-    return laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **ALONE)
+    laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **ALONE)
+    return figure if label else figure.update_layout(margin_t=_ANNOTATED)
+
+
+def _marks(result: SignalLag, curve: Vector) -> list[go.Scatter]:
+    """Return rings around the other points of the curve that the verdict names."""
+    changes = result.over_time is not None and result.over_time.shows
+    opposite = result.judgement.opposite_lag
+    named = (result.lag, *result.rivals)
+    arrivals = [round(one.lag) for one in result.arrivals if all(abs(one.lag - lag) > 1 for lag in named)]
+    kinds: list[tuple[Sequence[int], str, str]] = [
+        (result.rivals, DOUBTFUL, "fits as well"),
+        ([] if changes else arrivals, CORRELATION, "another arrival"),
+        ([] if opposite is None else [opposite], PEAK, "opposite sign"),
+    ]
+    assert result.lags is not None
+    marks = []
+    for given, colour, name in kinds:
+        lags = np.array(given, dtype=np.int32)
+        lags = lags[np.isin(lags, result.lags)]
+        if lags.size:
+            heights = curve[np.searchsorted(result.lags, lags)].astype(np.float32)
+            hover = f"lag %{{x}}: %{{y}}<extra>{name}</extra>"
+            mark = rings(lags, heights, colour, 9, 2, name=name, hovertemplate=hover)
+            marks.append(mark)
+            if lags[0] == opposite:
+                mark.update(mode="markers+text", text=[typeset(f"  {opposite:,}")], textposition="middle right")
+                mark.update(textfont={"color": colour, "size": 14}, cliponaxis=False)
+    return marks
 
 
 def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
@@ -142,10 +195,12 @@ def band_of_chance(result: SignalLag) -> tuple[float, float] | None:
     """Return the values between which chance keeps the curve; None if they are not known.
 
     They come from the curve's own spread. Where equal peaks are so many that they make up the spread, as for a tone, it
-    says nothing about chance.
+    says nothing about chance; nor where a few loud events that share nothing rise far above it.
     """
     band = result.judgement.ribbon
     if band is None or result.lags is None or result.correlation is None:
+        return None
+    if result.verdict == "nothing" and result.judgement.height > result.judgement.needed:
         return None
     peaks = result.correlation[np.searchsorted(result.lags, (result.lag, *result.rivals))]
     return None if result.verdict == "ambiguous" and peaks.min() < 2 * band[1] else band
@@ -207,10 +262,11 @@ def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str],
     return (signal_1, "sensor 1", SENSOR_1), (signal_2, "sensor 2", SENSOR_2)
 
 
-def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str) -> go.Scatter:
-    """Return a line of at most `POINTS` points that looks like the full one."""
+def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str, marked: Sequence[int] = ()) -> go.Scatter:
+    """Return a line of about `POINTS` points that looks like the full one, among them those of the indices `marked`."""
     if y.size > POINTS:
-        kept = MinMaxLTTBDownsampler().downsample(np.ascontiguousarray(y), n_out=POINTS)  # type: ignore[no-untyped-call]
+        kept = MinMaxDownsampler().downsample(np.ascontiguousarray(y), n_out=POINTS - 2)  # type: ignore[no-untyped-call]
+        kept = np.array(sorted({0, y.size - 1, *kept.tolist(), *marked}))
         x, y = x[kept], y[kept]
     small = np.int32 if np.issubdtype(x.dtype, np.integer) else np.float32
     return go.Scatter(

@@ -34,6 +34,15 @@ class SoundFormat:
     is_audio: bool = False
     states_delay: bool = True
 
+    @property
+    def a_file(self) -> str:
+        """Return the name of one of its files in a sentence: "an MP3 file"."""
+        article = "an" if self.name in _AFTER_AN else "a"
+        return f"{article} {self.name} file"
+
+
+_AFTER_AN = {"AAC", "AIFF", "AMR", "AU", "AVI", "FLV", "MP3", "MP4", "MPEG", "MPEG-TS", "OGG"}
+
 
 def _format(name: str, suffixes: str, mark: bytes, demuxer: str, **facts: bool) -> SoundFormat:
     return SoundFormat(name, tuple(suffixes.split()), re.compile(mark, re.DOTALL), demuxer, **facts)

@@ -105,7 +105,7 @@ def read_sound(source: Path | bytes, form: SoundFormat, track: int | str = 1) ->
             stream.seek(0)
             if form.name == "AIFF" and b"DWVW" in stream.read(HEADER_BYTES):
                 fault = "in the coding DWVW, which is not decoded"
-            raise ValueError(f"The {WHAT} is a file of {form.name} that is {fault}; {ANEW}.") from error
+            raise ValueError(f"The {WHAT} is {form.a_file} that is {fault}; {ANEW}.") from error
 
 
 # By libsndfile.
@@ -271,7 +271,7 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
     with av.open(file, "r", format=form.demuxer, options=options, metadata_errors="replace") as container:
         streams = container.streams.audio
         if not streams:
-            raise ValueError(f"The {WHAT} is a file of {form.name} without sound.")
+            raise ValueError(f"The {WHAT} is {form.a_file} without sound.")
         names = tuple(f"{number}{_described(stream)}" for number, stream in enumerate(streams, start=1))
         number = chosen_track(names, track)
         context = streams[number - 1].codec_context
@@ -279,9 +279,7 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
             raise EOFError("an unknown codec")
         if not (context.name in CODECS or context.name.startswith("pcm_")):
             coding = quote(context.name)
-            raise ValueError(
-                f"The {WHAT} is a file of {form.name} in the coding {coding}, which is not decoded; {ANEW}."
-            )
+            raise ValueError(f"The {WHAT} is {form.a_file} in the coding {coding}, which is not decoded; {ANEW}.")
         context.thread_count = 1
         stream = streams[number - 1]
         recording = _decoded(container, stream)

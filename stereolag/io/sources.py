@@ -94,9 +94,15 @@ def check_pixels(width: int, height: int, what: str) -> None:
         )
 
 
+_ROUND = str.maketrans("[]", "()")
+
+
 def quote(text: str) -> str:
-    """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML."""
-    start = re.sub(r"[^\w .,:;+=()°%-]", "?", text[:24])
+    """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML.
+
+    Square brackets, in which loggers state units, become round: square ones are active in Markdown.
+    """
+    start = re.sub(r"[^\w .,:;+=()°%/-]|//+", "?", text[:24].translate(_ROUND))
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 

@@ -15,7 +15,7 @@ from recording_bytes import filmed
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.verdict import coloured, drifting, tones, unrelated
+from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.core.typography import typeset
 from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.phasors import LAG, SIZE
@@ -73,6 +73,7 @@ def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tu
     assert app.header[0].value.startswith(said)
     assert {"Lag, samples", "Time", "Path difference"}.isdisjoint(numbers(app))
     assert "Highest point, samples" in numbers(app)
+    assert re.fullmatch(r"\d+\.\d of \d\.\d\sσ", numbers(app)["Evidence"])
 
 
 def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
@@ -99,6 +100,27 @@ def test_drift_and_what_was_assumed_stand_in_the_headline(open_page: OpenPage) -
     assert app.header[0].value.endswith(typeset("its path is **2.27 m** longer, at 333 m/s, assumed."))
     app.number_input[1].set_value(340.0).run()
     assert app.header[0].value.endswith(typeset("its path is **2.31 m** longer."))
+
+
+def test_the_score_of_a_lag_that_changes_is_that_of_the_aligned_recordings(open_page: OpenPage) -> None:
+    app = measured(open_page, *two_waves(*drifting(60_000, 400, 900.0, 0.1, 1)))
+    assert float(numbers(app)["Score"]) > 0.95  # at no single lag above 0.1
+    assert "A lag that changes spreads the peak over them" in captions(app)
+
+
+def test_few_votes_do_not_hide_a_lag_that_all_samples_agree_on(open_page: OpenPage) -> None:
+    app = measured(open_page, *two_waves(*[one / 12 for one in common(20_000, 300, 0)]))
+    app.button_group(key="lag.method").set_value("sampled").run()
+    assert app.header[0].value == "Nothing found by sampling: hardly two samples vote for the same lag."
+    (said,) = [one.value for one in app.markdown if "All samples together" in one.value]
+    assert re.search(r"agree on a lag of 300 \(\d\d\.\d.σ\): choose the method FFT\.", said)
+
+
+def test_a_few_rivals_are_named_in_the_headline(open_page: OpenPage) -> None:
+    random = np.random.default_rng(3)
+    clip, other = random.normal(size=3_000), random.normal(size=5_000)
+    app = measured(open_page, *two_waves(clip, np.concatenate((clip, other, clip))))
+    assert app.header[0].value == typeset("Cannot tell: **0 and 8,000 samples** fit equally well.")
 
 
 def drawn(app: AppTest) -> list[dict[str, list[float]]]:

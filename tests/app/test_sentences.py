@@ -62,9 +62,11 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.lag.sentences import (
     blocks_in_words,
     curve_in_words,
+    drift_in_words,
     heard_in_words,
     own_facts,
     own_in_words,
+    ribbon_in_words,
     run_times_in_words,
     verdict_explained,
     verdict_in_words,
@@ -93,6 +95,9 @@ def test_lags(snapshot: Snapshot) -> None:
     whole = coloured(6000, 0.8, np.random.default_rng(4))
     late = np.concatenate((np.zeros(25), clip))
     first, second = drifting(150_000, 400, 50.0, 0.0, 1)
+    loud = 0.01 * random.normal(size=(2, 8_000))
+    loud[0, 3_000:3_060] += clip[:60]
+    loud[1, 5_000:5_060] += clip[60:120]
     results = {
         "sure": signal_lag(*common(20_000, 441, 0, colour=0.0)),
         "heard first": signal_lag(late, clip),
@@ -101,6 +106,9 @@ def test_lags(snapshot: Snapshot) -> None:
         "tone of a broken period": signal_lag(*tones(6000, 0.1234, 0.0, 0)),
         "one rival": signal_lag(clip, np.concatenate((clip, random.normal(size=5000), clip))),
         "unrelated": signal_lag(*unrelated("noise and noise", 3000, 0)),
+        "unrelated, loud moments": signal_lag(*loud),
+        "three lags": signal_lag(clip, np.concatenate((clip, loud[0], clip, clip[::-1], clip))),
+        "few votes": signal_lag(*common(20_000, 300, 0), method="sampled", seed=0),
         "unrelated, by votes": signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0),
         "by votes": signal_lag(clip, late, method="sampled", seed=0),
         "reversed microphone": signal_lag(whole[1000:5000], -whole[:4000]),
@@ -114,8 +122,11 @@ def test_lags(snapshot: Snapshot) -> None:
         for name, one in results.items()
     }
     for name, one in results.items():
+        if one.lags is not None:
+            said[name].append(f"below it: {ribbon_in_words(one, 'fair')}")
         if one.over_time is not None:
             said[name].append(f"over time: {blocks_in_words(one.over_time, 44_100.0)}")
+            said[name].append(f"below it: {drift_in_words(one.over_time)}")
     said["assumed"] = [
         verdict_in_words(results[name], given)
         for name, given in (("sure", {"speed"}), ("sure", {"speed", "sampling_rate"}), ("step", {"sampling_rate"}))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.verdict import drifting, tones, unrelated
+from benchmarks.verdict import common, drifting, tones, unrelated
 from stereolag.assess.explaining import Box, window_start
 from stereolag.figures.match import CLOSEST, WindowGrid, overlap_figure, window_grid
 from stereolag.figures.recordings import (
@@ -30,7 +30,8 @@ from tests.app.uploads import noise
 @pytest.mark.parametrize("count", [10, POINTS, 50_000])
 def test_a_line_holds_as_many_points_as_are_seen(count: int) -> None:
     figure = waveforms(noise(count), noise(count, 1), 8_000)
-    assert [len(trace.x) for trace in figure.data] == 2 * [min(count, POINTS)]
+    assert all(min(count, POINTS - 2) <= len(trace.x) <= POINTS for trace in figure.data)
+    assert all(trace.x[0] == 0 and trace.x[-1] == pytest.approx((count - 1) / 8_000) for trace in figure.data)
     assert all(trace.y.dtype == np.float32 for trace in figure.data)
 
 
@@ -60,6 +61,65 @@ def test_the_peak_and_its_rivals_are_marked_where_they_are(method: str) -> None:
     result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
     rivals = [trace.x for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
     assert tuple(rivals[0]) == result.rivals
+
+
+def test_the_drawn_curve_reaches_every_marked_lag_and_all_lags_around_the_peak() -> None:
+    sound = np.random.default_rng(12).normal(size=60_000)
+    result = signal_lag(sound, np.pad(sound, (500, 0))[:60_000] + 0.5 * np.pad(sound, (30_000, 0))[:60_000])
+    assert result.lags is not None and result.correlation is not None
+    curve, arrival, peak = correlation_curve(result, "").data[1:]
+    drawn = dict(zip(curve.x.tolist(), curve.y.tolist(), strict=True))
+    assert (arrival.name, arrival.x.tolist(), peak.x) == ("another arrival", [30_000], (500,))
+    assert [drawn[arrival.x[0]], drawn[500]] == pytest.approx([arrival.y[0], peak.y[0]])
+    assert set(range(300, 700)) < set(drawn)
+    # As high and as low around every place as the whole curve is there.
+    for low in range(-59_000, 59_000, 1_000):
+        whole = result.correlation[(result.lags >= low) & (result.lags < low + 1_000)]
+        shown = [value for lag, value in drawn.items() if low - 130 <= lag < low + 1_130]
+        assert max(shown) > whole.max() - 1e-6 and min(shown) < whole.min() + 1e-6
+
+
+def test_a_peak_at_the_right_end_has_its_label_on_the_left() -> None:
+    sound = noise(6_000)
+    for pair, side in (((sound[5_800:], sound), "left"), ((sound, sound[5_800:]), "right")):
+        label = correlation_curve(signal_lag(*pair), "").data[-1]
+        assert label.textposition == f"middle {side}"
+
+
+def test_the_lags_of_a_drift_are_marked_from_the_lowest_to_the_highest() -> None:
+    result = signal_lag(*drifting(150_000, 400, 900.0, 0.1, 1), max_lag=2000)
+    figure = correlation_curve(result, "")
+    (range_,) = figure.layout.shapes
+    assert (range_.x0, range_.x1) == pytest.approx((400, 535), abs=1)
+    assert [one.text for one in figure.layout.annotations] == ["400 to 535"]
+
+
+def test_a_reversed_microphone_is_marked_at_its_trough() -> None:
+    sound = noise(5_000)
+    result = signal_lag(sound[1_000:], -sound[:4_000])
+    trough = next(one for one in correlation_curve(result, "").data if one.name == "opposite sign")
+    assert trough.x.tolist() == [1_000]
+    assert trough.y[0] < -0.8
+    assert trough.text[0].strip() == "1,000"
+
+
+def test_votes_for_one_lag_alone_stand_on_an_axis_with_room_around_them() -> None:
+    result = signal_lag(*common(20_000, 300, 0), method="sampled", seed=0)
+    assert result.votes is not None and len(result.votes) == 1
+    axis = correlation_curve(result, "votes").layout.xaxis
+    assert axis.range[0] < 290 and axis.range[1] > 310
+
+
+def test_no_chance_level_is_below_loud_moments_that_share_nothing() -> None:
+    random = np.random.default_rng(3)
+    first, second = 0.01 * random.normal(size=(2, 8_000))
+    first[3_000:3_060] += random.normal(size=60)
+    second[5_000:5_060] += random.normal(size=60)
+    result = signal_lag(first, second)
+    assert result.verdict == "nothing"
+    assert result.judgement.ribbon is not None and result.correlation is not None
+    assert result.correlation.max() > result.judgement.ribbon[1]
+    assert "chance" not in {trace.name for trace in correlation_curve(result, "").data}
 
 
 def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> None:

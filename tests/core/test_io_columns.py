@@ -412,13 +412,13 @@ def test_missing_values_lie_on_a_line_and_are_counted(text: str, channels: int, 
 
 def test_what_is_left_out_is_said_and_columns_keep_their_numbers_and_names() -> None:
     recording = read(
-        rows(lambda i: f"acc,{i / RATE},{A[i]},{'' if i % 3 else 5},{B[i]}", "sensor,t,A (V),C,B", "\nMean,1")
+        rows(lambda i: f"acc,{i / RATE},{A[i]},{'' if i % 3 else 5},{B[i]}", "sensor [m/s],t [s],A (V),C,B", "\nMean,1")
     )
     assert (recording.numbers, recording.names) == ((3, 5), ("A (V)", "B"))
     assert recording.notes == (
-        "times in column 2 “t”",
+        "times in column 2 “t (s)”",
         "mostly empty, left out: column 4 “C”",
-        "words left out: column 1 “sensor”",
+        "words left out: column 1 “sensor (m/s)”",
         "1 line below the columns left out",
     )
     np.testing.assert_array_equal(recording.channel(5).channels[0], B)
@@ -509,7 +509,7 @@ def test_more_nul_bytes_are_refused() -> None:
         ("1,2\n3\n", "Line 2 holds 1 field and the lines before it 2; complete or remove it"),
         ("1,2\n3,4,5\n", "Line 2 holds 3 fields and the lines before it 2"),
         ("# r\n1 # ok\n\n1_000\n", "Line 4 holds “1_000”"),
-        ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\?x\?\(http:"),
+        ("1\n2\n![x](http://e.org/long/long)\n4\n", r"Line 3 holds “\?\(x\)\(http:\?e\.org"),
         ("word\nand more words\n", "No line of the text holds a number: line 1 is “word”; allowed are numbers, times"),
         ("2024-05-06,word\n2024-05-07,word\n", "No line of the text holds a number"),
         ("t,A\n0.1,1\n0.2,2\n0.15,3\n0.3,4\n" + "0.4,1\n" * 10, "Line 4 goes back in time by 0.05 s; sort the file"),

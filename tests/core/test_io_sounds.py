@@ -227,17 +227,17 @@ def test_an_ogg_that_is_cut_short_is_read_as_far_as_it_goes() -> None:
     assert VOICE.size < read_signal(data[: len(data) * 2 // 3]).channels.shape[1] < 4 * VOICE.size
 
 
-WHAT = "The recording is a file of"
+WHAT = "The recording is"
 ANEW = "; export it again, best as WAV or FLAC."
 NO_FORMAT = b"RIFF\x24\0\0\0WAVEdata\4\0\0\0\0\0\0\0"
 REFUSED: list[tuple[bytes, str]] = [
-    (plain_wav(0), f"{WHAT} WAV that is of 0 channels by its header, where 1 to 64 are allowed{ANEW}"),
-    (plain_wav()[:12], f"{WHAT} WAV that is cut short before the layout of its samples is stated{ANEW}"),
-    (NO_FORMAT, f"{WHAT} WAV that is cut short before the layout of its samples is stated{ANEW}"),
-    (plain_wav()[:36], f"{WHAT} WAV that is without sound: it ends before its samples, or holds none{ANEW}"),
+    (plain_wav(0), f"{WHAT} a WAV file that is of 0 channels by its header, where 1 to 64 are allowed{ANEW}"),
+    (plain_wav()[:12], f"{WHAT} a WAV file that is cut short before the layout of its samples is stated{ANEW}"),
+    (NO_FORMAT, f"{WHAT} a WAV file that is cut short before the layout of its samples is stated{ANEW}"),
+    (plain_wav()[:36], f"{WHAT} a WAV file that is without sound: it ends before its samples, or holds none{ANEW}"),
     (
         wav((0x1234, 1, 8000, 8000, 1, 8), bytes(800)),
-        f"{WHAT} WAV that is in the coding 0x1234, which is not decoded, or damaged{ANEW}",
+        f"{WHAT} a WAV file that is in the coding 0x1234, which is not decoded, or damaged{ANEW}",
     ),
     (plain_wav(data=bytes(2)), "The recording holds 1 samples; at least 2 are needed."),
     (plain_wav(data=b""), "The recording holds 0 samples; at least 2 are needed."),
@@ -245,11 +245,14 @@ REFUSED: list[tuple[bytes, str]] = [
         sound("WAV", "FLOAT", samples=np.array([0.0, np.nan, 1.0])),
         "The recording holds 1 NaN or infinite samples; every sample must be a finite number.",
     ),
-    (sound("FLAC")[:30], f"{WHAT} FLAC that is damaged, cut short or in an unknown coding{ANEW}"),
-    (sound("AIFF", "DWVW_16"), f"{WHAT} AIFF that is in the coding DWVW, which is not decoded{ANEW}"),
-    (filmed("mp4", "aac", VOICE)[:400], f"{WHAT} MP4 that is damaged, cut short or in an unknown coding{ANEW}"),
-    (filmed("mp4", "aac", picture=True), f"{WHAT} MP4 without sound."),
-    (filmed("matroska", "wavpack", VOICE), f"{WHAT} Matroska in the coding “wavpack”, which is not decoded{ANEW}"),
+    (sound("FLAC")[:30], f"{WHAT} a FLAC file that is damaged, cut short or in an unknown coding{ANEW}"),
+    (sound("AIFF", "DWVW_16"), f"{WHAT} an AIFF file that is in the coding DWVW, which is not decoded{ANEW}"),
+    (filmed("mp4", "aac", VOICE)[:400], f"{WHAT} an MP4 file that is damaged, cut short or in an unknown coding{ANEW}"),
+    (filmed("mp4", "aac", picture=True), f"{WHAT} an MP4 file without sound."),
+    (
+        filmed("matroska", "wavpack", VOICE),
+        f"{WHAT} a Matroska file in the coding “wavpack”, which is not decoded{ANEW}",
+    ),
 ]
 
 

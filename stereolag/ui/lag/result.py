@@ -16,17 +16,19 @@ from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import align, mix
+from stereolag.signals.correlation import HeldRecording, overlap_pearson
+from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_numbers
 from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
-    NO_RIBBON,
-    RIBBON_EXPLAINED,
     blocks_in_words,
     curve_in_words,
+    drift_in_words,
     heard_in_words,
+    ribbon_in_words,
     verdict_explained,
     verdict_in_words,
 )
@@ -82,10 +84,15 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     if result.verdict != "sure":
         doubtful = "Where the curve is highest: not a lag to rely on."
         numbers = [Number("Highest point, samples", f"{result.lag:,}", doubtful)]
-    agreement = "Pearson’s correlation where both overlap: 1 is perfect agreement."
-    numbers.append(Number("Score", f"{result.score:.3f}", agreement))
-    evidence = f"In standard deviations of chance. For this many lags, {result.judgement.needed:.1f} σ are needed."
-    numbers.append(Number("Evidence", f"{result.judgement.evidence:.1f} σ", evidence))
+    score, undone = result.score, ""
+    if changes and result.over_time is not None:
+        score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
+    agreement = f"Pearson’s correlation where both overlap{undone}: 1 is perfect agreement."
+    numbers.append(Number("Score", f"{score:.3f}", agreement))
+    judgement = result.judgement
+    short = f" of {judgement.needed:.1f}" if judgement.evidence < judgement.needed else ""
+    meaning = f"In standard deviations of chance. For this many lags, {judgement.needed:.1f} σ are needed."
+    numbers.append(Number("Evidence", f"{judgement.evidence:.1f}{short} σ", meaning))
     took = Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run.")
     show_numbers((*numbers, took))
 
@@ -102,10 +109,8 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
             sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
     curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
     st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
-    if result.lags is not None and figures.band_of_chance(result) is None:
-        prose.caption(NO_RIBBON)
-    elif result.lags is not None:
-        prose.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
+    if result.lags is not None:
+        prose.caption(ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair"))
 
 
 def show_over_time(over_time: LagOverTime, search: LagSearch) -> None:
@@ -113,18 +118,22 @@ def show_over_time(over_time: LagOverTime, search: LagSearch) -> None:
     prose.markdown("### Lag over time")
     figure = figures.lag_over_time(over_time, search.sampling_rate)
     st.plotly_chart(figure, key="lag_over_time", alt=blocks_in_words(over_time, search.sampling_rate))
-    clocks = f"{over_time.ppm:+.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
-    prose.caption(
-        f"Each dot is one block of the recordings. Within an unbroken stretch the lag grows by {clocks}: "
-        + ("the clocks run apart." if over_time.drifts else "no drift to speak of.")
-    )
+    prose.caption(drift_in_words(over_time))
 
 
 def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
     """Return recording 2 to be drawn beside recording 1, and the whole lag still to be undone, samples."""
-    if result.over_time is None or not result.over_time.shows:
-        return pair.signal_2, result.lag
-    return _aligned(pair, result), 0
+    if result.over_time is not None and result.over_time.shows:
+        return _aligned(pair, result), 0
+    opposite = result.judgement.opposite_lag
+    return pair.signal_2, result.lag if opposite is None else opposite
+
+
+def _aligned_score(pair: RecordingPair, result: SignalLag, over_time: LagOverTime) -> float:
+    """Return Pearson's correlation of recording 1 and of recording 2 on its clock, where both have samples."""
+    shared = slice(over_time.stretches[0].begin, over_time.stretches[-1].end)
+    first, second = (HeldRecording(normalised(one[shared])) for one in (pair.signal_1, _aligned(pair, result)))
+    return overlap_pearson(first, second, 0)
 
 
 def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:

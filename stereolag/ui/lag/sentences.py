@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -68,15 +68,26 @@ def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     if judgement.reason == "repeats" and judgement.spacing is not None:
         return f"Cannot tell: it repeats every **{_samples(judgement.spacing)} samples**."
     if judgement.verdict == "ambiguous":
-        others = len(judgement.rivals)
-        return f"Cannot tell: **{others} other {'lag fits' if others == 1 else 'lags fit'}** as well."
+        lags = sorted((result.lag, *judgement.rivals))
+        if len(lags) <= _MOST_NAMED:
+            return f"Cannot tell: **{_together([f'{lag:,}' for lag in lags])} samples** fit equally well."
+        return f"Cannot tell: **at least {len(lags) - 1} other lags fit** as well."
     return _NOTHING_WORDS[judgement.reason]
+
+
+_MOST_NAMED = 4
+
+
+def _together(words: Sequence[str]) -> str:
+    """Return words as in a sentence: "a", "a and b", "a, b and c"."""
+    *others, last = words
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 _NOTHING_WORDS = {
     "chance": "Nothing in common found: the highest point is at chance level.",
     "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
-    "few_votes": "Nothing in common found: hardly two samples vote for the same lag.",
+    "few_votes": "Nothing found by sampling: hardly two samples vote for the same lag.",
     "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
 }
 
@@ -86,9 +97,9 @@ def verdict_explained(result: SignalLag) -> list[str]:
     judgement, over_time = result.judgement, result.over_time
     said = []
     if over_time is not None and over_time.shows:
-        said.append("A lag that changes is not the path’s alone, so no metres are given.")
-    if len(result.arrivals) > 1:
-        shown = ", ".join(f"{one.lag:,.0f} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
+        said.append("A lag that changes is not due to the path alone, so no metres are given.")
+    if len(result.arrivals) > 1 and judgement.reason != "repeats":
+        shown = ", ".join(f"{round(one.lag):,} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
         said.append(f"Arrivals beyond chance, samples: {shown}. The direct sound and its echoes, or several sounds.")
     if judgement.opposite_lag is not None:
         said.append(
@@ -96,10 +107,11 @@ def verdict_explained(result: SignalLag) -> list[str]:
             "microphone, or negate one file."
         )
     elif judgement.verdict == "ambiguous":
-        said.append(
-            f"The lags {_listed(sorted((result.lag, *judgement.rivals)))} fit about equally well. A stretch that does "
-            "not repeat, or a smaller largest lag, can decide."
-        )
+        fit = "" if len(judgement.rivals) < _MOST_NAMED else f"{_nearest(result)} fit about equally well. "
+        said.append(f"{fit}A stretch that does not repeat, or a smaller largest lag, can decide.")
+    elif judgement.reason == "few_votes" and result.arrivals:
+        lag, sigma = result.arrivals[0]
+        said.append(f"All samples together agree on a lag of {round(lag):,} ({sigma:.1f} σ): choose the method FFT.")
     elif judgement.verdict == "nothing":
         said.append(
             "Use a longer stretch with a distinct sound that both sensors hear, and check that both files cover it."
@@ -110,10 +122,11 @@ def verdict_explained(result: SignalLag) -> list[str]:
 _MOST_LISTED = 5
 
 
-def _listed(lags: list[int]) -> str:
-    shown = [f"{lag:,}" for lag in lags[:_MOST_LISTED]]
-    more = len(lags) - len(shown)
-    return "; ".join(shown) + (f" and {more} more" if more else "")
+def _nearest(result: SignalLag) -> str:
+    """Return the lag and the rivals nearest to it in words, and how many more were found."""
+    lags = sorted((result.lag, *result.rivals[: _MOST_LISTED - 1]))
+    more = 1 + len(result.rivals) - len(lags)
+    return f"The lags {'; '.join(f'{lag:,}' for lag in lags)} and at least {more} more"
 
 
 def _samples(spacing: float) -> str:
@@ -121,7 +134,7 @@ def _samples(spacing: float) -> str:
     return f"{whole:,}" if abs(spacing - whole) < 0.05 or spacing >= 100 else f"{spacing:.1f}"
 
 
-RIBBON_EXPLAINED = {
+_RIBBON_EXPLAINED = {
     "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
     "overlap): 0.5 over many samples counts more than 0.9 over ten. The score above is the plain one at the peak.",
     "plain": "Grey: chance level, wider toward the ends, where few samples overlap. The curve is "
@@ -129,10 +142,39 @@ RIBBON_EXPLAINED = {
     "phat": "Grey: chance level. Every frequency counts the same, whatever its loudness: the peak is "
     "the share of them that agrees on the lag, so it is lower than the score.",
 }
-"""Caption of the curve for each way to draw it."""
 
-NO_RIBBON = "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn."
-"""Caption of a curve without a band of chance."""
+_CHANGING = (
+    "Red: every lag from the lowest to the highest. A lag that changes spreads the peak over them, so it can sink "
+    "below chance level (grey). The ring marks the middle of the longest stretch."
+)
+
+_WITHIN = (
+    "Grey: chance level. The peak stays below it in this curve; the evidence comes from other weights of the "
+    "frequencies."
+)
+
+_MANY_PEAKS = "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn."
+
+_LOUD_MOMENTS = (
+    "Loud moments or slow swings raise this curve far above its own spread without a common sound, so no chance level "
+    "is drawn."
+)
+
+
+def ribbon_in_words(result: SignalLag, curve: Literal["fair", "plain", "phat"]) -> str:
+    """Return what the grey ribbon is beside a curve, and why the peak is below it or the ribbon missing."""
+    if result.over_time is not None and result.over_time.shows:
+        return _CHANGING
+    band = band_of_chance(result)
+    if band is None:
+        return _LOUD_MOMENTS if result.verdict == "nothing" else _MANY_PEAKS
+    return _RIBBON_EXPLAINED[curve] if result.verdict != "sure" or _peak(result) > band[1] else _WITHIN
+
+
+def _peak(result: SignalLag) -> float:
+    assert result.lags is not None
+    assert result.correlation is not None
+    return float(result.correlation[np.searchsorted(result.lags, result.lag)])
 
 
 def heard_in_words(result: SignalLag) -> str:
@@ -200,11 +242,17 @@ def curve_in_words(result: SignalLag) -> str:
         votes = (result.votes or {}).get(result.lag, 0)
         return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
     searched = f"Correlation at the lags {result.lags[0]:,} to {result.lags[-1]:,} samples"
+    over_time = result.over_time
+    if over_time is not None and over_time.shows:
+        lags = f"{over_time.lowest:,.0f} to {over_time.highest:,.0f}"
+        return f"{searched}: the lag changes, which spreads the peak over the lags {lags}."
     if result.verdict == "sure":
         return f"{searched}: one clear peak at {result.lag:,}, score {result.score:.3f}."
     if result.verdict == "ambiguous":
         return f"{searched}: highest at {result.lag:,}, and {_others(len(result.rivals))} about as high."
-    return f"{searched}: nothing rises above chance level; the highest point is at {result.lag:,}."
+    if result.judgement.opposite_lag is not None:
+        return f"{searched}: no peak, but a clear trough at {result.judgement.opposite_lag:,}."
+    return f"{searched}: no peak is beyond chance; the highest point is at {result.lag:,}."
 
 
 def _others(count: int) -> str:
@@ -225,6 +273,9 @@ def aligned_in_words(result: SignalLag) -> str:
     """Return how well the recordings match once the lag is undone."""
     if result.over_time is not None and result.over_time.shows:
         return "Both recordings on one plot, the second on the clock of the first."
+    if result.judgement.opposite_lag is not None:
+        lag = result.judgement.opposite_lag
+        return f"Both recordings on one plot, the second moved back by {lag:,} samples: it mirrors the first."
     return (
         f"Both recordings on one plot, the second moved back by {result.lag:,} samples: where they overlap, "
         f"their correlation is {result.score:.3f}."
@@ -249,6 +300,14 @@ def run_times_in_words(seconds: npt.NDArray[np.float64]) -> str:
     """Return how long the runs took."""
     shortest, median, longest = (duration(float(one)) for one in np.percentile(seconds, (0, 50, 100)))
     return f"Times of {seconds.size} runs: {shortest} to {longest}, median {median}."
+
+
+def drift_in_words(over_time: LagOverTime) -> str:
+    """Return by how much the lag grows within a stretch."""
+    where = "Between the steps the" if over_time.steps else "The"
+    rate = f"{over_time.ppm:+,.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
+    found = "the clocks run apart" if over_time.drifts else "no drift to speak of"
+    return f"Each dot is one block of the recordings. {where} lag grows by {rate}: {found}."
 
 
 # Panels
@@ -380,14 +439,14 @@ DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
 DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "recordings": "240 samples of both, shifted by the lag found",
     "curve": "Correlation × √overlap, at every lag",
-    "close": "The highest point, up close",
+    "close": "The peak, up close",
     "agreement": "Evidence, in standard deviations of chance",
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
     "convinces": "needed",
 }
 
-_DISTURBED = "Highest at {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
+_DISTURBED = "{where} {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
 
 DISTURBED_VERDICTS: Final = {
     "clear": "Sure: recording 2 lags by {lag:,} samples.",
@@ -395,7 +454,7 @@ DISTURBED_VERDICTS: Final = {
     "steps": "Sure, with steps: the lag jumps.",
     "wrong": "Fooled: sure of {lag:,} samples, but the true lag is {true:,}.",
     "repeats": "Cannot tell: it repeats every {spacing:,.0f} samples.",
-    "rivals": "Cannot tell: {rivals} as well.",
+    "rivals": "Cannot tell: {rivals}.",
     "chance": "Nothing in common found: the highest point is at chance level.",
     "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
     "opposite_sign": "Nothing in common found, but the opposite sign fits.",
@@ -420,7 +479,6 @@ DISTURBED_LESSONS: Final = {
 }
 
 _DISTURBED_NOTES: Final = {
-    "no_band": NO_RIBBON,
     "echo": "The smaller peak {delay:,} samples later is the echo.",
     "teeth": "The repeating part makes the teeth every {period:,} samples; the rest settles the lag.",
 }
@@ -438,7 +496,12 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "delay": ECHO_DELAY,
         "period": settings.period,
         "spacing": judgement.spacing,
-        "rivals": f"{len(rivals)} other lags fit" if len(rivals) > 1 else f"{next(iter(rivals), 0):,} samples fits",
+        "rivals": (
+            f"at least {len(rivals)} other lags fit as well"
+            if len(rivals) >= _MOST_NAMED
+            else f"{_together([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
+        ),
+        "where": "In the middle" if reason in {"drift", "steps"} else "Highest at",
         "start": over_time and over_time.start,
         "end": over_time and over_time.end,
         "searched": 2 * MAX_LAG + 1,
@@ -457,7 +520,7 @@ def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]
     assert result.correlation is not None
     band = band_of_chance(result)
     if band is None:
-        yield _DISTURBED_NOTES["no_band"]
+        yield _LOUD_MOMENTS if result.verdict == "nothing" else _MANY_PEAKS
     elif result.verdict == "sure" and result.lag == LAG:
         heights, chance = result.correlation[MAX_LAG:], band[1]
         if settings.echo and heights[LAG + ECHO_DELAY] > chance:
