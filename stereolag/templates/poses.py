@@ -20,11 +20,12 @@ from stereolag.templates.score_maps import Places, best_position, fft_score_map,
 
 Range = tuple[float, float]
 
-SCALE_STEP = 1.1
-ROTATION_STEP = 10.0
-"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of the reduced template by up to 2 px."""
+SCALE_STEP = 1.15
+ROTATION_STEP = 15.0
+"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of a square reduced template by up to
+1.3 px."""
 
-COARSE_SIDE = 20
+COARSE_SIDE = 14
 """Side of the smallest template in the reduced image, the root of its area, px."""
 
 SCALES_ALLOWED = 0.1, 10.0
@@ -44,10 +45,10 @@ class PoseRange:
     scales: Range
     rotations: Range
 
-    def grid(self) -> list[tuple[float, float]]:
-        """Return the scales and rotations of the coarse search, both ends included."""
+    def grid(self, shape: tuple[int, ...]) -> list[tuple[float, float]]:
+        """Return the scales and rotations of the coarse search for a template of that shape, both ends included."""
         sizes = math.ceil(math.log(self.scales[1] / self.scales[0]) / math.log(SCALE_STEP) - 1e-9) + 1
-        angles = math.ceil((self.rotations[1] - self.rotations[0]) / ROTATION_STEP - 1e-9) + 1
+        angles = math.ceil((self.rotations[1] - self.rotations[0]) / rotation_step(shape) - 1e-9) + 1
         return [
             (float(scale), float(rotation))
             for scale in np.geomspace(*self.scales, sizes)
@@ -63,6 +64,11 @@ class PoseRange:
         """Return the factor by which the image is reduced in the coarse search for a template of that shape."""
         sides = shape[:2]
         return max(1.0, self.scales[0] * min(math.sqrt(sides[0] * sides[1]) / COARSE_SIDE, min(sides) / 5))
+
+
+def rotation_step(shape: tuple[int, ...]) -> float:
+    """Return the step of the coarse search, degrees: of a longer template an angle moves the ends more."""
+    return ROTATION_STEP * math.sqrt(shape[0] * shape[1]) / max(shape[:2])
 
 
 def checked_poses(method: str, scales: Range | None, rotations: Range | None) -> PoseRange | None:
@@ -100,8 +106,18 @@ def _checked_range(given: Range | None, name: str, allowed: Range, alone: float)
 FINE_SIDE = 160
 """Template side above which refinement is on a reduced image too, px."""
 
-PER_POSE, REFINED, FINAL = 10, 30, 10
-"""Places kept per size and angle, refined once, and refined to the end."""
+PER_POSE, REFINED, FINAL = 30, 40, 10
+"""Places kept per size and angle, refined at a time, and refined to the end whatever they score."""
+
+COPY, BELOW = 0.7, 0.25
+"""Least score of a copy once refined, and how far below the best; while there are such, more places are refined."""
+
+SAME, COARSELY_SAME = 0.5, 0.7
+"""Share of the smaller of two boxes above which they are one place: once refined, and before, when one whose angle is
+wrong can lie across two others."""
+
+FINER = 4
+"""Times that the steps are halved to refine a place to the end."""
 
 SCORED_AROUND = 9 * 25
 """About the number of positions scored to refine a pose once."""
@@ -150,21 +166,28 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     coarse, candidates = _coarse(image, pattern, factor, poses, progress)
     finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE)
     between = max(finest, factor / 2)
-    steps = 0.5 * math.log(SCALE_STEP), 0.5 * ROTATION_STEP
+    steps = 0.5 * math.log(SCALE_STEP), 0.5 * rotation_step(pattern.shape)
     level = _Level(reduced(image, between), image.shape, pattern, poses) if between > 1 else None
     fine = _Level(reduced(image, finest) if finest > 1 else image, image.shape, pattern, poses)
     first = level or fine
     share = (1 - COARSE_SHARE) / 2
-    refined = in_threads(
-        [partial(first.refined, pose, *steps, 2) for pose in coarse[:REFINED]],
-        lambda done: progress(COARSE_SHARE + share * done),
-    )
-    best = _apart(refined, pattern.shape, 0.5)[:FINAL]
+    refined: list[Pose] = []
+    for start in range(0, len(coarse), REFINED):
+        jobs = [partial(first.refined, pose, *steps, 2) for pose in coarse[start : start + REFINED]]
+        span = COARSE_SHARE + share * start / len(coarse), share * len(jobs) / len(coarse)
+        batch = in_threads(jobs, lambda done, span=span: progress(span[0] + span[1] * done))  # type: ignore[misc]
+        refined += batch
+        if max(pose.score for pose in batch) < max(COPY, max(pose.score for pose in refined) - BELOW):
+            break
+    best = _apart(refined, image.shape, pattern)
+    least = max(COPY, max((pose.score for pose in best), default=0.0) - BELOW)
+    best = [pose for number, pose in enumerate(best) if number < FINAL or pose.score >= least]
     places = in_threads(
         [partial(fine.finished, pose, *steps) for pose in best], lambda done: progress(1 - share * (1 - done))
     )
-    scored = (len(coarse[:REFINED]) + 3 * len(best)) * SCORED_AROUND
-    return _as_places(places, image.shape, pattern), candidates + scored
+    scored = (len(refined) + FINER * len(best)) * SCORED_AROUND
+    found = _as_places(_apart(places, image.shape, pattern), image.shape, pattern)
+    return found, candidates + scored
 
 
 def _coarse(
@@ -191,12 +214,15 @@ def _coarse(
                 rotation,
                 float(found.scores[one]),
             )
-            for one in found.best(PER_POSE)
+            for one in found.best(PER_POSE, share=COARSELY_SAME)
         ]
         return places, score_map.size
 
-    found = in_threads([partial(search, *pose) for pose in poses.grid()], lambda done: progress(COARSE_SHARE * done))
-    return _apart([pose for poses, _ in found for pose in poses], pattern.shape, 0.3), sum(size for _, size in found)
+    found = in_threads(
+        [partial(search, *pose) for pose in poses.grid(pattern.shape)], lambda done: progress(COARSE_SHARE * done)
+    )
+    every = [pose for poses, _ in found for pose in poses]
+    return _apart(every, image.shape, pattern, COARSELY_SAME), sum(size for _, size in found)
 
 
 class _Level:
@@ -218,8 +244,8 @@ class _Level:
 
     def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
         """Return a pose refined in ever smaller steps."""
-        for divisor, reach in ((2, 2), (4, 1), (8, 1)):
-            pose = self.refined(pose, log_scale / divisor, rotation / divisor, reach)
+        for halved in range(1, FINER + 1):
+            pose = self.refined(pose, log_scale / 2**halved, rotation / 2**halved, 2 if halved == 1 else 1)
         # The steps of the grid would never hit the template's own size and angle, the likeliest of all.
         upright = self._near(pose, *self._poses.within(1.0, 0.0), 1)
         return max(pose, upright, key=lambda one: one.score)
@@ -239,25 +265,17 @@ class _Level:
         return Pose((row + height / 2) * tall, (col + width / 2) * wide, scale, rotation, score)
 
 
-def _apart(poses: list[Pose], shape: tuple[int, int], share: float) -> list[Pose]:
-    """Return poses, best first, without those whose centre is within that share of a better one's size."""
-    kept: list[Pose] = []
-    side = math.sqrt(shape[0] * shape[1])
-    for pose in sorted(poses, key=lambda one: -one.score):
-        if all(math.hypot(pose.row - one.row, pose.col - one.col) > share * side * one.scale for one in kept):
-            kept.append(pose)
-    return kept
+def _apart(poses: list[Pose], full: tuple[int, ...], pattern: Pattern, share: float = SAME) -> list[Pose]:
+    """Return the poses whose box lies in the image, best first, without those that share too much of a better one's."""
+    places = _as_places(poses, full, pattern)
+    return [poses[one] for one in places.best(len(poses), share=share, left=np.flatnonzero(places.scores > -1))]
 
 
 def _as_places(poses: list[Pose], full: tuple[int, ...], pattern: Pattern) -> Places:
-    """Return poses as positions of the upright boxes around them: those in the image that have a score."""
-    boxes = []
-    for pose in poses:
-        height, width = warped_shape(pattern.shape, pose.scale, pose.rotation)
-        row = min(max(round(pose.row - height / 2), 0), full[0] - height)
-        col = min(max(round(pose.col - width / 2), 0), full[1] - width)
-        if pose.score > -1 and row >= 0 and col >= 0:
-            boxes.append((row, col, height, width, pose))
-    rows, cols, heights, widths = (np.array([box[side] for box in boxes], dtype=np.intp) for side in range(4))
-    scores = np.array([box[4].score for box in boxes])
-    return Places(rows, cols, scores, (heights, widths), [(box[4].scale, box[4].rotation) for box in boxes])
+    """Return poses as positions of the upright boxes around them; the score is -1 where that is not in the image."""
+    boxes = np.array([warped_shape(pattern.shape, pose.scale, pose.rotation) for pose in poses]).reshape(-1, 2)
+    centres = np.array([(pose.row, pose.col) for pose in poses]).reshape(-1, 2)
+    room = np.array(full[:2]) - boxes
+    corners = np.clip(np.rint(centres - boxes / 2).astype(np.intp), 0, np.maximum(room, 0))
+    scores = np.where((room >= 0).all(axis=1), [pose.score for pose in poses], -1.0)
+    return Places(corners[:, 0], corners[:, 1], scores, pattern.shape, [(pose.scale, pose.rotation) for pose in poses])

@@ -10,10 +10,11 @@ from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import cv2
@@ -23,7 +24,7 @@ import numpy.typing as npt
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
-from stereolag.templates.patterns import Pattern
+from stereolag.templates.patterns import Pattern, warped_shape
 
 Result = TypeVar("Result")
 Plane = npt.NDArray[np.floating[Any]]
@@ -413,15 +414,16 @@ class Places:
     rows, cols, scores
         One for each position, a top-left pixel; no score is NaN.
     shape
-        Height and width of the template, px; arrays if the template is resized or rotated.
+        Height and width of the template, px.
     poses
-        Scale and rotation at each position, None if the template is searched only as given.
+        Scale and rotation at each position, None if the template is searched only as given. The position is then the
+        top-left pixel of the upright box around it.
     """
 
     rows: Indices
     cols: Indices
     scores: Scores
-    shape: tuple[int | Indices, int | Indices]
+    shape: tuple[int, int]
     poses: list[tuple[float, float]] | None = None
 
     def best(
@@ -466,15 +468,32 @@ class Places:
             found.append(float(self.scores[left].max(initial=-1.0)))
         return found
 
+    def box(self, index: int) -> tuple[int, int]:
+        """Return height and width, px, of the upright box at a position."""
+        return self.shape if self.poses is None else warped_shape(self.shape, *self.poses[index])
+
+    @cached_property
+    def _boxes(self) -> npt.NDArray[np.float64]:
+        """Centre, height and width, not upright but along the sides of the template, of each position."""
+        places, sides = np.column_stack([self.rows, self.cols]), np.broadcast_to(self.shape, (len(self.rows), 2))
+        if self.poses is None:
+            return np.column_stack([places + sides / 2, sides])
+        boxes = np.array([self.box(index) for index in range(len(places))]).reshape(-1, 2)
+        return np.column_stack([places + boxes / 2, sides * np.array(self.poses).reshape(-1, 2)[:, :1]])
+
     def apart(self, one: int, some: Indices, share: float = 0.0) -> Indices:
-        """Return those of `some` positions that share no more than that share of the smaller rectangle with one."""
-        heights, widths = (np.broadcast_to(side, self.rows.shape) for side in self.shape)
-        down = np.minimum(self.rows[some] + heights[some], self.rows[one] + heights[one])
-        right = np.minimum(self.cols[some] + widths[some], self.cols[one] + widths[one])
-        down -= np.maximum(self.rows[some], self.rows[one])
-        right -= np.maximum(self.cols[some], self.cols[one])
-        smaller = np.minimum(heights[some] * widths[some], heights[one] * widths[one])
-        return np.asarray(some[np.maximum(down, 0) * np.maximum(right, 0) <= share * smaller])
+        """Return those of `some` positions that share no more than that share of the smaller rectangle with one.
+
+        As if all were rotated as that one is.
+        """
+        (row, col, height, width), (rows, cols, heights, widths) = self._boxes[one], self._boxes[some].T
+        turn = 0.0 if self.poses is None else math.radians(self.poses[one][1])
+        down, right = rows - row, cols - col
+        along, across = right * math.cos(turn) - down * math.sin(turn), right * math.sin(turn) + down * math.cos(turn)
+        tall = np.minimum((heights + height) / 2 - np.abs(across), np.minimum(heights, height))
+        wide = np.minimum((widths + width) / 2 - np.abs(along), np.minimum(widths, width))
+        smaller = np.minimum(heights * widths, height * width)
+        return np.asarray(some[np.maximum(tall, 0) * np.maximum(wide, 0) <= share * smaller])
 
 
 def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:

@@ -93,7 +93,7 @@ def _estimate_poses(
     image_shape: Shape, template_shape: Shape, channels: int, itemsize: int, grey: int, poses: PoseRange
 ) -> Estimate:
     """Return the estimate for a search over sizes and angles: the coarse maps at once, then the warped templates."""
-    (rows, cols), factor, grid = image_shape[:2], poses.coarse_factor(template_shape), poses.grid()
+    (rows, cols), factor, grid = image_shape[:2], poses.coarse_factor(template_shape), poses.grid(template_shape)
     largest = max(scale for scale, _ in grid)
     sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
     little = [math.ceil(max(side / factor, least)) for side, least in zip((rows, cols), sides, strict=True)]

@@ -202,7 +202,7 @@ def judged(
 
 def _match(places: Places, index: int) -> TemplateMatch:
     """Return one of the positions as a match."""
-    height, width = (int(side if isinstance(side, int) else side[index]) for side in places.shape)
+    height, width = places.box(index)
     scale, rotation = (1.0, 0.0) if places.poses is None else places.poses[index]
     row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
     return TemplateMatch(row, col, height, width, score, scale, rotation)

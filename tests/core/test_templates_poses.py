@@ -18,9 +18,9 @@ from benchmarks.rocketman import our_answer, outcome
 from benchmarks.searches import drawn, trial
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.settings import Bounds
-from stereolag.templates import estimate_search, match_template
+from stereolag.templates import TemplateMatch, estimate_search, match_template
 from stereolag.templates.patterns import pattern_of, warped, warped_shape
-from stereolag.templates.poses import PoseRange
+from stereolag.templates.poses import ROTATION_STEP, SCALE_STEP, PoseRange
 
 Array = npt.NDArray[Any]
 
@@ -98,6 +98,34 @@ def test_several_sizes_of_one_template_are_all_found() -> None:
     assert (alone.found, alone.reason) == (False, "look_alikes")
 
 
+def in_scene(matches: list[TemplateMatch], centres: list[tuple[float, float]]) -> int:
+    """Return how many of the centres are those of a match, to 2 px."""
+    middles = [(match.row + match.height / 2, match.col + match.width / 2) for match in matches]
+    return sum(any(math.dist(middle, centre) < 2 for middle in middles) for centre in centres)
+
+
+def test_all_of_many_copies_at_all_angles_are_found() -> None:
+    random, template = np.random.default_rng(3), sprite()
+    centres = [(row, col) for row in range(50, 400, 64) for col in range(50, 420, 64)]
+    scene = blobs((430, 430, 3))
+    for row, col in centres:
+        scene = drawn(scene, template, float(row), float(col), 1.0, float(random.uniform(-180, 180)))
+    search = match_template(scene, template, rotations=(-180, 180), max_matches=99)
+    assert in_scene(search.matches, centres) == len(centres)
+    assert search.clear == len(centres) == 36
+
+
+def test_wide_copies_side_by_side_are_all_found_in_any_direction() -> None:
+    template = np.dstack([blobs((16, 100, 3), 7), np.full((16, 100), 255, dtype=np.uint8)])
+    turn, down, right = -35.0, math.cos(math.radians(35)), math.sin(math.radians(35))
+    centres = [(150 + 17 * step * down, 150 - 17 * step * right) for step in range(-2, 3)]
+    scene = blobs((300, 300, 3))
+    for row, col in centres:
+        scene = drawn(scene, template, row, col, 1.0, turn)
+    search = match_template(scene, template, rotations=(-60, 0), max_matches=9)
+    assert in_scene(search.matches, centres) == 5
+
+
 def test_a_template_larger_than_the_image_may_lie_in_it_smaller() -> None:
     large = blobs((160, 200), seed=3)
     scene = blobs((120, 150))
@@ -130,14 +158,14 @@ def test_rocketman_is_found_at_his_size_and_angle_and_nobody_where_he_is_not(kin
     st.floats(0, 10),
 )
 def test_the_grid_holds_both_ends_and_no_larger_steps(low: float, ratio: float, first: float, reach: float) -> None:
-    grid = PoseRange((low, low * ratio), (first, first + reach)).grid()
+    grid = PoseRange((low, low * ratio), (first, first + reach)).grid((30, 30))
     scales, rotations = (sorted({round(pose[axis], 9) for pose in grid}) for axis in (0, 1))
     assert scales[0] == pytest.approx(low)
     assert scales[-1] == pytest.approx(low * ratio)
     assert rotations[0] == pytest.approx(first, abs=1e-6)
     assert rotations[-1] == pytest.approx(first + reach, abs=1e-6)
-    assert all(b / a <= 1.1 + 1e-6 for a, b in pairwise(scales))
-    assert all(b - a <= 10 + 1e-6 for a, b in pairwise(rotations))
+    assert all(b / a <= SCALE_STEP + 1e-6 for a, b in pairwise(scales))
+    assert all(b - a <= ROTATION_STEP + 1e-6 for a, b in pairwise(rotations))
 
 
 def test_hidden_pixels_do_not_bleed_into_a_warped_template() -> None:
