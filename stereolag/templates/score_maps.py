@@ -11,6 +11,7 @@ from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
@@ -23,7 +24,6 @@ import numpy.typing as npt
 
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress, silent
-from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, warped_shape
 
 Result = TypeVar("Result")
@@ -31,7 +31,18 @@ Plane = npt.NDArray[np.floating[Any]]
 Indices = npt.NDArray[np.intp]
 
 
-def pearson(products: Plane, energy: Plane, norm: float, tolerance: float) -> npt.NDArray[np.float32]:
+ScoreMap = npt.NDArray[np.float32]
+
+STRIP = 16
+"""Rows of a map computed at a time, so that what they need stays in the cache."""
+
+
+def strips(rows: int) -> list[slice]:
+    """Return the rows of a map in strips."""
+    return [slice(first, min(first + STRIP, rows)) for first in range(0, rows, STRIP)]
+
+
+def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
     """Return the score of each window, -1..1, NaN where the window is flat.
 
     Parameters
@@ -44,29 +55,42 @@ def pearson(products: Plane, energy: Plane, norm: float, tolerance: float) -> np
         Root of the weighted sum of squared deviations of the template.
     tolerance
         A window with no more energy than this is flat.
+    out
+        Memory for the scores.
     """
-    varies = energy > tolerance
-    scores = products / (norm * np.sqrt(np.where(varies, energy, 1.0)))
-    return np.where(varies, np.clip(scores, -1.0, 1.0), np.nan).astype(np.float32)
+    scores = np.empty(products.shape, dtype=np.float32) if out is None else out
+    for rows in strips(len(scores)):
+        spread = np.multiply(cv2.sqrt(energy[rows]), norm, dtype=energy.dtype)
+        np.copyto(spread, np.nan, where=energy[rows] <= tolerance)
+        np.divide(products[rows], spread, out=scores[rows], casting="same_kind")
+        np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
+    return scores
 
 
-@compiled
-def fill_pearson(scores: npt.NDArray[Any], products: Plane, energy: Plane, norm: float, tolerance: float) -> None:
-    """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger; their excess is not read."""
-    rows, cols = scores.shape
-    # A separate contiguous line lets the compiler vectorise over the columns.
-    line = np.empty(cols, dtype=np.float32)
-    for row in range(rows):
-        for col in range(cols):
-            score = products[row, col] / (norm * np.sqrt(energy[row, col]))
-            score = 1.0 if score > 1.0 else score
-            score = -1.0 if score < -1.0 else score
-            line[col] = score if energy[row, col] > tolerance else np.nan
-        scores[row] = line
+class Tables(threading.local):
+    """Memory for the summed-area tables of a tile: one piece for each thread, since new memory is slow at first.
+
+    Parameters
+    ----------
+    channels, rows, cols
+        Shape of the largest tile.
+    """
+
+    def __init__(self, channels: int, rows: int, cols: int) -> None:
+        self._memory = np.empty((channels + 1, rows + 1, cols + 1))
+
+    def of(self, planes: Plane) -> npt.NDArray[np.float64]:
+        """Return the tables of the summed squares of all planes (channels, rows, cols), and of each plane."""
+        tables = self._memory[:, : planes.shape[1] + 1, : planes.shape[2] + 1]
+        for plane, table in zip((np.einsum("crx,crx->rx", planes, planes), *planes), tables, strict=True):
+            cv2.integral(plane, table, sdepth=cv2.CV_64F)
+        return tables
 
 
-def running_box_energy_reference(planes: Plane, height: int, width: int) -> Plane:
+def box_energy(planes: Plane, height: int, width: int, tables: Tables) -> Plane:
     """Return the squared deviations of each window from the mean of each channel, summed over all channels.
+
+    Sums of integers are exact below 2**53. Shift the mean of other numbers near 0 first.
 
     Parameters
     ----------
@@ -74,59 +98,33 @@ def running_box_energy_reference(planes: Plane, height: int, width: int) -> Plan
         (channels, rows, cols).
     height, width
         Size of the window, px.
+    tables
+        Memory for planes of that size.
 
     Returns
     -------
     ndarray
         (rows - height + 1, cols - width + 1).
     """
-    windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
-    deviations = windows - windows.mean(axis=(3, 4), keepdims=True)
-    return np.asarray(np.square(deviations).sum(axis=(0, 3, 4)))
-
-
-@compiled
-def running_box_energy(planes: Plane, height: int, width: int) -> Plane:
-    """Return the result of :func:`running_box_energy_reference` at a cost independent of the window.
-
-    Sums run down the columns, then along the row. Sums of integers below 2**26 are exact. Shift the mean of other
-    numbers near 0 first: a running sum adds and subtracts every value, with a rounding error relative to the largest.
-    """
-    channels, rows, cols = planes.shape
-    energy: Plane = np.zeros((rows - height + 1, cols - width + 1))
-    share = 1.0 / (height * width)
-    for channel in range(channels):
-        plane = planes[channel]
-        column_sums = np.zeros(cols)
-        column_squares = np.zeros(cols)
-        for row in range(rows):
-            for col in range(cols):
-                value = plane[row, col]
-                column_sums[col] += value
-                column_squares[col] += value * value
-            if row < height - 1:
-                continue
-            top = row - height + 1
-            total = 0.0
-            total_squares = 0.0
-            for col in range(width - 1):
-                total += column_sums[col]
-                total_squares += column_squares[col]
-            for col in range(cols - width + 1):
-                total += column_sums[col + width - 1]
-                total_squares += column_squares[col + width - 1]
-                energy[top, col] += total_squares - total * total * share
-                total -= column_sums[col]
-                total_squares -= column_squares[col]
-            for col in range(cols):
-                value = plane[top, col]
-                column_sums[col] -= value
-                column_squares[col] -= value * value
+    energy = np.empty((planes.shape[1] - height + 1, planes.shape[2] - width + 1), dtype=planes.dtype)
+    table = tables.of(planes)
+    for rows in strips(len(energy)):
+        down = table[:, rows.start + height : rows.stop + height] - table[:, rows]
+        squares, *sums = down[:, :, width:] - down[:, :, :-width]
+        for each in sums:
+            squares -= cv2.multiply(each, each, dst=each, scale=1 / (height * width))
+        energy[rows] = squares
     return energy
 
 
-def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: int, col: int) -> float:
-    """Return the score of one position, -1..1, NaN where the window is flat or holds a pixel without data that counts.
+VALUES_AT_ONCE = 1_000_000
+"""Pixel values gathered at a time."""
+
+
+def scores_at(
+    image: npt.NDArray[Any], deviations: Plane, weights: Plane, rows: Indices, cols: Indices
+) -> npt.NDArray[np.float64]:
+    """Return the score of each position, -1..1, NaN where the window is flat or lacks data of a pixel that counts.
 
     Parameters
     ----------
@@ -136,63 +134,29 @@ def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: in
         (channels, height, width), the template with its weighted mean removed.
     weights
         (height, width), how much each pixel counts.
-    row, col
-        Top-left pixel of the position.
+    rows, cols
+        Top-left pixels of the positions.
     """
-    height, width = weights.shape
+    windows = np.lib.stride_tricks.sliding_window_view(image, weights.shape, axis=(0, 1))
     counts = weights > 0
-    pixels = image[row : row + height, col : col + width][counts].astype(np.float64)
-    template, shares = deviations[:, counts].T, weights[counts][:, np.newaxis]
-    relative = pixels - pixels[0]
-    window = relative - (shares * relative).sum(axis=0) / shares.sum()
-    norm = np.sqrt((shares * window**2).sum() * (shares * template**2).sum())
-    if norm == 0:
-        return float("nan")
-    return float(np.clip((shares * window * template).sum() / norm, -1.0, 1.0))
+    shares, template = weights[counts], deviations[:, counts]
+    scores = np.full(len(rows), np.nan)
+    step = VALUES_AT_ONCE // template.size + 1
+    for some in (slice(start, start + step) for start in range(0, len(rows), step)):
+        pixels = windows[rows[some], cols[some]][:, :, counts].astype(np.float64)
+        # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
+        pixels -= pixels[:, :, :1].copy()
+        pixels -= np.average(pixels, axis=2, weights=shares, keepdims=True)
+        weighted = pixels * shares
+        norms = np.sqrt((weighted * pixels).sum(axis=(1, 2)) * (shares * template**2).sum())
+        np.divide((weighted * template).sum(axis=(1, 2)), norms, out=scores[some], where=norms > 0)
+    return np.asarray(np.clip(scores, -1.0, 1.0))
 
 
-@compiled
-def scores_at(
-    image: npt.NDArray[Any], deviations: Plane, weights: Plane, rows: Indices, cols: Indices
-) -> npt.NDArray[np.float64]:
-    """Return :func:`score_at` at each of `rows`, `cols`."""
-    channels = deviations.shape[0]
-    down, across = np.nonzero(weights)
-    counts = len(down)
-    shares = np.empty(counts)
-    template = np.empty((channels, counts))
-    for index in range(counts):
-        shares[index] = weights[down[index], across[index]]
-        for channel in range(channels):
-            template[channel, index] = shares[index] * deviations[channel, down[index], across[index]]
-    template_energy = 0.0
-    for channel in range(channels):
-        for index in range(counts):
-            template_energy += template[channel, index] ** 2 / shares[index]
-    total_share = shares.sum()
-    scores = np.empty(len(rows))
-    for place in range(len(rows)):
-        top, left = rows[place], cols[place]
-        product = 0.0
-        energy = 0.0
-        for channel in range(channels):
-            # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
-            first = float(image[top + down[0], left + across[0], channel])
-            total = 0.0
-            for index in range(counts):
-                total += shares[index] * (float(image[top + down[index], left + across[index], channel]) - first)
-            mean = total / total_share
-            for index in range(counts):
-                deviation = float(image[top + down[index], left + across[index], channel]) - first - mean
-                product += deviation * template[channel, index]
-                energy += shares[index] * deviation * deviation
-        scores[place] = np.nan
-        if energy > 0:
-            scores[place] = max(-1.0, min(1.0, product / np.sqrt(template_energy * energy)))
-    return scores
+def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: int, col: int) -> float:
+    """Return the score of one position, as :func:`scores_at` does."""
+    return float(scores_at(image, deviations, weights, np.array([row]), np.array([col]))[0])
 
-
-ScoreMap = npt.NDArray[np.float32]
 
 LONGEST_FFT = 960
 """Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
@@ -260,7 +224,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     kernels = [_spectrum(plane, shape) for plane in (pattern.weights * pattern.deviations).astype(kind)]
     # If all pixels count the same, running sums are faster.
     weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights.astype(kind), shape)
-    scores = np.empty(places, dtype=np.float32)
+    scores, tables = np.empty(places, dtype=np.float32), Tables(len(kernels), down + height - 1, across + width - 1)
     tiles = [
         partial(
             _score_tile,
@@ -269,6 +233,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             pattern,
             kernels,
             weights,
+            tables,
         )
         for row in range(0, places[0], down)
         for col in range(0, places[1], across)
@@ -277,11 +242,13 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     return without_gaps(scores, image, pattern)
 
 
-def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None) -> None:
+def _score_tile(
+    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, tables: Tables
+) -> None:
     """Write the scores of one tile.
 
     `block` is the part of the image that its positions cover; `kernels` and `weights` are packed spectra of the
-    template, the latter None if all of it counts the same.
+    template, the latter None if all of it counts the same: then `tables` are used.
     """
     planes = _centred(block, kernels[0].dtype)
     rows, shape = len(scores), (kernels[0].shape[0], kernels[0].shape[1])
@@ -303,8 +270,9 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[
     assert total is not None
     products = _positions(total, rows)
     if weights is None:
-        energy = running_box_energy(planes, *pattern.shape)
-    fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
+        energy = box_energy(planes, *pattern.shape, tables)
+    cols = scores.shape[1]
+    pearson(products[:, :cols], energy[:, :cols], pattern.norm, _flatness(block, planes, pattern), scores)
 
 
 def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:

@@ -134,10 +134,11 @@ def _tile_amounts(
     count = -(-(rows - height + 1) // down) * -(-(cols - width + 1) // across)
     points = fft_rows * fft_cols
     # The channels; the spectra of one of them and of the sum, or the sum with the energy, norm and squares of the
-    # windows; under a mask those of the mask too.
+    # windows, and their summed-area tables; under a mask those of the mask too.
     planes = channels * (down + height - 1) * (across + width - 1)
     places, values = down * across, channels * height * width
-    work = max(min(channels, 2) * points, points + places + max(values, planes * floats))
+    tables = (channels + 1) * (down + height) * (across + width)
+    work = tables + max(min(channels, 2) * points, points + places + max(values, planes * floats))
     if masked:
         work = max(planes + points, 3 * points + 3 * places)
     # Freed spectra, which the allocator may keep.

@@ -11,6 +11,8 @@ from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
@@ -138,3 +140,18 @@ def test_importing_the_library_brings_in_nothing_before_it_is_used_and_never_a_s
 ) -> None:
     code = f"{line}; import sys; sys.exit(', '.join({absent} & set(sys.modules)) or 0)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent)
+
+
+def test_the_search_command_loads_what_it_searches_with_and_no_more(tmp_path: Path) -> None:
+    """Importing a compiler takes longer than a whole search in a script with OpenCV."""
+    image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8)
+    files = {"image.png": image, "template.png": image[20:35, 30:50]}
+    for name, pixels in files.items():
+        cv2.imwrite(str(tmp_path / name), pixels)
+    code = "import sys; from stereolag.commands import main; assert main(sys.argv[1:]) == 0; print(*sys.modules)"
+    command = [sys.executable, "-c", code, "find", *(str(tmp_path / name) for name in files), "--json"]
+    ran = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
+    loaded = ran.stdout.splitlines()[-1].split()
+    assert not {name.split(".")[0] for name in loaded} & {*SCREENS, "numba", "llvmlite", "scipy", "soundfile", "av"}
+    ours = {name.split(".")[1] for name in loaded if name.startswith("stereolag.")}
+    assert ours == {"commands", "core", "io", "templates", "version"}
