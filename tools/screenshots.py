@@ -81,7 +81,7 @@ def bench(page: Page) -> Sequence[Locator]:
 
 
 def lag(page: Page) -> Sequence[Locator]:
-    """Show the verdict on two recordings, its numbers, the curve, and the recordings shifted into alignment."""
+    """Show the verdict on two recordings, its numbers, the curve, and the lag over time."""
     charts = page.get_by_test_id("stPlotlyChart")
     return page.get_by_role("heading", name="hears it"), charts.nth(0), charts.nth(1)
 
