@@ -17,7 +17,7 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
-from stereolag.templates.score_maps import Indices, best_position
+from stereolag.templates.score_maps import Indices, best_position, peaks
 from stereolag.templates.search import match_template
 
 ScoreMap = npt.NDArray[np.float32]
@@ -68,14 +68,10 @@ class ReducedSearch:
 
     def leaders(self) -> list[tuple[int, int, float]]:
         """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
-        left = np.where(np.isnan(self.score_map), -np.inf, self.score_map)
-        height, width = self.opaque.shape
-        best: list[tuple[int, int, float]] = []
-        while len(best) <= RIVALS and np.isfinite(left.max()):
-            row, col = (int(place) for place in np.unravel_index(int(left.argmax()), left.shape))
-            best.append((row, col, float(left[row, col])))
-            left[max(0, row - height + 1) : row + height, max(0, col - width + 1) : col + width] = -np.inf
-        return best
+        places = peaks(self.score_map, (self.opaque.shape[0], self.opaque.shape[1]))
+        return [
+            (int(places.rows[one]), int(places.cols[one]), float(places.scores[one])) for one in places.best(RIVALS + 1)
+        ]
 
 
 def reduced_search(

@@ -290,6 +290,8 @@ def _checked(
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
+    if mask is None and np.ndim(template) == 3 and np.shape(template)[2] == 2:  # grey and alpha
+        mask = np.asarray(template)[:, :, 1]
     large, small = as_images(image, template, ("image", "template"), gaps=True)
     least = 1.0 if poses is None else poses.scales[0]
     if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:

@@ -155,6 +155,14 @@ def test_one_hot_pixel_leaves_all_other_places_their_scores() -> None:
     np.testing.assert_allclose(spoilt[:38, 25:], plain[:38, 25:], atol=1e-4)
 
 
+def test_the_alpha_of_a_grey_template_is_its_mask() -> None:
+    image, template = photograph(0)[:, :, 0], photograph(2, 40, 50)[:, :, :2].copy()
+    template[:, :, 1] = np.where(distance(50)[5:45] < 0.8, 255, 0)
+    image[30:70, 100:150] = np.where(template[:, :, 1] > 0, template[:, :, 0], image[30:70, 100:150])
+    search = match_template(image, template)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (30, 100)
+
+
 def test_signed_integers_are_searched() -> None:
     image = photograph(0, 90, 90)[:, :, 0].astype(np.int16) * 40 - 9999
     search = match_template(image, image[20:40, 30:52])
