@@ -42,6 +42,9 @@ LEAST_SIDE = 20
 LIKELY = 12
 """Places looked at in the full image."""
 
+ROWS_AT_ONCE = 256
+"""Rows of the map of all blocks computed at a time."""
+
 AGREES = 0.6
 """Least score of a block that shows its part of the template."""
 
@@ -72,7 +75,7 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
     flat = as_grey(image)[:, :, np.newaxis] if image.shape[2] == 3 and grey is not pattern else image
     little = reduced(flat, factor)
     small = warped(grey, 1 / factor, 0.0)
-    if small is None or min(small.shape) < ALONG:
+    if small is None or min(small.shape) < ALONG or not (_blocks(small) and _blocks(pattern)):
         return NOWHERE
     scores, margin = _block_scores(little, small, progress)
     found = peaks(scores, small.shape)
@@ -119,19 +122,28 @@ def _block_scores(image: Image, pattern: Pattern, progress: Progress) -> tuple[S
     """Return the mean score of the blocks that agree best, and how many rows and columns lie before the image."""
     margin = pattern.shape[0] // 2, pattern.shape[1] // 2
     rows, cols = (image.shape[axis] - pattern.shape[axis] + 1 + 2 * margin[axis] for axis in range(2))
-    blocks = _blocks(pattern)
-    maps = np.zeros((len(blocks), rows, cols), dtype=np.float32)
+    blocks, means = _blocks(pattern), np.empty((rows, cols), dtype=np.float32)
 
-    def fill(index: int) -> None:
-        row, col, block = blocks[index]
-        scores = np.nan_to_num(fft_score_map(image, block, silent), nan=0.0)
-        top, left = margin[0] - row, margin[1] - col
-        part = scores[max(-top, 0) : rows - top, max(-left, 0) : cols - left]
-        top, left = max(top, 0), max(left, 0)
-        maps[index, top : top + part.shape[0], left : left + part.shape[1]] = part
+    def band(first: int) -> None:
+        """Write the means of some rows, so that the maps of all blocks never take the memory of all rows."""
+        part = means[first : first + ROWS_AT_ONCE]
+        top = first - margin[0]
+        strip = image[max(top, 0) : max(top + len(part) + pattern.shape[0] - 1, 0)]
+        maps = np.zeros((len(blocks), *part.shape), dtype=np.float32)
+        for scores, (row, col, block) in zip(maps, blocks, strict=True):
+            if len(strip) >= block.shape[0]:
+                _move(fft_score_map(strip, block, silent), scores, max(-top, 0) - row, margin[1] - col)
+        part[:] = _mean_of_best(maps)
 
-    in_threads([partial(fill, index) for index in range(len(blocks))], lambda done: progress(0.7 * done))
-    return _mean_of_best(maps), margin
+    in_threads([partial(band, first) for first in range(0, rows, ROWS_AT_ONCE)], lambda done: progress(0.7 * done))
+    return means, margin
+
+
+def _move(scores: ScoreMap, target: ScoreMap, down: int, right: int) -> None:
+    """Write scores into a map, moved down and right, as far as they fall into it; NaN becomes 0."""
+    part = scores[max(-down, 0) : max(len(target) - down, 0), max(-right, 0) : max(target.shape[1] - right, 0)]
+    top, left = max(down, 0), max(right, 0)
+    target[top : top + part.shape[0], left : left + part.shape[1]] = np.nan_to_num(part, nan=0.0)
 
 
 def _refined(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[int, int, float]:

@@ -188,7 +188,8 @@ def test_a_covered_template_is_told_by_the_blocks_that_agree(seed: int, share: f
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 @pytest.mark.parametrize("side", range(4))
-def test_a_template_may_be_outside_by_nearly_a_half(side: int, dtype: type) -> None:
+def test_a_template_may_be_outside_by_nearly_a_half(side: int, dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.templates.hidden_parts.ROWS_AT_ONCE", 10)  # many bands
     picture = photograph(side, 240, 300).astype(dtype)
     template = picture[80:160, 100:190].copy()
     shown, (row, col) = (
