@@ -126,7 +126,7 @@ def test_lags(snapshot: Snapshot) -> None:
             said[name].append(f"below it: {ribbon_in_words(one, 'fair')}")
         if one.over_time is not None:
             said[name].append(f"over time: {blocks_in_words(one.over_time, 44_100.0)}")
-            said[name].append(f"below it: {drift_in_words(one.over_time)}")
+            said[name] += [f"below it: {drift_in_words(one.over_time)}"] if one.over_time.shows else []
     said["assumed"] = [
         verdict_in_words(results[name], given)
         for name, given in (("sure", {"speed"}), ("sure", {"speed", "sampling_rate"}), ("step", {"sampling_rate"}))
