@@ -46,7 +46,7 @@ _JUMP, _MOVE = 6.0, 2.0
 
 _STRAY, _FARTHEST_STRAY, _SAME_LINE = 2.0, 8.0, 1.5
 _USUAL_PPM = 300
-_ALL, _MOST = 0.8, 0.6
+_ALL, _MOST = 0.9, 0.6
 """Shares of the blocks on a line from which on nothing else is tried."""
 
 _ECHO_SHARE = 0.25
@@ -268,7 +268,8 @@ def follow_lag(
     """
     size = min(recording_1.size, recording_2.size - lag) - max(0, -lag)
     longest = int(np.clip(2 ** round(math.log2(max(size, 1) / _BLOCKS)), _SHORTEST, _LONGEST))
-    best = _straight(recording_1, recording_2, lag)
+    # Where another lag is to be reached, the line may jump.
+    best = _straight(recording_1, recording_2, lag) if reach <= _LEAST_REACH else (0.0, None)
     # Ordinary clocks first, in a narrow strip; then blocks that are so short that the drift does not blur them.
     for length, least in ((longest, _ALL), (longest // 8, _MOST)):
         if best[0] < least and length >= _SHORTEST:

@@ -150,6 +150,11 @@ class LagJudgement:
     opposite_lag: int | None = None
     over_time: LagOverTime | None = None
 
+    @property
+    def drift(self) -> LagOverTime | None:
+        """The lag over time, by the name that earlier scripts read."""
+        return self.over_time
+
 
 @dataclass(frozen=True)
 class _Alignment:
