@@ -473,7 +473,7 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
 
     def band(first: int) -> Indices:
         start = max(0, first - 1)  # compared with the adjacent rows too
-        part = np.nan_to_num(score_map[start : first + ROWS_AT_ONCE + 1], nan=-2.0)
+        part = np.fmax(score_map[start : first + ROWS_AT_ONCE + 1], np.float32(-2.0))  # in place of NaN
         highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= -1.0)
         return np.asarray(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
 
