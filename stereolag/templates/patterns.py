@@ -35,7 +35,8 @@ class Pattern:
     deviations
         (channels, height, width) float64: each channel minus its weighted mean, 0 where the weight is 0.
     silhouette
-        Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`.
+        Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`. The image has
+        the map from which its edges come as one more channel.
     """
 
     colours: Image
@@ -153,8 +154,8 @@ def compared(image: Image, template: Image, mask: Image | None, *, exact: bool =
     """Return the image (rows, cols, channels) and the pattern that are compared.
 
     A template of one colour has a shape alone. It is compared by the edges of its alpha with those of a map of the
-    image that is highest where the image has that colour; if `exact`, by nothing but its pixels. Under a mask of its
-    own, the one colour is exactly one.
+    image that is highest where the image has that colour, which is the third channel; if `exact`, by nothing but its
+    pixels. Under a mask of its own, the one colour is exactly one.
 
     Raises
     ------
@@ -175,7 +176,9 @@ def compared(image: Image, template: Image, mask: Image | None, *, exact: bool =
             away = [large[:, :, channel] - np.float32(value) for channel, value in enumerate(colour)]
             near = -np.log(np.linalg.norm(away, axis=0) / level + CLOSE)
             shape = shares.astype(np.float32)[:, :, np.newaxis]
-            return edges(near), pattern_of(shape, np.ones(shares.shape), silhouette=True)
+            return np.dstack([edges(near), near.astype(np.float32)]), pattern_of(
+                shape, np.ones(shares.shape), silhouette=True
+            )
     return large, pattern_of(colours, weights)
 
 

@@ -196,7 +196,7 @@ def _coarse(
     """Return the best places over all sizes and angles, best first, and the number of positions scored."""
     grey = grey_pattern(pattern)
     plain = grey is None  # a template of one luminance can only be found by its colours
-    flat = image if plain or image.shape[2] != 3 else as_grey(image)[:, :, np.newaxis]
+    flat = image if plain or pattern.colours.shape[2] == 1 else as_grey(image)[:, :, np.newaxis]
     little = reduced(flat, factor)
     scaled = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
 

@@ -137,7 +137,7 @@ def scores_at(
     rows, cols
         Top-left pixels of the positions.
     """
-    windows = np.lib.stride_tricks.sliding_window_view(image, weights.shape, axis=(0, 1))
+    windows = np.lib.stride_tricks.sliding_window_view(image[:, :, : len(deviations)], weights.shape, axis=(0, 1))
     counts = weights > 0
     shares, template = weights[counts], deviations[:, counts]
     scores = np.full(len(rows), np.nan)
@@ -171,7 +171,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
     Parameters
     ----------
     image
-        (rows, cols, channels), as many channels as the pattern.
+        (rows, cols, channels), of which those of the pattern come first.
     pattern
         The template.
     progress
@@ -182,6 +182,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
     ndarray
         (rows - height + 1, cols - width + 1) float32, -1..1, NaN where the window is flat.
     """
+    image = image[:, :, : len(pattern.deviations)]
     planes = _centred(image)
     squares = np.square(planes).sum(axis=0)
     height, width = pattern.shape
@@ -216,6 +217,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     place its exact score. Without a mask, their sums over windows are exact. Others are in double precision. The tiles
     run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
     """
+    image = image[:, :, : len(pattern.deviations)]
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
