@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.inputs import as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.motion.levels import (
@@ -30,6 +30,14 @@ from stereolag.motion.levels import (
     match_level,
     median_residual,
     return_error,
+)
+from stereolag.motion.verdict import (
+    FlowVerdict,
+    FrameRelation,
+    moves_everywhere,
+    related_frames,
+    unchanged,
+    without_minimum,
 )
 from stereolag.stereo.finishing.stages import MedianFilter, TextureTest, least_texture, weighted_median
 from stereolag.stereo.matcher import Reason
@@ -90,7 +98,11 @@ class FlowMap:
     reason
         (H, W) uint8, a :class:`~stereolag.stereo.matcher.Reason` for every pixel. LEFT_RIGHT: the way back from the
         second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
-        neighbours by the universal median test.
+        neighbours by the universal median test. AMBIGUOUS: the pixel's surroundings do not confirm the match.
+    verdict
+        "related"; or, with no flow at all, "unrelated": the frames have nothing in common; "blank": one of them shows
+        nothing, or only noise; "static background": things move everywhere before a background that does not, so that
+        both motions fit (subtract the background, with `subtract_minimum`). "identical": the flow is exactly 0.
     elapsed_s
         Computation time, s.
     settings
@@ -103,7 +115,7 @@ class FlowMap:
     >>> first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
     >>> flow = sl.optical_flow(first, np.roll(first, -5, axis=1), search=16)
     >>> flow
-    <FlowMap 100 × 60, ...% valid, in ... s>
+    <FlowMap 100 × 60, related, ...% valid, in ... s>
     >>> flow.dx[30, 2], sl.Reason(flow.reason[30, 2]).name  # px; the pixel has left the frame
     (np.float32(nan), 'OUT_OF_FRAME')
     """
@@ -112,6 +124,7 @@ class FlowMap:
     dx: FloatMap
     score: FloatMap
     reason: ReasonMap
+    verdict: FlowVerdict
     elapsed_s: float
     settings: Settings
 
@@ -121,7 +134,7 @@ class FlowMap:
 
     def __repr__(self) -> str:
         rows, cols = self.dx.shape
-        return f"<FlowMap {cols} × {rows}, {self.coverage:.1%} valid, in {self.elapsed_s:.3g} s>"
+        return f"<FlowMap {cols} × {rows}, {self.verdict}, {self.coverage:.1%} valid, in {self.elapsed_s:.3g} s>"
 
     @property
     def valid(self) -> Mask:
@@ -224,6 +237,12 @@ class FlowMatcher(Settings):
         title="Fill gaps",
         description="Fill pixels that could not be measured with the motion of the same surface.",
     )
+    subtract_minimum: bool = Field(
+        default=False,
+        title="Subtract the minimum",
+        description="Subtract from each pixel the smaller of its two values: for bright particles before a background "
+        "that stands still.",
+    )
 
     @field_validator("window_size")
     @classmethod
@@ -258,25 +277,46 @@ class FlowMatcher(Settings):
         check_memory(self.estimate(images[0].shape, images[0].dtype))
         start = time.perf_counter()
         grey = rescale_extreme_floats(*map(as_grey, images))
-        count = count_levels((rows, cols), self.window_size, self.search, self.levels)
-        firsts, seconds = (
-            Frame(one, guide, grey_level(*grey)).pyramid(count)
-            for one, guide in zip(grey, as_eight_bit(*grey), strict=True)
+        if self.subtract_minimum:
+            grey = without_minimum(*grey)
+        view, found = self._solved(*grey, progress or silent)
+        if found.may_hide_a_motion and self._moves_before_a_background(found, *grey):
+            found = FrameRelation("static background", np.zeros_like(found.supported))
+        flow, score, reason = self._judged(view, found, *grey)
+        return FlowMap(
+            flow[0], flow[1], score, reason, found.verdict, elapsed_s=time.perf_counter() - start, settings=self
         )
-        flows: tuple[Flow | None, Flow | None] = (None, None)
-        for level in range(count - 1, -1, -1):
-            first_frame, second_frame = firsts[level], seconds[level]
-            there, back = (None if flow is None else doubled(flow, first_frame.shape) for flow in flows)
-            view, back = self._solve(level, first_frame, second_frame, there, back)
-            flows = view.flow, back
-            (progress or silent)(1 / 4**level)
-        flow, score, reason = self._judged(view, least_texture(self.texture, *grey))
-        return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for frames of a shape, with or without channels, and dtype."""
         pixels = shape[0] * shape[1]
         return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
+
+    def _solved(self, first: Image, second: Image, progress: Progress) -> tuple[View, FrameRelation]:
+        """Return the flow between two grey frames, not yet judged, and what they have in common."""
+        if np.array_equal(first, second):
+            found = match_level(first, second, None, self.window_size, 1)
+            still = np.zeros_like(found.flow)
+            flat = found.texture <= least_texture(self.texture, first, second)
+            verdict: FlowVerdict = "blank" if flat.all() else "identical"
+            return View(still, found._replace(flow=still), still[0]), FrameRelation(verdict, ~flat)
+        count = count_levels(first.shape, self.window_size, self.search, self.levels)
+        firsts, seconds = (
+            Frame(one, guide, grey_level(first, second)).pyramid(count)
+            for one, guide in zip((first, second), as_eight_bit(first, second), strict=True)
+        )
+        flows: tuple[Flow | None, Flow | None] = (None, None)
+        for level in range(count - 1, -1, -1):
+            there, back = (None if flow is None else doubled(flow, firsts[level].shape) for flow in flows)
+            view, back = self._solve(level, firsts[level], seconds[level], there, back)
+            flows = view.flow, back
+            progress(1 / 4**level)
+        return view, related_frames(firsts[0], seconds[0], view.flow)
+
+    def _moves_before_a_background(self, found: FrameRelation, first: Image, second: Image) -> bool:
+        """Return whether frames agree better, and move everywhere, once their minimum is subtracted."""
+        view, moving = self._solved(*without_minimum(first, second), silent)
+        return moving.agreement > found.agreement and moves_everywhere(view.flow, moving)
 
     def _solve(
         self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
@@ -323,9 +363,13 @@ class FlowMatcher(Settings):
                 part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
         return flow
 
-    def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
+    def _judged(
+        self, view: View, found: FrameRelation, first: Image, second: Image
+    ) -> tuple[Flow, FloatMap, ReasonMap]:
         """Return the flow without unreliable displacements, its scores, and the reasons."""
-        score = view.candidates.score
+        score, flat = view.candidates.score, view.candidates.texture <= least_texture(self.texture, first, second)
+        same, moves = unchanged(first, second, self.window_size) & ~flat, np.abs(view.flow).max(axis=0) >= 1
+        view.flow[:, same & ~moves] = 0
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
         tests: list[tuple[Mask, Reason]] = []
         if self.median_test is not None:
@@ -334,13 +378,17 @@ class FlowMatcher(Settings):
             tests.append((residual > self.median_test.threshold, Reason.SPECKLE))
         if self.forward_backward is not None:
             tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
+        # No motion fits to the last bit, and so does another, as along an edge.
+        tests.append((same & moves, Reason.AMBIGUOUS))
+        tests.append((~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS))
         tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
-        tests.append((view.candidates.texture <= flat, Reason.LOW_TEXTURE))
+        # A score is missing where the window of the second frame is flat.
+        tests.append((flat | (score == NO_SCORE), Reason.LOW_TEXTURE))
         for where, why in tests:
             reason[where] = why
         missing = reason != Reason.MEASURED
-        score = np.where(missing | (score == NO_SCORE), np.float32(np.nan), score)
-        if self.filling:
+        score = np.where(missing, np.float32(np.nan), score)
+        if self.filling and not missing.all():
             reason[missing] = Reason.FILLED
         else:
             view.flow[:, missing] = np.nan

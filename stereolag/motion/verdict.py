@@ -1,0 +1,167 @@
+"""The verdict on two frames: whether they show the same, and at which pixels that can be relied on."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, TypeAlias
+
+import cv2
+import numpy as np
+
+from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.inputs import Image
+from stereolag.motion.levels import Flow, Frame, fetched, leaves_frame
+
+FlowVerdict: TypeAlias = Literal["related", "unrelated", "blank", "static background", "identical"]
+
+DETAIL, NEIGHBOURHOOD, OWN, HOLE, RING, NEAR = 9, 31, 15, 15, 45, 63
+"""Sides of squares, px of the level: the mean that is removed, so that detail remains; the area over which detail is
+compared, and around a single pixel; the hole and the outer side of the ring of flow that predicts its middle; and the
+reach of a neighbourhood that agrees."""
+
+AGREES, OWN_AGREES, SURE = 0.4, 0.3, 0.5
+"""Least correlation of the detail under the predicted flow; of a pixel's surroundings under its own flow; and of those
+of the pixels that predict others."""
+
+UNSURE = np.float32(1e-4)
+"""Weight of other pixels."""
+
+LEAST_SHARE = 0.2
+"""Least share of the textured area that agrees in related frames: 0.34 on frames with half of them exchanged, at most
+0.1 on unrelated ones."""
+
+FAINT = 0.01
+"""Energy below which an area has no texture, as a share of the mean."""
+
+LEVELS = 3
+"""Levels tried, finest first: noise has detail at the first, and hardly any left at the third."""
+
+NOISE_CORRELATES = (0.2, 0.45)
+"""Least correlation of the detail with itself 1 px aside in a picture, at full size and below: white noise has 0, and
+0.35 once the pyramid has smoothed it."""
+
+WEAK, CHANGED, STANDING, STILL = 0.5, 0.02, 0.2, 0.5
+"""A background is looked for below this median agreement; from this share of the area that agrees better without the
+minimum; and from this share that moves less than `STILL`, px, although the frames differ by more than noise."""
+
+DISPERSED, MOVES = 0.5, 0.25
+"""Least share of the pixels that moves before a background, and the least median motion there, px."""
+
+
+class FrameRelation(NamedTuple):
+    """What two frames have in common."""
+
+    verdict: FlowVerdict
+    supported: Mask
+    """(H, W), the pixels whose flow is confirmed by their surroundings."""
+    agreement: float = 1.0
+    """Median correlation of the detail under the predicted flow."""
+    may_hide_a_motion: bool = False
+    """Whether things may move before a background that stands still."""
+
+
+def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
+    """Return whether the flow between two frames is more than chance, and where.
+
+    A flow made to fit makes any two frames similar. Each area is therefore compared under the flow of the ring around
+    it, in which it has had no part: that predicts the area's detail if something has moved there, and does no better
+    than chance otherwise. The finest level at which both frames are more than noise decides, since coarse structure,
+    such as lines of text, fits anywhere.
+
+    Parameters
+    ----------
+    first, second
+        The frames.
+    flow
+        (2, H, W) px, finite.
+    """
+    nowhere = np.zeros(first.shape, np.bool_)
+    typical, hidden = 0.0, False
+    for level in range(LEVELS):
+        if level:
+            first, second = (frame.pyramid(2)[1] for frame in (first, second))
+            size = first.shape[1], first.shape[0]
+            flow = np.stack([cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in flow]) / np.float32(2)
+        detail = _detail(first.grey, first.grey_level)
+        own, _ = _agreement(detail, second, flow, OWN)
+        predicted = _predicted(flow, own >= SURE)
+        agreement, energy = _agreement(detail, second, predicted, NEIGHBOURHOOD)
+        textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)
+        area = max(1, np.count_nonzero(textured))
+        if level == 0:
+            typical = float(np.median(agreement[textured])) if textured.any() else 0.0
+            hidden = typical < WEAK or _may_hide_a_motion(first, second, predicted, np.where(textured, agreement, 1))
+        agreeing = textured & (agreement >= AGREES)
+        if np.count_nonzero(agreeing) >= LEAST_SHARE * area:
+            near = cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8))
+            whole = cv2.resize(near * (own >= OWN_AGREES), nowhere.shape[::-1], interpolation=cv2.INTER_NEAREST)
+            return FrameRelation("related", whole > 0, typical, hidden)
+        noise = NOISE_CORRELATES[min(level, 1)]
+        if all(_continues(one) > noise for one in (detail, _detail(second.grey, second.grey_level))):
+            return FrameRelation("unrelated", nowhere, typical, hidden)
+        if min(first.shape) < 2 * NEIGHBOURHOOD:
+            break
+    return FrameRelation("blank", nowhere)
+
+
+def moves_everywhere(flow: Flow, found: FrameRelation) -> bool:
+    """Return whether most of two frames shows the same, and most of that moves."""
+    if found.verdict != "related" or found.supported.mean() < DISPERSED:
+        return False
+    return float(np.median(np.hypot(*flow[:, found.supported]))) > MOVES
+
+
+def without_minimum(first: Image, second: Image) -> tuple[Image, Image]:
+    """Return both frames less the smaller value of each pixel: what is bright and moves, without its background."""
+    least = np.minimum(first, second)
+    return first - least, second - least
+
+
+def unchanged(first: Image, second: Image, window: int) -> Mask:
+    """Return the (H, W) mask of pixels whose windows are the same in both frames, to the last bit."""
+    changed = cv2.dilate((first != second).astype(np.uint8), np.ones((window, window), np.uint8))
+    return np.asarray(changed == 0)
+
+
+def _may_hide_a_motion(first: Frame, second: Frame, flow: Flow, agreement: FloatMap) -> bool:
+    """Return whether the frames less their minimum are worth a look."""
+    here, there = (Frame(one, first.guide, first.grey_level) for one in without_minimum(first.grey, second.grey))
+    detail = _detail(here.grey, here.grey_level)
+    other, _ = _agreement(detail, there, flow, NEIGHBOURHOOD)
+    changed = np.mean(other > np.maximum(agreement, AGREES))
+    standing = np.mean(np.hypot(*flow) < STILL)
+    return bool(changed >= CHANGED or (standing >= STANDING and _continues(detail) > NOISE_CORRELATES[1]))
+
+
+def _detail(image: Image, grey_level: float) -> FloatMap:
+    """Return an image without its local mean, grey levels of 255."""
+    grey = image.astype(np.float32) * np.float32(1 / grey_level)
+    return grey - cv2.blur(grey, (DETAIL, DETAIL), borderType=cv2.BORDER_REFLECT)
+
+
+def _predicted(flow: Flow, sure: Mask) -> Flow:
+    """Return the mean flow of the sure pixels of the ring around every pixel."""
+    weight = np.where(sure, np.float32(1), UNSURE)
+    planes = weight, *(flow * weight)
+    ring = [
+        cv2.boxFilter(plane, -1, (RING, RING), normalize=False, borderType=cv2.BORDER_REFLECT)
+        - cv2.boxFilter(plane, -1, (HOLE, HOLE), normalize=False, borderType=cv2.BORDER_REFLECT)
+        for plane in planes
+    ]
+    return np.stack(ring[1:]) / np.maximum(ring[0], UNSURE)
+
+
+def _agreement(detail: FloatMap, second: Frame, flow: Flow, side: int) -> tuple[FloatMap, FloatMap]:
+    """Return the correlation of the detail around every pixel along a flow, and its energy in the first frame."""
+    other = _detail(fetched(second.grey, flow), second.grey_level)
+    joint, own, others = (
+        cv2.blur(product, (side, side), borderType=cv2.BORDER_REFLECT)
+        for product in (detail * other, detail * detail, other * other)
+    )
+    return joint / np.sqrt(np.maximum(own * others, np.float32(1e-6))), own
+
+
+def _continues(detail: FloatMap) -> float:
+    """Return the correlation of the detail with itself 1 px aside; 0 without detail."""
+    energy = float(np.mean(detail * detail))
+    aside = (np.mean(detail[:, 1:] * detail[:, :-1]) + np.mean(detail[1:] * detail[:-1])) / 2
+    return float(aside) / energy if energy > 1e-4 else 0.0
