@@ -13,17 +13,13 @@ from stereolag.motion.levels import Flow, Frame, fetched, leaves_frame
 
 FlowVerdict: TypeAlias = Literal["related", "unrelated", "blank", "static background", "identical"]
 
-DETAIL, NEIGHBOURHOOD, OWN, HOLE, RING, NEAR = 9, 31, 15, 15, 45, 63
+DETAIL, NEIGHBOURHOOD, OWN, BLOCK, NEAR = 9, 31, 15, 10, 63
 """Sides of squares, px of the level: the mean that is removed, so that detail remains; the area over which detail is
-compared, and around a single pixel; the hole and the outer side of the ring of flow that predicts its middle; and the
-reach of a neighbourhood that agrees."""
+compared, and around a single pixel; the blocks of which 5 × 5 predict the flow of the middle one; and the reach of a
+neighbourhood that agrees."""
 
-AGREES, OWN_AGREES, SURE = 0.4, 0.3, 0.5
-"""Least correlation of the detail under the predicted flow; of a pixel's surroundings under its own flow; and of those
-of the pixels that predict others."""
-
-UNSURE = np.float32(1e-4)
-"""Weight of other pixels."""
+AGREES, OWN_AGREES = 0.4, 0.3
+"""Least correlation of the detail under the predicted flow, and of a pixel's surroundings under its own flow."""
 
 LEAST_SHARE = 0.2
 """Least share of the textured area that agrees in related frames: 0.34 on frames with half of them exchanged, at most
@@ -62,10 +58,10 @@ class FrameRelation(NamedTuple):
 def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
     """Return whether the flow between two frames is more than chance, and where.
 
-    A flow made to fit makes any two frames similar. Each area is therefore compared under the flow of the ring around
-    it, in which it has had no part: that predicts the area's detail if something has moved there, and does no better
-    than chance otherwise. The finest level at which both frames are more than noise decides, since coarse structure,
-    such as lines of text, fits anywhere.
+    A flow made to fit makes any two frames similar. Each area is therefore compared under the flow of the blocks around
+    it, in which it has had next to no part: that predicts the area's detail if something has moved there, and does no
+    better than chance otherwise. The finest level at which both frames are more than noise decides, since coarse
+    structure, such as lines of text, fits anywhere.
 
     Parameters
     ----------
@@ -82,8 +78,7 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
             size = first.shape[1], first.shape[0]
             flow = np.stack([cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in flow]) / np.float32(2)
         detail = _detail(first.grey, first.grey_level)
-        own, _ = _agreement(detail, second, flow, OWN)
-        predicted = _predicted(flow, own >= SURE)
+        predicted = _predicted(flow)
         agreement, energy = _agreement(detail, second, predicted, NEIGHBOURHOOD)
         textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)
         area = max(1, np.count_nonzero(textured))
@@ -93,6 +88,7 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
         agreeing = textured & (agreement >= AGREES)
         if np.count_nonzero(agreeing) >= LEAST_SHARE * area:
             near = cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8))
+            own, _ = _agreement(detail, second, flow, OWN)
             whole = cv2.resize(near * (own >= OWN_AGREES), nowhere.shape[::-1], interpolation=cv2.INTER_NEAREST)
             return FrameRelation("related", whole > 0, typical, hidden)
         noise = NOISE_CORRELATES[min(level, 1)]
@@ -138,16 +134,12 @@ def _detail(image: Image, grey_level: float) -> FloatMap:
     return grey - cv2.blur(grey, (DETAIL, DETAIL), borderType=cv2.BORDER_REFLECT)
 
 
-def _predicted(flow: Flow, sure: Mask) -> Flow:
-    """Return the mean flow of the sure pixels of the ring around every pixel."""
-    weight = np.where(sure, np.float32(1), UNSURE)
-    planes = weight, *(flow * weight)
-    ring = [
-        cv2.boxFilter(plane, -1, (RING, RING), normalize=False, borderType=cv2.BORDER_REFLECT)
-        - cv2.boxFilter(plane, -1, (HOLE, HOLE), normalize=False, borderType=cv2.BORDER_REFLECT)
-        for plane in planes
-    ]
-    return np.stack(ring[1:]) / np.maximum(ring[0], UNSURE)
+def _predicted(flow: Flow) -> Flow:
+    """Return the median flow of the blocks around every pixel, in which it has next to no part itself."""
+    rows, cols = flow.shape[1:]
+    blocks = -(-cols // BLOCK), -(-rows // BLOCK)
+    medians = [cv2.medianBlur(cv2.resize(part, blocks, interpolation=cv2.INTER_AREA), 5) for part in flow]
+    return np.stack([cv2.resize(part, (cols, rows), interpolation=cv2.INTER_LINEAR) for part in medians])
 
 
 def _agreement(detail: FloatMap, second: Frame, flow: Flow, side: int) -> tuple[FloatMap, FloatMap]:
