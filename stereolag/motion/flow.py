@@ -368,7 +368,8 @@ class FlowMatcher(Settings):
     ) -> tuple[Flow, FloatMap, ReasonMap]:
         """Return the flow without unreliable displacements, its scores, and the reasons."""
         score, flat = view.candidates.score, view.candidates.texture <= least_texture(self.texture, first, second)
-        same, moves = unchanged(first, second, self.window_size) & ~flat, np.abs(view.flow).max(axis=0) >= 1
+        same = unchanged(first, second, self.window_size) & ~flat
+        moves = same & (np.abs(view.flow) >= 1).any(axis=0)
         view.flow[:, same & ~moves] = 0
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
         tests: list[tuple[Mask, Reason]] = []
@@ -379,7 +380,7 @@ class FlowMatcher(Settings):
         if self.forward_backward is not None:
             tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
         # No motion fits to the last bit, and so does another, as along an edge.
-        tests.append((same & moves, Reason.AMBIGUOUS))
+        tests.append((moves, Reason.AMBIGUOUS))
         tests.append((~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS))
         tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
         # A score is missing where the window of the second frame is flat.

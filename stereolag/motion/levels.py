@@ -411,7 +411,7 @@ def return_error(flow: Flow, back: Flow) -> FloatMap:
         cv2.remap(part, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=FAR_OFF)
         for part in back
     ]
-    return np.asarray(np.hypot(flow[0] + returned[0], flow[1] + returned[1]))
+    return np.asarray(cv2.magnitude(flow[0] + returned[0], flow[1] + returned[1]))
 
 
 def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
