@@ -21,9 +21,9 @@ neighbourhood that agrees."""
 AGREES, OWN_AGREES = 0.4, 0.3
 """Least correlation of the detail under the predicted flow, and of a pixel's surroundings under its own flow."""
 
-LEAST_SHARE = 0.2
-"""Least share of the textured area that agrees in related frames: 0.34 on frames with half of them exchanged, at most
-0.1 on unrelated ones."""
+LEAST_SHARE = 0.3
+"""Least share of the textured area that agrees in related frames: 0.44 or more if half of a photograph is exchanged, at
+most 0.05 in unrelated photographs and particles, and up to 0.34 on screens, whose straight edges fit anywhere."""
 
 FAINT = 0.01
 """Energy below which an area has no texture, as a share of the mean."""
