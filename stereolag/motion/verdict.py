@@ -76,19 +76,20 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
         if level:
             first, second = (frame.pyramid(2)[1] for frame in (first, second))
             size = first.shape[1], first.shape[0]
-            flow = np.stack([cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in flow]) / np.float32(2)
+            flow = np.stack([cv2.resize(part / 2, size, interpolation=cv2.INTER_AREA) for part in flow])
         detail = _detail(first.grey, first.grey_level)
         predicted = _predicted(flow)
         agreement, energy = _agreement(detail, second, predicted, NEIGHBOURHOOD)
         textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)
-        area = max(1, np.count_nonzero(textured))
+        area = int(textured.sum()) or 1
         if level == 0:
             sampled = agreement[::4, ::4][textured[::4, ::4]]
             typical = float(np.median(sampled)) if sampled.size else 0.0
-            hidden = typical < WEAK or _may_hide_a_motion(first, second, predicted, np.where(textured, agreement, 1))
+            agreement[~textured] = 1
+            hidden = typical < WEAK or _may_hide_a_motion(first, second, predicted, agreement)
         agreeing = textured & (agreement >= AGREES)
         if np.count_nonzero(agreeing) >= LEAST_SHARE * area:
-            near = cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8))
+            near = np.asarray(cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8)))
             own, _ = _agreement(detail, second, flow, OWN)
             whole = cv2.resize(near * (own >= OWN_AGREES), nowhere.shape[::-1], interpolation=cv2.INTER_NEAREST)
             return FrameRelation("related", whole > 0, typical, hidden)
@@ -151,11 +152,12 @@ def _predicted(flow: Flow) -> Flow:
 def _agreement(detail: FloatMap, second: Frame, flow: Flow, side: int) -> tuple[FloatMap, FloatMap]:
     """Return the correlation of the detail around every pixel along a flow, and its energy in the first frame."""
     other = _detail(fetched(second.grey, flow), second.grey_level)
-    joint = cv2.blur(cv2.multiply(detail, other), (side, side), borderType=cv2.BORDER_REFLECT)
+    joint = np.asarray(cv2.blur(detail * other, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
     own, others = (
-        cv2.sqrBoxFilter(one, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REFLECT) for one in (detail, other)
+        np.asarray(cv2.sqrBoxFilter(one, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
+        for one in (detail, other)
     )
-    return joint / cv2.sqrt(cv2.max(cv2.multiply(own, others), 1e-6)), own
+    return joint / np.sqrt(np.maximum(own * others, np.float32(1e-6))), own
 
 
 def _continues(detail: FloatMap) -> float:
