@@ -866,8 +866,8 @@ def no_rocketman(random: Random) -> Trial:
     way, posed = int(random.integers(6)), {"scales": SCALES, "rotations": ROTATIONS}
     if way == 0:
         picture = painted_over(picture, place)
-    elif way == 1:
-        template = np.ascontiguousarray(template[:, ::-1])
+    elif way == 1:  # in his own size: the maze holds his smaller mirror image
+        template, posed = np.ascontiguousarray(template[:, ::-1]), {}
     elif way == 2:
         orders = ((1, 2, 0), (2, 1, 0), (0, 2, 1))
         template = template[:, :, (*orders[int(random.integers(3))], 3)]

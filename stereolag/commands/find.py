@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import stereolag as sl
-from stereolag.commands.arguments import (
-    DONE,
-    NOT_FOUND,
-    CommandParser,
-    SettingsFlags,
-    add_frames,
-    read,
-    read_frames,
-    tell,
-)
+from stereolag.commands.arguments import DONE, NOT_FOUND, CommandParser, SettingsFlags, read, tell
 from stereolag.core.searches import TemplateQuery
 
 
@@ -22,15 +13,14 @@ def run(arguments: Sequence[str]) -> int:
     """Search as the arguments ask, print the result, and return the exit code."""
     parser = CommandParser(
         "find",
-        "Find a template in an image: row and column of its top-left pixel, best first. It is found where it fits "
-        "clearly better than anywhere else. Transparent pixels of the template do not count.",
+        "Find a template in an image: row and column of its top-left pixel, best first. It is found where every part "
+        "of it agrees with the image, in whatever light. Transparent pixels of the template do not count.",
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
         f"; {NOT_FOUND} nothing is found",
     )
     parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
     parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
-    add_frames(parser, "the image", "the template")
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
@@ -39,26 +29,43 @@ def run(arguments: Sequence[str]) -> int:
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
-    (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
+    image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
-    figures = search_figures(result, query) | {"images": frames}
-    tell(figures, "\n".join([*_told(result, query), *lines]), as_json=options.json)
+    tell(search_figures(result, query), "\n".join(_told(result, query)), as_json=options.json)
     return DONE if result.found else NOT_FOUND
 
 
 def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
     """Return a line for each place that can be relied on; if nothing was found, the reason."""
     if result.found:
-        return [_place(one) for one in result.matches[: result.clear]]
+        return [f"{_place(one)}{_remark(one)}" for one in result.matches[: result.clear]]
     if result.reason == "look_alikes":
         alike = result.look_alikes
         return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
-    if result.reason == "other_colours" and result.best is not None:
-        return [f"Not found in these colours, but in others: {_place(result.best)}."]
-    if result.reason == "mirrored" and result.best is not None:
-        return [f"Not found, but its mirror image is there: {_place(result.best)}."]
+    if result.best is not None and result.reason in NOT_FOUND_BUT:
+        return [f"Not found{NOT_FOUND_BUT[result.reason]}: {_place(result.best)}{_remark(result.best)}."]
     said = f"Not found: no place scores {query.min_score:g} or more."
     return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
+
+
+NOT_FOUND_BUT = {
+    "other_colours": " in these colours, but in others",
+    "mirrored": ", but its mirror image is there",
+    "differs": ", but something similar is there",
+    "not_there": "; the best place shows something else",
+}
+
+
+def _remark(match: sl.TemplateMatch) -> str:
+    """Return what a place shows if it is not simply the template."""
+    differing = sum(not agrees for line in match.blocks for agrees in line)
+    if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
+        return f", {match.contrast:.2f} × its contrast"
+    if match.kind == "partly_covered":
+        return f", {differing} of {sum(map(len, match.blocks))} blocks covered or outside the image"
+    if match.kind in ("differs", "not_there"):
+        return f", {differing} of {sum(map(len, match.blocks))} blocks differ"
+    return ""
 
 
 def _place(match: sl.TemplateMatch) -> str:

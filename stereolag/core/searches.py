@@ -65,9 +65,7 @@ class TemplateQuery(Settings):
         le=1,
         json_schema_extra={"step": 0.05},
     )
-    max_matches: int = Field(
-        default=1, title="Matches wanted", description="Largest number of matches to return.", ge=1, le=20
-    )
+    max_matches: int = Field(default=1, title="Matches wanted", description="Largest number of copies to find.", ge=1)
     min_scale: Annotated[float, RESIZABLE] = Field(
         default=1.0,
         title="Smallest size",

@@ -51,7 +51,8 @@ def framed(
 ) -> bytes:
     """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
 
-    Frames are dashed at doubtful places, and rotated if the shape of the template is given.
+    Frames are dashed at doubtful places, and rotated if the shape of the template is given. Blocks that disagree with
+    the template are outlined.
     """
     shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
@@ -141,11 +142,26 @@ def _draw_frame(
     dashed
         Whether the frame is dashed.
     """
+    for top, left, bottom, right in _differing(match, scale):
+        for colour, width in ((BLACK, thickness), (WHITE, max(1, thickness // 2))):
+            cv2.rectangle(picture, (left, top), (right, bottom), colour, width)
     corners = _corners(match, scale, thickness // 2 + 1, template)
     for colour, width in ((WHITE, thickness + 2), (FRAME, thickness)):
         for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
             for one, other in _dashes(start, end, 5 * thickness) if dashed else [(start, end)]:
                 cv2.line(picture, one, other, colour, width)
+
+
+def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[int, int, int, int]]:
+    """Yield top, left, bottom and right of each block of a match that disagrees with the template, scaled."""
+    if match.kind == "not_there":  # nearly all of them do
+        return
+    for row, line in enumerate(match.blocks):
+        for col, agrees in enumerate(line):
+            if not agrees:
+                down, across = match.height / len(match.blocks), match.width / len(line)
+                top, left = match.row + row * down, match.col + col * across
+                yield tuple(round(at * scale) for at in (top, left, top + down, left + across))  # type: ignore[misc]
 
 
 def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:

@@ -115,12 +115,15 @@ def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
 def matches_csv(result: TemplateSearch) -> str:
     """Return the matches as CSV, best first: one line per match below a line with the names of its fields.
 
-    The last field is ``clear``: 1 if a match fits clearly better than every other place and can be relied on, else 0.
+    The last field is ``clear``: 1 if a match is the template, else 0. Gains and blocks are in JSON alone.
     """
     from stereolag.templates import TemplateMatch
 
-    names = [field.name for field in fields(TemplateMatch)]
-    rows = [[*asdict(match).values(), int(number < result.clear)] for number, match in enumerate(result.matches)]
+    names = [field.name for field in fields(TemplateMatch) if field.name not in ("gain", "blocks")]
+    rows = [
+        [*(getattr(match, name) for name in names), int(number < result.clear)]
+        for number, match in enumerate(result.matches)
+    ]
     return _csv([*names, "clear"], rows)
 
 

@@ -1,8 +1,4 @@
-"""Template search from a rare pixel: only places with exactly the same values are scored.
-
-Such a place may have rivals that share none of its pixels: the places where the template fits best are found in a
-reduced grey image and scored in the full one.
-"""
+"""Template search from a rare pixel: only places with exactly the same values are scored."""
 
 from __future__ import annotations
 
@@ -14,17 +10,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.inputs import Image, as_grey
-from stereolag.core.jobs import Estimate, Progress, check_memory, silent
-from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped
+from stereolag.core.inputs import Image
+from stereolag.core.jobs import Estimate, Progress, check_memory
+from stereolag.templates.patterns import Pattern
 from stereolag.templates.score_maps import (
     Indices,
     Places,
-    Scores,
-    best_position,
-    fft_score_map,
-    peaks,
-    positions_near,
     scores_at,
 )
 
@@ -192,69 +183,3 @@ def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:
     found = cv2.findNonZero(marks)
     cols, rows = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T.astype(np.intp)
     return rows, cols
-
-
-REDUCED_SIDE = 28
-"""Side of a template in the reduced image, the root of its area, px: enough to tell it from most other places."""
-
-
-THINNED = 200
-"""Least number of template pixels used to judge a place before all are compared."""
-
-
-def likely_places(
-    image: Image, pattern: Pattern, count: int, least: float | None = None
-) -> list[tuple[int, int, float]]:
-    """Return row, column and score of about the `count` best places that share no pixel.
-
-    Parameters
-    ----------
-    image
-        (rows, cols, channels), as many channels as the pattern.
-    pattern
-        The template.
-    count
-        Number of places.
-    least
-        Places that score less than this on some 200 of their pixels are left out; None: none are.
-    """
-    shape = pattern.shape
-    factor = max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
-    grey = grey_pattern(pattern)
-    small = None if grey is None else warped(grey, 1 / factor, 0.0)
-    flat = as_grey(image if image.shape[2] == 3 else image[:, :, 0])
-    little = reduced(flat[:, :, np.newaxis], factor)
-    if small is None or little.shape[0] < small.shape[0] or little.shape[1] < small.shape[1]:
-        return []
-    places = peaks(fft_score_map(little, small, silent), small.shape)
-    reach = math.ceil(factor / 2) + 1 if factor > 1 else 0
-    found = []
-    for one in places.best(count):
-        # The centre of a place is the centre of its reduced copy; the nearest place in the image.
-        row, col = (
-            min(max(round((at + part / 2) * length / less - side / 2), 0), length - side)
-            for at, part, length, less, side in zip(
-                (places.rows[one], places.cols[one]), small.shape, flat.shape, little.shape, shape, strict=False
-            )
-        )
-        rows, cols = positions_near(image, pattern, row, col, reach)
-        if least is not None:
-            kept = _thinned_scores(image, pattern, rows, cols) >= least
-            rows, cols = rows[kept], cols[kept]
-        best = best_position(image, pattern, rows, cols)
-        if best is not None:
-            found.append(best)
-    return found
-
-
-def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> Scores:
-    """Return the score of each position from some of its opaque pixels, spread over all of them; 0 where flat."""
-    inner_rows, inner_cols = np.nonzero(pattern.opaque)
-    some = slice(None, None, max(1, len(inner_rows) // THINNED))
-    inner_rows, inner_cols = inner_rows[some], inner_cols[some]
-    wanted = pattern.colours[inner_rows, inner_cols].astype(np.float64)
-    wanted -= wanted.mean(axis=0)
-    windows = image[rows[:, np.newaxis] + inner_rows, cols[:, np.newaxis] + inner_cols].astype(np.float64)
-    windows -= windows.mean(axis=1, keepdims=True)
-    norms = np.linalg.norm(wanted) * np.linalg.norm(windows, axis=(1, 2))
-    return np.asarray((windows * wanted).sum(axis=(1, 2)) / np.where(norms > 0, norms, np.inf))

@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import islice
 from typing import Any, TypeVar
 
 import cv2
@@ -412,6 +413,10 @@ class Places:
         left
             Positions to choose from; all by default. Of equal scores the first wins.
         """
+        return list(islice(self.in_order(share=share, taken=taken, left=left), count))
+
+    def in_order(self, *, share: float = 0.0, taken: Sequence[int] = (), left: Indices | None = None) -> Iterator[int]:
+        """Yield the positions of :meth:`best`, as many as there are."""
         left = np.arange(len(self.rows)) if left is None else left
         order = left[np.argsort(-self.scores[left], kind="stable")]
         found: list[int] = []
@@ -419,24 +424,10 @@ class Places:
             some = order[start : start + PEAKS_AT_ONCE]
             for one in (*taken, *found):
                 some = self.apart(one, some, share)
-            while some.size and len(found) < count:
+            while some.size:
                 found.append(int(some[0]))
+                yield found[-1]
                 some = self.apart(found[-1], some[1:], share)
-            if len(found) == count:
-                break
-        return found
-
-    def next_scores(self, kept: Sequence[int]) -> list[float]:
-        """Return, for each position kept, the best score elsewhere than it and those before it, -1 if there is none.
-
-        A position on the flank of a peak shares most of its pixels: only one that shares none is another place.
-        """
-        left = np.arange(len(self.rows))
-        found = []
-        for one in kept:
-            left = self.apart(one, left)
-            found.append(float(self.scores[left].max(initial=-1.0)))
-        return found
 
     def box(self, index: int) -> tuple[int, int]:
         """Return height and width, px, of the upright box at a position."""

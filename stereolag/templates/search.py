@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, get_args
 
 import cv2
@@ -15,11 +16,12 @@ import numpy.typing as npt
 from stereolag.core.inputs import Image, as_image, as_images
 from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, silent
 from stereolag.core.searches import TemplateMethod
-from stereolag.templates.exact_pixels import exact_positions, likely_places
+from stereolag.templates.exact_pixels import exact_positions
+from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.patterns import Pattern, compared
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
-from stereolag.templates.score_maps import Places, direct_score_map, fft_score_map, peaks, tiling
-from stereolag.templates.verdict import TemplateSearch, judged, reject_variants
+from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling
+from stereolag.templates.verdict import TemplateSearch, judged
 
 Shape = tuple[int, ...]
 
@@ -152,16 +154,6 @@ def has_alpha(shape: Shape) -> bool:
     return len(shape) == 3 and shape[2] == 4
 
 
-EXACT = 0.999
-"""Least score of an exact copy."""
-
-LIKELY = 6
-"""Number of rivals looked for in addition to the exact pixels."""
-
-NEAR_EXACT = 0.9
-"""Least score of an exact copy's rival on some of its pixels: on all of them it needs 0.996."""
-
-
 def match_template(
     image: npt.ArrayLike,
     template: npt.ArrayLike,
@@ -194,13 +186,12 @@ def match_template(
         "sampled" (Appendix B of the source report) scores only positions where the image has the exact values of a rare
         pixel of the template and of the two ends of its opaque run. It is the fastest, but finds nothing in an image
         that was recompressed, rescaled or dimmed, where "fft" still finds the template, and it is slow in an image with
-        so few values that none is rare. Its matches are compared with the likeliest places of a smaller image, which
-        takes longer than finding them.
+        so few values that none is rare.
     mask
         (height, width) of the template, instead of its alpha: the higher, the more a pixel counts; at 0 it does not.
     max_matches
-        Largest number of matches, each a local maximum of the score. The lead is measured after the last match that has
-        one: of three equal copies, one alone is not found, but all three are if three are wanted.
+        Largest number of copies wanted: of three copies, one alone is not found, but all three are if three or more are
+        wanted. Nothing is found only because more are wanted.
     min_score
         Least score of a match, -1..1.
     scales
@@ -216,8 +207,8 @@ def match_template(
     Returns
     -------
     TemplateSearch
-        `found` only if a position reaches `min_score` and has a clear lead over all others
-        (:mod:`stereolag.templates.verdict`); `matches` is empty if none reaches `min_score`.
+        `found` only if a position that reaches `min_score` shows the template (:mod:`stereolag.templates.identity`),
+        and no more positions do than are wanted; `matches` is empty if none reaches `min_score`.
 
     Raises
     ------
@@ -249,27 +240,18 @@ def match_template(
                 "the method 'sampled' compares exact values and needs one type (or use 'fft')."
             )
         places, candidates = exact_positions(searched, pattern, min_score, seed, report)
-        score_map, own = None, len(places.rows)
-        if own and (best := places.scores.max()) >= min_score:
-            # An exact copy can also have rivals of another brightness or contrast, which share none of its pixels; only
-            # those that score close to it count.
-            rivals = likely_places(searched, pattern, LIKELY, NEAR_EXACT if best >= EXACT else None)
-            rows, cols, scores = zip(*rivals, strict=True) if rivals else ((), (), ())
-            places = Places(
-                np.append(places.rows, rows).astype(np.intp),
-                np.append(places.cols, cols).astype(np.intp),
-                np.append(places.scores, scores),
-                pattern.shape,
-            )
+        score_map = None
     elif poses is not None:
         places, candidates = posed_places(searched, pattern, poses, report)
-        score_map, own = None, len(places.rows)
+        score_map = None
     else:
         score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
         places, candidates = peaks(score_map, pattern.shape), score_map.size
-        own = len(places.rows)
-    search = judged(places, max_matches, min_score, score_map=score_map, candidates=candidates, matchable=own)
-    search = reject_variants(search, searched, pattern)
+    judge = partial(judged, image=searched, pattern=pattern, max_matches=max_matches, min_score=min_score)
+    search = judge(places, score_map=score_map, candidates=candidates)
+    if not search.found and method != "sampled" and poses is None:
+        hidden = judge(hidden_places(searched, pattern, silent), score_map=score_map, candidates=candidates)
+        search = hidden if hidden.found else search
     return replace(search, elapsed_s=time.perf_counter() - started)
 
 

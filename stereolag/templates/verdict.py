@@ -1,10 +1,9 @@
-"""From scored places to an answer: matches, rivals, and whether a match is the template and has a clear lead."""
+"""From scored places to an answer: which of them are the template, and why not more."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import permutations
+import math
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,12 +11,25 @@ import numpy.typing as npt
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
+from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped
-from stereolag.templates.score_maps import Places, fft_score_map, score_at
+from stereolag.templates.score_maps import Places, fft_score_map
 
-Reason: TypeAlias = Literal["clear", "look_alikes", "low_score", "other_colours", "mirrored"]
-"""Reason of a verdict: one or more places lead all others clearly; others fit as well; no place scores high enough;
-the best place fits clearly better with the template's colour channels in another order, or with its mirror image."""
+Reason: TypeAlias = Literal[
+    "clear",
+    "lower_contrast",
+    "higher_contrast",
+    "partly_covered",
+    "look_alikes",
+    "low_score",
+    "other_colours",
+    "mirrored",
+    "differs",
+    "not_there",
+]
+"""Reason of a verdict. Found: as given; with another contrast; partly covered. Not found: more places than wanted fit
+as well; no place scores high enough; the best place shows other colours, the mirror image, something that differs in
+some blocks, or something else."""
 
 CLEAR_RATIO = 0.6
 """Clear lead: the best place differs from the template by at most this share of the next place's difference.
@@ -31,30 +43,12 @@ ROUNDING = 0.005
 """Largest 1 - score of an exact copy in a recompressed image: smaller differences count as equal."""
 
 MOST_RIVALS = 20
-"""Rivals kept: as many as a page offers matches."""
+"""Rivals kept."""
 
 
 def leads(score: float, rival: float) -> bool:
     """Return whether a place with this score has a clear lead over a rival with its score."""
     return 1 - score + ROUNDING <= CLEAR_RATIO * (1 - rival + ROUNDING)
-
-
-def verdict(scores: Sequence[float], next_scores: Sequence[float]) -> tuple[int, Reason]:
-    """Return how many matches, best first, clearly lead every other place, as many as possible, and why not more.
-
-    Parameters
-    ----------
-    scores
-        Scores of the matches, all high enough, best first.
-    next_scores
-        For each match, the best score of any place other than this match and those before it; -1 if there is no
-        other place.
-    """
-    if not scores:
-        return 0, "low_score"
-    clear = [leads(score, after) for score, after in zip(scores, next_scores, strict=True)]
-    count = len(clear) - clear[::-1].index(True) if any(clear) else 0
-    return count, "clear" if count else "look_alikes"
 
 
 @dataclass(frozen=True)
@@ -73,6 +67,9 @@ class TemplateMatch:
         Size in the image over size of the template.
     rotation
         Rotation of the template in the image, degrees, positive counter-clockwise as seen.
+    kind, contrast, gain, explained, blocks
+        What the place shows beside the template: :class:`~stereolag.templates.identity.Identity`. None or empty at
+        places too poor to be looked at.
 
     Examples
     --------
@@ -82,8 +79,8 @@ class TemplateMatch:
     >>> match = sl.match_template(image, image[40:60, 70:100]).matches[0]
     >>> match.row, match.col, match.height, match.width  # px
     (40, 70, 20, 30)
-    >>> round(match.score, 3)
-    1.0
+    >>> round(match.score, 3), match.kind, all(map(all, match.blocks))
+    (1.0, 'same', True)
     """
 
     row: int
@@ -93,6 +90,11 @@ class TemplateMatch:
     score: float
     scale: float = 1.0
     rotation: float = 0.0
+    kind: Kind | None = None
+    contrast: float | None = None
+    gain: tuple[float, ...] = ()
+    explained: float | None = None
+    blocks: tuple[tuple[bool, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,8 @@ class TemplateSearch:
     Parameters
     ----------
     matches
-        Places that score high enough, best first, never overlapping by more than half of their area; empty if no score
-        is high enough. Only the first `clear` of them are reliable.
+        Places that score high enough, first the `clear` ones that can be relied on, then the others, each best first;
+        never overlapping by more than half of their area; empty if no score is high enough.
     score_map
         (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
         (row, col), NaN where the window is flat. None for "sampled", and if sizes or angles were searched.
@@ -112,16 +114,14 @@ class TemplateSearch:
     elapsed_s
         Seconds the search took.
     best
-        The place with the highest score, high enough or not; None if nothing could be scored.
+        The first match; without one the place with the highest score; None if nothing could be scored.
     rivals
         The best places other than the clear matches (other than the best place if no match is clear), best first; they
         share no pixel with those or with one another.
     clear
-        Number of matches, best first, that fit clearly better than every other place.
+        Number of matches that are the template, from the first on.
     reason
-        Reason for `found`: "clear"; "look_alikes" if others fit about as well; "low_score" if no place scores high
-        enough; "other_colours" or "mirrored" if the best place fits clearly better with the template's colour channels
-        in another order, or with its mirror image.
+        Which verdict `found` is: :data:`~stereolag.templates.verdict.Reason`.
 
     Examples
     --------
@@ -150,7 +150,7 @@ class TemplateSearch:
 
     @property
     def found(self) -> bool:
-        """Whether the template is in the image: at least one place scores high enough and has a clear lead."""
+        """Whether the template is in the image, at no more places than were wanted."""
         return self.clear > 0
 
     @property
@@ -162,14 +162,24 @@ class TemplateSearch:
         return [best, *(rival for rival in self.rivals if not leads(best.score, rival.score))]
 
 
+TRIED = 8
+"""Places looked at after the last that is the template before the search for more of them ends."""
+
+FAR_BELOW = 0.3
+"""A copy of the template scores less than this below the best copy."""
+
+FOUND: tuple[Kind, ...] = ("same", "lower_contrast", "higher_contrast", "partly_covered")
+
+
 def judged(
     places: Places,
+    image: Image,
+    pattern: Pattern,
     max_matches: int,
     min_score: float,
     *,
     score_map: npt.NDArray[np.float32] | None,
     candidates: int,
-    matchable: int | None = None,
 ) -> TemplateSearch:
     """Return the result of a search.
 
@@ -177,79 +187,144 @@ def judged(
     ----------
     places
         Every position that may be a match or a rival.
+    image, pattern
+        The image (rows, cols, channels) and the template, by which the places are judged.
     max_matches, min_score
         As for :func:`~stereolag.templates.match_template`.
     score_map, candidates
         Passed on to the result, whose `elapsed_s` is left at 0.
-    matchable
-        Number of places, from the first on, that may be matches; all of them by default.
     """
-    enough = np.flatnonzero(places.scores[:matchable] >= min_score)
-    kept = places.best(max_matches, share=0.5, left=enough)
-    clear, reason = verdict([float(places.scores[one]) for one in kept], places.next_scores(kept))
-    best = [int(np.argmax(places.scores))] if places.scores.size else []
+    looked = _LookedAt(places, image, pattern)
+    enough = np.flatnonzero(places.scores >= min_score)
+    kept: list[int] = []
+    copies: list[int] = []
+    tried = 0
+    for one in places.in_order(share=0.5, left=enough):
+        far = bool(copies) and places.scores[one] < places.scores[copies[0]] - FAR_BELOW
+        looking = tried < TRIED and not far and len(copies) <= max_matches + MOST_RIVALS
+        if not looking and len(kept) >= min(max_matches, len(copies) + MOST_RIVALS):
+            break
+        kept.append(one)
+        if looking and looked.identity(one).kind in FOUND:
+            copies.append(one)
+            tried = 0
+        else:
+            tried += 1
+    if pattern.silhouette:
+        order = places.best(max_matches + 1)
+        scores = [float(places.scores[one]) for one in order]
+        found = [one for one in _before_gap(order, scores, max_matches) if one in kept]
+    else:
+        found = _reliable([(one, looked.identity(one)) for one in copies], max_matches)
+    best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
+    rivals = places.best(MOST_RIVALS, taken=found or best)
+    for one in rivals[:1]:
+        looked.identity(one)
+    others = [one for one in kept if one not in found]
     return TemplateSearch(
-        matches=[_match(places, one) for one in kept],
+        matches=[looked.match(one) for one in (found + others)[:max_matches]],
         score_map=score_map,
         candidates=candidates,
         elapsed_s=0.0,
-        best=_match(places, best[0]) if best else None,
-        rivals=[_match(places, one) for one in places.best(MOST_RIVALS, taken=kept[:clear] or best)],
-        clear=clear,
-        reason=reason,
+        best=looked.match(best[0]) if best else None,
+        rivals=[looked.match(one) for one in rivals],
+        clear=len(found),
+        reason=_reason(looked, found, copies, kept, rivals),
     )
 
 
-def _match(places: Places, index: int) -> TemplateMatch:
-    """Return one of the positions as a match."""
-    height, width = places.box(index)
-    scale, rotation = (1.0, 0.0) if places.poses is None else places.poses[index]
-    row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
-    return TemplateMatch(row, col, height, width, score, scale, rotation)
+def _reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
+    """Return the copies that can be relied on, best first: those most like the template, if no more than wanted are.
+
+    A copy of the template's own contrast comes before a paler one, and that before one that is partly covered.
+    """
+    whole = [(one, shown.contrast) for one, shown in copies if shown.is_template]
+    if whole:
+        nearest = min((contrast for _, contrast in whole), key=lambda contrast: abs(math.log(contrast)))
+        limits = nearest / CHANGED_CONTRAST, nearest * CHANGED_CONTRAST
+        alike = [one for one, contrast in whole if limits[0] <= contrast <= limits[1]]
+    else:
+        alike = [one for one, _ in copies]
+    if len(alike) <= most:
+        return alike
+    fits = {one: shown.explained for one, shown in copies}
+    best = sorted(alike, key=lambda one: -fits[one])
+    before = _before_gap(best, [fits[one] for one in best], most)
+    return [one for one in alike if one in before]
+
+
+def _before_gap(order: list[int], fits: list[float], most: int) -> list[int]:
+    """Return of more places than wanted, best first, those before the largest gap of their fit, if it is a lead."""
+    left = [1 - fit + ROUNDING for fit in fits]
+    count = max(range(1, min(most + 1, len(left))), key=lambda count: left[count] / left[count - 1], default=0)
+    return order[:count] if count and left[count - 1] <= CLEAR_RATIO * left[count] else []
+
+
+def _reason(looked: _LookedAt, found: list[int], copies: list[int], kept: list[int], rivals: list[int]) -> Reason:
+    """Return the reason of a verdict, from the place that is told."""
+    if not kept:
+        return "low_score"
+    if copies and not found:
+        return "look_alikes"
+    kind = looked.identity((found or kept)[0]).kind
+    if kind == "same":
+        return "clear" if found else "look_alikes"
+    if kind in ("differs", "not_there") and looked.mirrored(kept[0]):
+        return "mirrored"
+    if (
+        kind == "not_there"
+        and rivals
+        and not leads(*(float(looked.places.scores[one]) for one in (kept[0], rivals[0])))
+    ):
+        return "look_alikes"
+    return kind
 
 
 MOVED = 4
 """A mirror image is searched within the template's side over this number around the place that resembles it."""
 
 
-def reject_variants(search: TemplateSearch, image: Image, pattern: Pattern) -> TemplateSearch:
-    """Return a search whose clear matches end before the first that fits clearly better with a variant of the template.
+class _LookedAt:
+    """Places and what they show, each looked at once, if it is asked for."""
 
-    Lighting and cameras change the brightness and contrast of each channel, but never swap channels. Upside down is
-    a mirror image turned by 180 degrees.
-    """
-    if not search.found:
-        return search
-    clear = 0
-    reason: Reason | None = None
-    for match in search.matches[: search.clear]:
-        reason = _better_variant(image, pattern, match)
-        if reason is not None:
-            break
-        clear += 1
-    return replace(search, clear=clear, reason="clear" if clear else reason or search.reason)
+    def __init__(self, places: Places, image: Image, pattern: Pattern) -> None:
+        self.places = places
+        self._image = image
+        self._pattern = pattern
+        self._shown: dict[int, Identity] = {}
 
+    def identity(self, index: int) -> Identity:
+        """Return what a place shows."""
+        if index not in self._shown:
+            row, col = int(self.places.rows[index]), int(self.places.cols[index])
+            posed = self.places.poses is not None
+            self._shown[index] = identity(self._image, self._posed(index), row, col, posed=posed)
+        return self._shown[index]
 
-def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Reason | None:
-    """Return why a match does not count; None if no variant fits clearly better."""
-    upright = (match.scale, match.rotation) == (1.0, 0.0)
-    posed = pattern if upright else warped(pattern, match.scale, match.rotation)
-    if posed is None:
-        return None
-    own = score_at(image, posed.deviations, posed.weights, match.row, match.col)
-    if not leads(1.0, own):
-        return None
-    if pattern.colours.shape[2] == 3:
-        orders = [list(order) for order in permutations(range(3))][1:]
-        swapped = (score_at(image, posed.deviations[order], posed.weights, match.row, match.col) for order in orders)
-        if leads(max(swapped), own):
-            return "other_colours"
-    return "mirrored" if leads(_mirrored(image, posed, match), own) else None
+    def mirrored(self, index: int) -> bool:
+        """Return whether a place shows the mirror image of the template, perhaps moved a little."""
+        pattern = self._posed(index).mirrored()
+        (height, width), (row, col) = pattern.shape, (int(self.places.rows[index]), int(self.places.cols[index]))
+        top, left = max(0, row - height // MOVED), max(0, col - width // MOVED)
+        around = self._image[top : row + height + height // MOVED, left : col + width + width // MOVED]
+        if around.shape[0] < height or around.shape[1] < width:
+            return False
+        scores = np.nan_to_num(fft_score_map(np.ascontiguousarray(around), pattern, silent), nan=-1.0)
+        down, right = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        posed = self.places.poses is not None
+        return identity(self._image, pattern, top + int(down), left + int(right), posed=posed).is_template
 
+    def match(self, index: int) -> TemplateMatch:
+        """Return a place as a match, with what it shows if it was looked at."""
+        places = self.places
+        height, width = places.box(index)
+        scale, rotation = (1.0, 0.0) if places.poses is None else places.poses[index]
+        row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
+        shown = self._shown.get(index)
+        return TemplateMatch(row, col, height, width, score, scale, rotation, *(vars(shown).values() if shown else ()))
 
-def _mirrored(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
-    """Return the best score of the mirror image around a place."""
-    (height, width), (row, col) = pattern.shape, (match.row, match.col)
-    down, across = height // MOVED, width // MOVED
-    around = image[max(0, row - down) : row + height + down, max(0, col - across) : col + width + across]
-    return float(np.nanmax(fft_score_map(np.ascontiguousarray(around), pattern.mirrored(), silent), initial=-1.0))
+    def _posed(self, index: int) -> Pattern:
+        """Return the template as it is at a place."""
+        pose = None if self.places.poses is None else self.places.poses[index]
+        posed = self._pattern if pose in (None, (1.0, 0.0)) else warped(self._pattern, *pose)
+        return self._pattern if posed is None else posed

@@ -28,7 +28,7 @@ def test_the_address_says_what_is_not_as_at_first() -> None:
 
     app = linked(FIND)
     app.button_group(key="pictures").set_value("maze_dulled").run()
-    app.slider(key="template.max_matches").set_value(3).run()
+    app.number_input(key="template.max_matches").set_value(3).run()
     assert address(app) == {"picture": "maze_dulled", "max_matches": "3"}
 
 

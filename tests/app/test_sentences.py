@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
+from typing import get_args
 
 import numpy as np
 from pairs import shifted_pair
@@ -45,6 +46,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.by_hand import reduced_search
+from stereolag.templates.identity import Kind
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial, opencv_search, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
@@ -78,7 +80,9 @@ from stereolag.ui.search.sentences import (
     framed_in_words,
     headline,
     lesson,
+    nearest_in_words,
     numbers_of,
+    remark_on,
     scale_of,
     table,
     why_no_score_map,
@@ -147,7 +151,13 @@ def test_lags(snapshot: Snapshot) -> None:
 
 
 def answer(*scores: float, reason: SearchReason, clear: int = 0) -> TemplateSearch:
-    places = [TemplateMatch(0, 50 * index, 10, 10, score) for index, score in enumerate(scores)]
+    kind: Kind = reason if reason in get_args(Kind) else "same"  # type: ignore[assignment]
+    agrees = ((kind not in ("partly_covered", "differs", "not_there"), True),)
+    contrast = {"lower_contrast": 0.35, "higher_contrast": 1.6}.get(reason, 1.0)
+    places = [
+        TemplateMatch(0, 50 * index, 10, 10, score, kind=kind, contrast=contrast, blocks=agrees)
+        for index, score in enumerate(scores)
+    ]
     best = places[0] if places else None
     return TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
 
@@ -161,6 +171,12 @@ def test_searches(snapshot: Snapshot) -> None:
         "look-alikes": answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"),
         "equal": answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"),
         "many": answer(*[0.5] * 12, 0.45, reason="look_alikes"),
+        "look-alike near": answer(0.9, 0.85, reason="clear", clear=1),
+        "paler": answer(1.0, 0.3, reason="lower_contrast", clear=1),
+        "darker": answer(1.0, 1.0, 0.3, reason="higher_contrast", clear=2),
+        "covered": answer(0.8, 0.3, reason="partly_covered", clear=1),
+        "sibling": answer(0.9, 0.3, reason="differs"),
+        "something else": answer(0.9, reason="not_there"),
         "other colours": answer(0.8, 0.3, reason="other_colours"),
         "mirrored": answer(0.8, 0.3, reason="mirrored"),
         "low score": answer(0.3, reason="low_score"),
@@ -172,7 +188,15 @@ def test_searches(snapshot: Snapshot) -> None:
         " turned": TemplateQuery(max_rotation=30),
     }
     said = {
-        name: [headline(one), framed_in_words(one), *([] if one.found else [why_not_found(one, queries[""])])]
+        name: [
+            headline(one),
+            framed_in_words(one),
+            *(
+                filter(None, (remark_on(one.matches[0]), nearest_in_words(one)))
+                if one.found
+                else [why_not_found(one, queries[""])]
+            ),
+        ]
         for name, one in results.items()
     }
     for name, query in queries.items():

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import soundfile
 from commanded import Command, assert_refused
-from PIL import Image
 from recording_bytes import filmed
 from scipy.signal import resample_poly
 
@@ -216,16 +215,6 @@ def test_find_tells_the_place(ran: Command) -> None:
     assert ran("find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
 
 
-def test_a_frame_of_an_animation_can_be_searched_and_its_number_is_told(ran: Command, tmp_path: Path) -> None:
-    scene, other = (Image.open(name).convert("RGB") for name in ("image.png", "stranger.png"))
-    other.resize(scene.size).save(tmp_path / "scenes.tif", save_all=True, append_images=[scene])
-    found = "row 20, column 30, score 1.000\n" + f"{tmp_path / 'scenes.tif'}: frame 2 of 2\n"
-    assert ran("find", tmp_path / "scenes.tif", "template.png", "--frames", 2, 1).out == found
-    told = ran("find", tmp_path / "scenes.tif", "template.png", "--json")
-    assert [(one["frame"], one["frames"]) for one in told.figures["images"]] == [(1, 2), (1, 1)]
-    assert "no frame 3; it holds 2" in ran("find", tmp_path / "scenes.tif", "template.png", "--frames", 3, 1).err
-
-
 def test_find_ends_with_three_where_there_is_nothing(ran: Command) -> None:
     told = ran("find", "image.png", "stranger.png", "--min-score", "0.9")
     assert told.code == 3
@@ -253,11 +242,9 @@ def test_find_tells_size_angle_and_look_alikes(ran: Command, monkeypatch: pytest
     Path("template.png").write_bytes(image_png(noise[20:50, 30:60]))
     told = ran("find", "image.png", "template.png")
     assert told.code == 3
-    assert told.out.splitlines() == [
-        "Not found: 2 places fit about equally well.",
-        "row 20, column 30, score 1.000",
-        "row 20, column 150, score 1.000",
-    ]
+    first, *places = told.out.splitlines()
+    assert first == "Not found: 2 places fit about equally well."
+    assert sorted(places) == ["row 20, column 150, score 1.000", "row 20, column 30, score 1.000"]
     assert ran("find", "image.png", "template.png", "--max-matches", "2").code == 0
 
 

@@ -20,7 +20,16 @@ from stereolag.ui.elements import Number, announce, show_numbers, show_png
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, show_score_map
-from stereolag.ui.search.sentences import doubtful, framed_in_words, headline, place, why_no_score_map, why_not_found
+from stereolag.ui.search.sentences import (
+    doubtful,
+    framed_in_words,
+    headline,
+    nearest_in_words,
+    place,
+    remark_on,
+    why_no_score_map,
+    why_not_found,
+)
 from stereolag.ui.sentences import duration
 
 CLOSE_UPS = 3
@@ -37,21 +46,25 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
         prose.warning(why_not_found(result, query), icon=":material/search_off:")
+    elif remark := remark_on(result.matches[0]):
+        prose.info(remark, icon=":material/info:")
     best, rival = result.best, result.rivals[0] if result.rivals else None
     show_numbers(
         (
             Number(
                 "Score", _score(best), "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
             ),
-            Number("Best rival", _score(rival), "The best place elsewhere. Found means a clear lead over it."),
-            Number("Places found", f"{result.clear}", "Places that fit clearly better than all others."),
+            Number("Best rival", _score(rival), "The best place elsewhere."),
+            Number("Places found", f"{result.clear}", "Places that show the template."),
             Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
             Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         )
     )
+    if nearest := nearest_in_words(result):
+        prose.caption(nearest)
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
-        places = result.matches if result.found else []
+        places = result.matches[: result.clear]
         show_png(
             drawn_once(
                 "places framed",
@@ -94,7 +107,7 @@ def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     prose.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
-        marked = result.matches if result.found else doubtful(result)
+        marked = result.matches[: result.clear] or doubtful(result)
         show_score_map(drawn_once("score map", lambda: packed(score_map, marked), inputs, query))
     alt = "Colours of the scores: dark at 0, yellow at 1."
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
@@ -131,7 +144,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             partial(
                 figures.framed,
                 inputs.picture,
-                result.matches if result.found else [],
+                result.matches[: result.clear],
                 doubtful(result),
                 template=inputs.template.shape,
                 width=cols,

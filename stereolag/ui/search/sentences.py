@@ -18,6 +18,19 @@ EQUAL = 0.005
 
 SCORES_TOLD = 5
 
+RESEMBLES = 0.7
+"""Least score of a place told as a look-alike."""
+
+REMARKS: Final[dict[str, str]] = {
+    "lower_contrast": ", with lower contrast",
+    "higher_contrast": ", with higher contrast",
+    "partly_covered": ", partly covered",
+    "other_colours": " in these colours",
+    "mirrored": ", but its mirror image is there",
+    "differs": ", but something similar is there",
+}
+"""What a verdict adds to found or not found."""
+
 COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 
 SAME_SCORE: Final = 1e-4
@@ -33,23 +46,35 @@ OUTCOMES: Final = {
 
 def headline(result: TemplateSearch) -> str:
     """Return the result in one line."""
-    if result.reason == "low_score" or result.best is None:
+    if result.best is None:
         return "Not found"
+    if result.found:
+        best, remark = result.matches[0], REMARKS.get(result.reason, "")
+        if result.clear > 1:
+            return f"Found at {_counted(result.clear).lower()} places{remark}"
+        posed = "" if _is_upright(best) else f", {_pose(best)}"
+        return f"Found at row {best.row}, column {best.col}{posed}{remark}"
     if result.reason == "look_alikes":
         scores = [one.score for one in result.look_alikes]
         if scores[0] - scores[-1] < EQUAL:
             return f"{_counted(len(scores))} places fit equally well"
         told = " ".join(f"{score:.3f}" for score in scores[:SCORES_TOLD])
         return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
-    if result.reason == "other_colours":
-        return "Not found in these colours"
-    if result.reason == "mirrored":
-        return "Not found, but its mirror image is there"
-    if result.clear > 1:
-        return f"Found at {_counted(result.clear).lower()} places"
-    best = result.matches[0]
-    posed = "" if _is_upright(best) else f", {_pose(best)}"
-    return f"Found at row {best.row}, column {best.col}{posed}"
+    return f"Not found{REMARKS.get(result.reason, '')}"
+
+
+def remark_on(match: TemplateMatch) -> str:
+    """Return what a place shows if it is not simply the template, as a sentence; empty otherwise."""
+    differing = sum(not agrees for line in match.blocks for agrees in line)
+    blocks = f"{differing} of {sum(map(len, match.blocks))} blocks"
+    if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
+        return f"It has {match.contrast:.2f} × the template’s contrast."
+    return {
+        "partly_covered": f"{blocks} are covered or outside the image; all others agree.",
+        "other_colours": "The shape is the same, the colours are not those of any light on the template.",
+        "differs": f"It differs from the template in {blocks}, outlined in the picture.",
+        "not_there": f"It differs from the template in {blocks}.",
+    }.get(match.kind or "", "")
 
 
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
@@ -66,13 +91,21 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     if count and result.best.score - result.look_alikes[-1].score < EQUAL:
         return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
     if count:
-        return f"{score}, the next {result.rivals[0].score:.3f}: no clear lead. {_absent(query)}"
-    if result.reason == "other_colours":
-        return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
+        return f"{score}, the next {result.look_alikes[1].score:.3f}: no clear lead. {_absent(query)}"
     if result.reason == "mirrored":
-        return f"{score}, and clearly more with left and right exchanged. Mirror the template to find it."
+        return f"{score}, and with left and right exchanged all of it agrees. Mirror the template to find it."
+    if result.reason != "low_score":
+        return f"{score}. {remark_on(result.best)}"
     tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
     return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
+
+
+def nearest_in_words(result: TemplateSearch) -> str:
+    """Return the place that resembles the template most without being one of those found, as a sentence."""
+    if not result.found or not result.rivals or result.rivals[0].score < RESEMBLES:
+        return ""
+    rival = result.rivals[0]
+    return f"The nearest look-alike is at {place(rival)}. {remark_on(rival)}".strip()
 
 
 def _absent(query: TemplateQuery) -> str:
@@ -117,7 +150,7 @@ def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
 
 def framed_in_words(result: TemplateSearch) -> str:
     """Return a text alternative for the framed image."""
-    framed = [place(match) for match in (result.matches if result.found else doubtful(result))[:SCORES_TOLD]]
+    framed = [place(match) for match in (result.matches[: result.clear] or doubtful(result))[:SCORES_TOLD]]
     said = f"The image: {headline(result)}."
     return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
 

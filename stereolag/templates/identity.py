@@ -1,0 +1,349 @@
+"""Whether a place shows the template: light, colour and a shift below a pixel are fitted, and what remains is judged.
+
+Block by block, so that a difference in one place is not lost in the agreement of all others: a sibling of an icon
+correlates at 0.95, and so does a landscape with another one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.inputs import Image
+from stereolag.templates.patterns import Pattern
+
+Plane: TypeAlias = npt.NDArray[np.float32]
+Matrix: TypeAlias = npt.NDArray[np.float64]
+
+Kind: TypeAlias = Literal[
+    "same", "lower_contrast", "higher_contrast", "partly_covered", "other_colours", "differs", "not_there"
+]
+"""What a place shows: the template; it with another contrast, or partly covered; its shape in other colours; something
+that differs from it in some blocks; something else."""
+
+BLUR = 0.8
+"""Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
+
+STEPS = 8
+"""Steps of the alignment; the first of them trust all pixels alike."""
+
+TRUSTING = 3
+
+FARTHEST, TURNED = 1.2, 0.05
+"""Largest shift, px, and change of size (a logarithm) and angle (radians), of the alignment."""
+
+TOLERANCE = 0.5
+"""Share of a pixel by which edges may be displaced without counting as a difference."""
+
+BLOCKS, LEAST_BLOCK = 7, 5
+"""Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
+
+DIFFERENT = 0.05
+"""Least mean squared difference of a block that disagrees, as a share of the template's variance.
+
+Measured: up to 0.045 where the template is, JPEG at quality 50, noise and half a pixel included; from 0.06 where a
+sibling is.
+"""
+
+RECOLOURED = 0.05
+"""Least squared difference of other colours, as a share of the template's variance, from any gains of the channels.
+
+Measured: up to 0.03 under other lights and in JPEG, from 0.076 for lamps and buttons of another colour.
+"""
+
+COUNTS, COUNTED = 0.5, 0.3
+"""Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
+
+CHANGED_CONTRAST = 1.25
+"""Contrast, or its inverse, from which it is told."""
+
+ALMOST_WHITE = 0.985
+"""Share of the largest value of an integer type from which pixels are taken for clipped."""
+
+LARGEST_SIDE = 300
+"""Larger templates are compared reduced, px, the root of the area."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a place shows, compared with the template.
+
+    Parameters
+    ----------
+    kind
+        See :data:`Kind`.
+    contrast
+        Standard deviation of the place over that of the template.
+    gain
+        For each channel, its contrast: the slope of its values against those of the template.
+    explained
+        Share of the variance of the place that the template explains.
+    blocks
+        Rows of blocks over the template: whether they agree.
+    """
+
+    kind: Kind
+    contrast: float
+    gain: tuple[float, ...]
+    explained: float
+    blocks: tuple[tuple[bool, ...], ...]
+
+    @property
+    def is_template(self) -> bool:
+        """Whether the place shows all of the template, in whatever light."""
+        return self.kind in ("same", "lower_contrast", "higher_contrast")
+
+
+def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool = False) -> Identity:
+    """Return what the image shows at a place of the template.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the pattern.
+    pattern
+        The template, resized and rotated as at the place.
+    row, col
+        The place, accurate to a pixel.
+    posed
+        Whether size and angle are refined too.
+    """
+    if pattern.silhouette:  # what is seen beside a shape is not its own
+        return Identity("same", 1.0, (1.0,), 1.0, ())
+    fit = _Fit(image, pattern, row, col, posed)
+    if not fit.variance > 0 or fit.contrast <= 0:
+        return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
+    left, inside = fit.blocks()
+    counts = inside > COUNTED
+    left = left / fit.variance
+    # Noise is in all blocks alike.
+    noise = min(float(np.median(left[counts])), DIFFERENT) if counts.any() else 0.0
+    disagrees = (left > DIFFERENT + noise) & counts
+    structure = fit.structure()
+    agrees = ~disagrees & (counts | (structure == 0))
+    seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
+    kind = _kind(fit, disagrees, seen, outside=not agrees[~disagrees].all())
+    blocks = tuple(tuple(bool(one) for one in line) for line in agrees)
+    return Identity(kind, fit.contrast, fit.gain, fit.explained, blocks)
+
+
+class _Fit:
+    """A template fitted to a place: shift, mixture of the colours, and what remains."""
+
+    def __init__(self, image: Image, pattern: Pattern, row: int, col: int, posed: bool) -> None:
+        self.own_weights = pattern.weights.astype(np.float32)
+        self.weights = _inside(self.own_weights, image.shape, row, col)
+        on = self.weights > 0
+        deviations = np.moveaxis(pattern.deviations, 0, 2)
+        template = self.template = _blurred(deviations.astype(np.float32), self.own_weights)
+        given = template[on].astype(np.float64)
+        # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
+        mean = np.asarray(pattern.colours - deviations, dtype=np.float64)[on][0]
+        channels, spread = given.shape[1], given.var(axis=0).sum()
+        terms = np.column_stack([given, np.ones(len(given))])
+        ridge = np.diag([1e-4 * spread * len(given)] * channels + [0.0])
+        trust = counts = self.weights[on].astype(np.float64)
+        motion = np.zeros(4)
+        for step in range(STEPS):
+            self.seen = _blurred(_resampled(image, mean, row, col, on.shape, motion), self.weights)
+            seen = self.seen[on].astype(np.float64)
+            # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
+            gain = _slope(given, seen, trust)
+            alike = np.vstack([gain * np.eye(channels), np.zeros(channels)])
+            weighted = terms * trust[:, np.newaxis]
+            mixture = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen + ridge @ alike)
+            self.predicted = np.zeros_like(template)
+            self.predicted[on] = terms @ mixture
+            residual = seen - self.predicted[on]
+            self.variance = float(self.predicted[on].astype(np.float64).var(axis=0).sum())
+            if step == STEPS - 1 or not self.variance > 0:
+                break
+            moved = _motion(self.predicted, residual, on, trust, posed)
+            motion += moved
+            motion[:2] = np.clip(motion[:2], -FARTHEST, FARTHEST)
+            motion[2:] = np.clip(motion[2:], -TURNED, TURNED)
+            squares = np.square(residual).sum(axis=1)
+            if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
+                trust = counts / (1 + squares / max(0.06 * self.variance, 2 * float(np.median(squares))))
+            elif step and squares.max() < 1e-6 * self.variance:
+                break
+        self.shape = on.shape
+        self.contrast = math.copysign(math.sqrt(self.variance / spread), gain) if spread > 0 else 0.0
+        self.gain = tuple(
+            _slope(given[:, [one]], seen[:, [one]], trust) if np.ptp(given[:, one]) else self.contrast
+            for one in range(channels)
+        )
+        varies = float(seen.var(axis=0).sum())
+        self.explained = max(0.0, 1 - float(np.square(residual).sum(axis=1).mean()) / varies) if varies > 0 else 0.0
+        opaque = trust * (counts >= COUNTS)
+        self.recoloured = _recoloured(given + mean, self.predicted[on] + mean, seen + mean, opaque, image.dtype)
+
+    def differences(self) -> Plane:
+        """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels."""
+        seen, predicted = self.seen, self.predicted
+        least = np.minimum(_beyond(seen, predicted), _beyond(predicted, seen))
+        return np.asarray(np.square(least).sum(axis=2) * (self.weights >= COUNTS))
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of the blocks."""
+        side = max(LEAST_BLOCK, math.sqrt(self.shape[0] * self.shape[1]) / BLOCKS)
+        return max(1, round(self.shape[0] / side)), max(1, round(self.shape[1] / side))
+
+    def blocks(self) -> tuple[Plane, Plane]:
+        """Return the mean of :meth:`differences` over each block, and the share of the block that counts."""
+        inside = _averaged(self.weights >= COUNTS, self.grid)
+        left = _averaged(self.differences(), self.grid)
+        return np.asarray(left / np.maximum(inside, 1e-6), dtype=np.float32), inside
+
+    def structure(self) -> Plane:
+        """Return the energy of each block of the template about its own mean."""
+        weights = self.own_weights[:, :, np.newaxis]
+        share = _averaged(self.own_weights, self.grid)
+        means, squares = (
+            [_averaged(one, self.grid) / np.maximum(share, 1e-6) for one in np.moveaxis(weights * power, 2, 0)]
+            for power in (self.template, np.square(self.template))
+        )
+        energy = np.sum(squares, axis=0) - np.square(means).sum(axis=0)
+        return np.asarray(np.where(share > COUNTED, np.maximum(energy, 0) * share, 0))
+
+
+def _inside(weights: Plane, shape: tuple[int, ...], row: int, col: int) -> Plane:
+    """Return the weights, 0 outside the image."""
+    rows, cols = row + np.arange(weights.shape[0]), col + np.arange(weights.shape[1])
+    within = np.outer((rows >= 0) & (rows < shape[0]), (cols >= 0) & (cols < shape[1]))
+    return np.asarray(weights * within, dtype=np.float32)
+
+
+def _blurred(image: Plane, weights: Plane) -> Plane:
+    """Return an image blurred without what its weights exclude."""
+    total = cv2.GaussianBlur(image * weights[:, :, np.newaxis], (0, 0), BLUR, borderType=cv2.BORDER_CONSTANT)
+    share = cv2.GaussianBlur(weights, (0, 0), BLUR, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(total.reshape(image.shape) / np.maximum(share, 1e-3)[:, :, np.newaxis], dtype=np.float32)
+
+
+def _resampled(image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, ...], motion: Matrix) -> Plane:
+    """Return the image at a place, moved by (rows, cols, logarithm of size, angle), less the template's mean."""
+    margin = 3
+    top, left = max(0, row - margin), max(0, col - margin)
+    part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
+    down, right, size, angle = motion
+    cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
+    middle = np.array([(shape[1] - 1) / 2, (shape[0] - 1) / 2])
+    linear = np.array([[cosine, -sine], [sine, cosine]])
+    offset = middle + np.array([col - left + right, row - top + down]) - linear @ middle
+    moved = cv2.warpAffine(
+        np.ascontiguousarray((part - mean).astype(np.float32)),
+        np.column_stack([linear, offset]),
+        (shape[1], shape[0]),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(moved, dtype=np.float32).reshape(*shape, -1)
+
+
+def _slope(given: Matrix, seen: Matrix, trust: Matrix) -> float:
+    """Return the slope of one against the other, one for all their channels."""
+    centred = given - np.average(given, axis=0, weights=trust)
+    energy = float((trust[:, np.newaxis] * np.square(centred)).sum())
+    return float((trust[:, np.newaxis] * centred * seen).sum()) / energy if energy > 0 else 0.0
+
+
+def _motion(predicted: Plane, residual: Matrix, on: npt.NDArray[Any], trust: Matrix, posed: bool) -> Matrix:
+    """Return the motion of the place, as :func:`_resampled` takes it, that explains most of the residual."""
+    down, right = (
+        cv2.Sobel(predicted, cv2.CV_32F, *order, ksize=3, scale=1 / 8).reshape(predicted.shape)[on]
+        for order in ((0, 1), (1, 0))
+    )
+    motions = [-down, -right]
+    if posed:
+        rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))
+        motions += [-(rows * down + cols * right), rows * right - cols * down]
+    root = np.sqrt(trust)[:, np.newaxis]
+    terms = np.column_stack([(one * root).ravel() for one in motions]).astype(np.float64)
+    products = terms.T @ terms
+    products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
+    moved = np.zeros(4)
+    moved[: len(motions)] = np.linalg.solve(products, terms.T @ (residual * root).ravel())
+    return moved
+
+
+def _recoloured(given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]) -> float:
+    """Return how far the fitted colours are from a gain of each channel and an offset of all, as a share of variance.
+
+    A light or a camera multiplies channels; haze and exposure add to all. Pixels that the image clips could be
+    brighter, and do not count in the fit.
+    """
+    channels = given.shape[1]
+    if channels == 1:
+        return 0.0
+    top = float(np.iinfo(dtype).max) if dtype.kind == "u" else math.inf
+    products, sums = np.zeros((channels + 1, channels + 1)), np.zeros(channels + 1)
+    for one in range(channels):
+        weights = trust * (seen[:, one] < ALMOST_WHITE * top)
+        terms = np.column_stack([given[:, one], np.ones(len(given))])
+        at = np.ix_([one, channels], [one, channels])
+        products[at] += terms.T @ (terms * weights[:, np.newaxis])
+        sums[[one, channels]] += terms.T @ (weights * predicted[:, one])
+    products[np.diag_indices(channels + 1)] += 1e-12 * (1 + np.trace(products))
+    *gains, offset = np.linalg.solve(products, sums)
+    lit = np.minimum(given * gains + offset, top)
+    away = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
+    return float(np.average(away, weights=trust) / max(predicted.var(axis=0).sum(), 1e-12))
+
+
+def _beyond(one: Plane, other: Plane) -> Plane:
+    """Return by how much one image leaves the range of the other within a part of a pixel around."""
+    square = np.ones((3, 3), np.uint8)
+    highest, lowest = (change(other, square).reshape(other.shape) for change in (cv2.dilate, cv2.erode))
+    upper, lower = other + TOLERANCE * (highest - other), other + TOLERANCE * (lowest - other)
+    return np.asarray(np.maximum(np.maximum(lower - one, one - upper), 0))
+
+
+def _averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
+    smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.asarray(smaller, dtype=np.float32).reshape(shape)
+
+
+COVERED = 0.1, 0.45
+"""Smallest and largest share of the blocks that a thing in front may hide."""
+
+FILLED = 0.6
+"""Least share of the pixels that differ where something is in front: a sibling shares its ground with the template."""
+
+LEFT_OVER, LEFT_INSIDE = 0.55, 0.4
+"""Least share of the template's structure that must be seen if a part is covered, and if only a part is outside."""
+
+
+def _kind(fit: _Fit, disagrees: npt.NDArray[np.bool_], seen: float, *, outside: bool) -> Kind:
+    """Return what a place shows, from the blocks that disagree and the share of the structure seen in all others."""
+    if disagrees.any():
+        if seen >= LEFT_OVER and fit.recoloured < RECOLOURED and _hides(fit, disagrees):
+            return "partly_covered"
+        return "differs" if seen >= 0.5 else "not_there"
+    if fit.recoloured >= RECOLOURED:
+        return "other_colours"
+    if outside:
+        return "partly_covered" if seen >= LEFT_INSIDE else "not_there"
+    if 1 / CHANGED_CONTRAST < fit.contrast < CHANGED_CONTRAST:
+        return "same"
+    return "lower_contrast" if fit.contrast < 1 else "higher_contrast"
+
+
+def _hides(fit: _Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
+    """Return whether the blocks that disagree are one thing in front that comes in over the rim of the template."""
+    if not COVERED[0] <= disagrees.mean() <= COVERED[1]:
+        return False
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
+    region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    rim = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
+    if not rim or region.sum() < 0.8 * disagrees.sum():
+        return False
+    there = cv2.resize(disagrees.astype(np.uint8), fit.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    differ = fit.differences()[there & (fit.weights >= COUNTS)] > 0.02 * fit.variance
+    return bool(differ.mean() >= FILLED)

@@ -1,0 +1,192 @@
+"""What a place shows beside the template: it, in another light or contrast, covered, a sibling, or something else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from stereolag import TemplateSearch, match_template
+
+Array = npt.NDArray[Any]
+FINER = 8
+SIDE = 32
+BLUE, GROUND = (0, 95, 184), (243, 243, 243)
+MARKS = ("plus", "minus", "cross", "bars", "dot")
+
+
+def icon(
+    mark: str, colour: tuple[int, int, int] = BLUE, *, shift: tuple[float, float] = (0, 0), rounded: bool = True
+) -> Array:
+    """Return a mark in an outline on a plain ground, (32, 32, 3), drawn finer and averaged."""
+    fine = np.full((SIDE * FINER, SIDE * FINER, 3), GROUND, np.uint8)
+
+    def at(x: float, y: float) -> tuple[int, int]:
+        return round((x + shift[1]) * FINER), round((y + shift[0]) * FINER)
+
+    if rounded:
+        cv2.circle(fine, at(16, 16), 11 * FINER, colour, 2 * FINER)
+    lines = {
+        "plus": [((11, 16), (21, 16)), ((16, 11), (16, 21))],
+        "minus": [((11, 16), (21, 16))],
+        "cross": [((12, 12), (20, 20)), ((12, 20), (20, 12))],
+        "bars": [((12, y), (20, y)) for y in (12, 16, 20)],
+        "arrow": [((10, 16), (22, 16)), ((10, 16), (15, 11)), ((10, 16), (15, 21))],
+        "dot": [((16, 16), (16, 16.1))],
+    }[mark]
+    for start, end in lines:
+        cv2.line(fine, at(*start), at(*end), colour, (4 if mark == "dot" else 2) * FINER)
+    return np.asarray(cv2.resize(fine, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
+
+
+def screen(*icons: Array, seed: int = 0) -> Array:
+    """Return a plain screen with lines of blots for text, and the icons in a row, 60 px apart from (40, 20) on."""
+    random = np.random.default_rng(seed)
+    picture = np.full((160, 420, 3), GROUND, np.uint8)
+    for row in (100, 120, 140):
+        for col in range(10, 400, 9):
+            picture[row : row + int(random.integers(3, 9)), col : col + int(random.integers(2, 7))] = 40
+    for number, one in enumerate(icons):
+        picture[40 : 40 + SIDE, 20 + 60 * number : 20 + 60 * number + SIDE] = one
+    return picture
+
+
+def photograph(seed: int, rows: int = 220, cols: int = 300) -> Array:
+    """Return colours that vary smoothly with some edges."""
+    random = np.random.default_rng(seed)
+    picture = cv2.GaussianBlur(random.normal(size=(rows, cols, 3)).astype(np.float32), (0, 0), 4) * 400 + 120
+    for _ in range(30):
+        row, col = int(random.integers(0, rows - 20)), int(random.integers(0, cols - 20))
+        height, width = random.integers(8, 50, 2)
+        picture[row : row + height, col : col + width] += random.normal(0, 40, 3)
+    return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
+
+
+def place(search: TemplateSearch) -> tuple[int, int]:
+    assert search.best is not None
+    return search.best.row, search.best.col
+
+
+def disagreeing(search: TemplateSearch) -> int:
+    assert search.best is not None
+    return sum(not agrees for line in search.best.blocks for agrees in line)
+
+
+@pytest.mark.parametrize("mark", MARKS)
+def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: str) -> None:
+    for other in MARKS:
+        search = match_template(screen(icon(mark)), icon(other))
+        if other == mark:
+            assert (search.reason, place(search), disagreeing(search)) == ("clear", (40, 20), 0)
+        else:
+            assert (search.found, search.reason, place(search)) == (False, "differs", (40, 20)), other
+            assert 0 < disagreeing(search) <= 9, "in the middle of 36 blocks"
+
+
+@pytest.mark.parametrize("shift", [(0, 0.5), (0.5, 0), (0.5, 0.5), (-0.3, 0.4)])
+@pytest.mark.parametrize("mark", MARKS)
+def test_an_icon_that_is_its_own_mirror_image_is_found_off_the_grid(mark: str, shift: tuple[float, float]) -> None:
+    search = match_template(screen(icon(mark, shift=shift), icon("arrow")), icon(mark))
+    assert (search.reason, search.clear) == ("clear", 1)
+    assert np.abs(np.subtract(place(search), (40, 20))).max() <= 1
+
+
+def test_a_mirror_image_is_told_as_such() -> None:
+    search = match_template(screen(icon("arrow")[:, ::-1]), icon("arrow"))
+    assert (search.found, search.reason) == (False, "mirrored")
+
+
+@pytest.mark.parametrize("contrast", [0.35, 0.6])
+def test_a_paler_form_is_told_by_its_contrast_and_comes_after_an_exact_copy(contrast: float) -> None:
+    template = icon("cross")
+    pale = (np.array(GROUND) + contrast * (template.astype(float) - GROUND)).round().astype(np.uint8)
+    alone = match_template(screen(pale), template)
+    assert (alone.found, alone.reason, place(alone)) == (True, "lower_contrast", (40, 20))
+    assert alone.matches[0].contrast == pytest.approx(contrast, rel=0.05)
+    assert alone.matches[0].gain == pytest.approx([contrast] * 3, rel=0.05)
+    both = match_template(screen(pale, template), template, max_matches=5)
+    assert (both.reason, both.clear, place(both)) == ("clear", 1, (40, 80))
+    assert (both.matches[1].col, both.matches[1].kind) == (20, "lower_contrast")
+    darker = match_template(screen(template), pale)
+    assert (darker.found, darker.reason) == (True, "higher_contrast")
+
+
+@pytest.mark.parametrize("colour", [(210, 210, 30), (130, 130, 130), (255, 140, 0), (200, 40, 40)])
+def test_another_colour_is_not_found_though_its_shape_is_there(colour: tuple[int, int, int]) -> None:
+    search = match_template(screen(icon("dot", colour, rounded=False)), icon("dot", (30, 170, 40), rounded=False))
+    assert (search.found, search.reason, place(search)) == (False, "other_colours", (40, 20))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_another_white_balance_is_not_another_colour(seed: int) -> None:
+    light = np.random.default_rng(seed).uniform(0.75, 1.2, 3)
+    for picture, template in (
+        (screen(icon("dot", (30, 170, 40)), icon("bars", (200, 40, 40))), icon("dot", (30, 170, 40))),
+        (photograph(seed), photograph(seed)[40 : 40 + 50, 20 : 20 + 60]),
+    ):
+        search = match_template(np.clip(picture * light, 0, 255).astype(np.uint8), template)
+        assert (search.found, place(search)) == (True, (40, 20)), search.reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_no_second_place_fits_only_the_place_itself_counts(seed: int) -> None:
+    def landscape(seed: int, rows: int, cols: int) -> Array:
+        random = np.random.default_rng(seed)
+        picture = random.normal(0, 6, (rows, cols, 3)) + np.array([150, 180, 210])
+        picture[rows // 2 :] -= np.array([115, 120, 180])
+        for _ in range(4):
+            col, tall = int(random.integers(0, cols - 30)), int(random.integers(10, rows // 3))
+            picture[rows // 2 - tall : rows // 2, col : col + 25] = random.integers(30, 230, 3)
+        return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
+
+    other, own = landscape(seed, 120, 150), landscape(seed + 50, 150, 200)
+    absent = match_template(own, other)
+    assert (absent.found, absent.rivals) == (False, [])
+    assert absent.best is not None and absent.best.score > 0.6
+    assert match_template(own, own[20:140, 30:180]).reason == "clear"
+
+
+@pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
+def test_copies_are_counted_without_their_sibling_however_many_are_wanted(wanted: int) -> None:
+    template = icon("minus")
+    image = screen(*[template] * 5, icon("plus"))
+    search = match_template(image, template, max_matches=wanted)
+    assert (search.clear, search.reason) == (5, "clear")
+    assert (search.rivals[0].col, search.rivals[0].kind) == (320, "differs")
+    assert not match_template(image, template, max_matches=4).found
+
+
+def test_seventy_copies_are_seventy() -> None:
+    template = icon("cross")
+    image = np.full((7 * 34, 11 * 34, 3), GROUND, np.uint8)
+    places = [(34 * row, 34 * col) for row in range(7) for col in range(11)]
+    for number, (row, col) in enumerate(places):
+        image[row : row + SIDE, col : col + SIDE] = template if number < 70 else icon("bars")
+    search = match_template(image, template, max_matches=100)
+    assert sorted((one.row, one.col) for one in search.matches[: search.clear]) == places[:70]
+
+
+def test_what_something_in_front_hides_is_told() -> None:
+    found = 0
+    sides = np.s_[80:95, 100:180], np.s_[125:140, 100:180], np.s_[80:140, 100:120], np.s_[80:140, 160:180]
+    for seed in range(5):
+        for side, hidden in enumerate(sides):
+            picture = photograph(seed)
+            template = picture[80:140, 100:180].copy()
+            picture[hidden] = photograph(seed + 20)[hidden] if side % 2 else (250, 250, 0)
+            search = match_template(picture, template)
+            if search.found:
+                assert np.abs(np.subtract(place(search), (80, 100))).max() <= 1
+                assert search.reason == "partly_covered" and 0 < disagreeing(search) < 25
+                found += 1
+    assert found >= 15
+
+
+def test_a_template_partly_outside_is_found_at_its_negative_row() -> None:
+    picture = photograph(3)
+    template = picture[60:120, 100:170].copy()
+    search = match_template(picture[78:], template)
+    assert (search.found, search.reason, place(search)) == (True, "partly_covered", (-18, 100))
