@@ -291,7 +291,7 @@ class FrameRecord:
     flicker_px
         Mean change of the disparity since the previous frame, where the picture did not change.
     problem
-        Why there is no map; "" if there is one.
+        Why there is no map; of a motion, the verdict on its two frames unless they are related; otherwise "".
     """
 
     number: int
@@ -508,10 +508,10 @@ class SequenceFolder(SequenceTarget):
 
     def _is_finished(self, record: FrameRecord) -> bool:
         """Return whether a row of the table counts, and its map is complete: a power failure may cut a file short."""
-        if record.problem or record.number >= len(self._names):
+        if record.method not in self._methods or record.number >= len(self._names):
+            return record.method == MOTION and record.number < len(self._names)
+        if record.problem:
             return False
-        if record.method not in self._methods:
-            return record.method == MOTION
         try:
             with self.file(record.number, record.method).open("rb") as file:
                 file.seek(-len(_PNG_END), os.SEEK_END)

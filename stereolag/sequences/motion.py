@@ -28,6 +28,7 @@ from stereolag.figures.pictures import (
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
+from stereolag.motion.verdict import FlowVerdict
 from stereolag.sequences.sources import StereoFrame, StereoSequence
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import preset
@@ -312,6 +313,8 @@ class FrameMotion:
         (H, W) float32 displacement of every pixel since the previous frame, px; NaN = unknown.
     coverage
         Share of the pixels that have a flow, 0..1.
+    verdict
+        That of the :class:`~stereolag.motion.flow.FlowMap`.
     scene
         The motion in metres; None without a calibration, or if no static scene was found.
     milliseconds
@@ -321,12 +324,14 @@ class FrameMotion:
     dy: FloatMap
     dx: FloatMap
     coverage: float
+    verdict: FlowVerdict
     scene: SceneFlow | None
     milliseconds: float
 
     def figures(self) -> dict[str, Any]:
         """Return the figures for the table; moving things are listed nearest first."""
-        figures = {"coverage": self.coverage, "milliseconds": self.milliseconds}
+        problem = "" if self.verdict == "related" else self.verdict
+        figures = {"coverage": self.coverage, "milliseconds": self.milliseconds, "problem": problem}
         if self.scene is None:
             return figures
         things = (
@@ -400,7 +405,8 @@ class MotionWatch:
                 )
             except ValueError:  # no static scene in view
                 scene = None
-        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, 1e3 * (time.perf_counter() - start))
+        milliseconds = 1e3 * (time.perf_counter() - start)
+        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, flow.verdict, scene, milliseconds)
 
     def lock_colours(self, progress: Progress | None = None) -> None:
         """Set the displacement at the rim of the colour wheel, once, from frames spread over the sequence."""

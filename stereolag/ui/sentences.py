@@ -41,6 +41,14 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
     )
 
 
+MOTION_IN_WORDS = {
+    "unrelated": "No motion: this frame has nothing in common with the one before it.",
+    "blank": "No motion: this frame or the one before it shows nothing but noise.",
+    "static background": "No motion: things move everywhere before a background that stands still, so two motions fit.",
+    "identical": "This frame is the same as the one before it: nothing moves.",
+}
+"""Sentences on frames that are not simply related."""
+
 # Why is it blank?
 
 CHOICE_NAMES = {

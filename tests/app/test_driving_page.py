@@ -7,17 +7,19 @@ from functools import cache
 from typing import Any
 
 import av
+import cv2
 import moving_drives
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.images import image_png, read_disparity, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.driving import inputs
 from stereolag.ui.driving.inputs import EXAMPLE
 from stereolag.ui.driving.work import LINES, _table
+from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
 from tests.app.driving import finished, opened, page, player, work_of, zipped
 
@@ -190,3 +192,15 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
 def own_speeds(shown: dict[str, Any]) -> dict[str, Any]:
     (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
     return dict(speeds)
+
+
+def test_a_cut_and_a_repeated_frame_are_said_in_place_of_a_motion() -> None:
+    first, random = moving_drives.frame(0), np.random.default_rng(0)
+    noise = random.integers(0, 256, (2, moving_drives.ROWS, moving_drives.COLS)).astype(np.uint8)
+    cut = [cv2.GaussianBlur(one, (5, 5), 0) for one in noise]
+    frames = {
+        side: [image_png(image) for image in (getattr(first, side), getattr(first, side), other)]
+        for side, other in zip(("left", "right"), cut, strict=True)
+    }
+    app = with_motion(opened(zipped(frames)), "colours")
+    assert player(app)["problems"] == ["", MOTION_IN_WORDS["identical"], MOTION_IN_WORDS["unrelated"]]

@@ -54,7 +54,7 @@ def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) ->
     left = drive.frame(1).left
     picture, flow = watch.drawn(left, found)
     assert (picture[..., 0] == left).all() and flow.shape == (ROWS, COLS, 3)
-    assert [*found.figures()] == ["coverage", "milliseconds"]
+    assert [*found.figures()] == ["coverage", "milliseconds", "problem"]
     _, arrows = MotionWatch(drive, MATCHER, None, SequenceMotion(arrows=True)).drawn(left, found)
     assert 0.3 < arrows.mean() / left.mean() < 0.7, "they stand on the dimmed picture"
     assert np.ptp(arrows.astype(int), axis=2).max() > 100

@@ -30,7 +30,7 @@ from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, D
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import failures_answered
 from stereolag.ui.results import Job, show_busy, this_visit
-from stereolag.ui.sentences import duration
+from stereolag.ui.sentences import MOTION_IN_WORDS, duration
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
@@ -193,7 +193,6 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
         "width": drive.first.left.shape[1],
         "rate": drive.sequence.frame_rate,
         "frames": len(drive.sequence),
-        "names": [*drive.sequence.names],
         "pieces": len(pieces),
         "computed": computed,
         "done": done,
@@ -213,7 +212,12 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
     titles = {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {})
     problems = [""] * count
     for record in records:
-        problems[record.number] = record.problem or problems[record.number]
+        if record.problem:
+            problems[record.number] = (
+                MOTION_IN_WORDS[record.problem]
+                if record.method == MOTION
+                else f"{record.name} is left out: {record.problem}"
+            )
     charts: dict[str, dict[str, Any]] = {}
     for chart in CHARTS:
         values: dict[str, list[float | None]] = {method: [None] * count for method in titles}

@@ -165,11 +165,10 @@ class Player extends Panel {
   }
 
   showFrame() {
-    const { rate, frames, names, problems } = this.data;
+    const { rate, frames, problems } = this.data;
     this.find(".scrub").value = this.frame;
     this.find(".where").textContent = `${shortened(this.frame / rate, 1, "s")} · frame ${this.frame + 1} of ${frames}`;
-    const problem = problems[this.frame];
-    this.find(".problem").textContent = problem ? `${names[this.frame]} is left out: ${problem}` : "";
+    this.find(".problem").textContent = problems[this.frame];
     this.screens?.forEach((canvas, at) => canvas.setAttribute("aria-label", this.told(this.data.titles[at])));
     for (const { head, now, series, unit, digits } of this.charts ?? []) {
       head.setAttribute("d", `M${this.x(this.frame)} 0V${HEIGHT}`);
