@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from types import NoneType
-from typing import Any, Generic, Literal, NoReturn, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, TypeVar, get_args
 
 from pydantic import BaseModel, Field, create_model
 from pydantic.fields import FieldInfo
@@ -28,6 +28,9 @@ from stereolag.core.settings import (
     nested,
     unknown_setting,
 )
+
+if TYPE_CHECKING:
+    from stereolag.core.inputs import Image
 
 T = TypeVar("T")
 S = TypeVar("S", bound=Settings)
@@ -113,6 +116,22 @@ def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
         return reader(*paths, **options)
     except ValueError as error:
         raise ValueError(f"{', '.join(paths)}: {error}") from error
+
+
+def add_frames(parser: argparse.ArgumentParser, one: str, other: str) -> None:
+    """Add the flag that chooses a frame of each of two images to a parser."""
+    frames = f"which frame of {one} and of {other}, where a GIF, WEBP, PNG or TIFF holds several: its number, from 1"
+    parser.add_argument("--frames", type=int, nargs=2, metavar=("A", "B"), default=(1, 1), help=frames)
+
+
+def read_frames(paths: Sequence[str], numbers: Sequence[int]) -> tuple[list[Image], list[dict[str, Any]], list[str]]:
+    """Return frames of images, facts about them, and a line for each that is not the only one."""
+    from stereolag.io.images import read_frame
+
+    frames = [read(read_frame, path, number=number) for path, number in zip(paths, numbers, strict=True)]
+    facts = [{"file": path, "frame": one.number, "frames": one.count} for path, one in zip(paths, frames, strict=True)]
+    lines = ["{file}: frame {frame} of {frames}".format(**one) for one in facts if one["frames"] != 1]
+    return [one.pixels for one in frames], facts, lines
 
 
 def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:

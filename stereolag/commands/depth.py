@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, CommandParser, read, tell
+from stereolag.commands.arguments import DONE, CommandParser, add_frames, read, read_frames, tell
 from stereolag.commands.pairs import MatcherFlags, add_calibration, rectified_as_asked
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json, read_calibration
-from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_image, read_stored_disparity
+from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_stored_disparity
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
@@ -64,6 +64,7 @@ def _add_files(parser: CommandParser) -> None:
     """Add the arguments for the files of a pair and the output of its map to a parser."""
     parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
+    add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
     files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
     add_calibration(files)
@@ -85,14 +86,15 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
     OSError
         Files that cannot be opened.
     """
-    left, right = read(read_image, options.left), read(read_image, options.right)
+    (left, right), _, lines = read_frames((options.left, options.right), options.frames)
     truth = calibration = None
     if options.truth is not None:
         truth, _ = truth_in_px(read(read_stored_disparity, options.truth), left, right)
     if options.calibration is not None:
         calibration = read(read_calibration, *options.calibration)
     pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
-    return rectified_as_asked(pair, options, *WORDING)
+    pair, said = rectified_as_asked(pair, options, *WORDING)
+    return pair, (*lines, *said)
 
 
 def _rectified_here(pair: Pair) -> bool:

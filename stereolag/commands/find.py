@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, NOT_FOUND, CommandParser, SettingsFlags, read, tell
+from stereolag.commands.arguments import (
+    DONE,
+    NOT_FOUND,
+    CommandParser,
+    SettingsFlags,
+    add_frames,
+    read,
+    read_frames,
+    tell,
+)
 from stereolag.core.searches import TemplateQuery
 
 
@@ -21,6 +30,7 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
     parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
+    add_frames(parser, "the image", "the template")
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
@@ -29,9 +39,10 @@ def run(arguments: Sequence[str]) -> int:
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
-    image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
+    (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
-    tell(search_figures(result, query), "\n".join(_told(result, query)), as_json=options.json)
+    figures = search_figures(result, query) | {"images": frames}
+    tell(figures, "\n".join([*_told(result, query), *lines]), as_json=options.json)
     return DONE if result.found else NOT_FOUND
 
 

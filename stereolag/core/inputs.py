@@ -72,7 +72,7 @@ def as_image(value: npt.ArrayLike, name: str, *, gaps: bool = False) -> Image:
     NaN, infinite and far outlying pixels (:data:`FAR_OUT`) NaN.
 
     Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
-    floats become float64. A single trailing channel axis and the alpha of a grey image are dropped.
+    floats become float64. A single trailing channel axis is dropped; grey with alpha becomes RGBA.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def as_image(value: npt.ArrayLike, name: str, *, gaps: bool = False) -> Image:
     """
     image = np.asarray(value)
     if image.ndim == 3 and image.shape[2] in (1, 2):
-        image = image[:, :, 0]
+        image = image[:, :, 0] if image.shape[2] == 1 else image[:, :, [0, 0, 0, 1]]
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
         raise ValueError(
             f"{name} has shape {image.shape}; allowed are (rows, cols), (rows, cols, 3) and (rows, cols, 4)."

@@ -269,6 +269,9 @@ def serve() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
     for name in _PRELOADED:
         importlib.import_module(name)
+    from stereolag.io.images import UnseenFrames  # the server itself decodes no images
+
+    warnings.simplefilter("error", UnseenFrames)
     for number in (1, 2):  # decoders comment on every damaged file, which are no news for the server's log
         os.dup2(os.open(os.devnull, os.O_WRONLY), number)
     while True:

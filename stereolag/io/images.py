@@ -9,7 +9,11 @@ import io
 import math
 import os
 import re
+import struct
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -23,7 +27,7 @@ from PIL.GifImagePlugin import GifImageFile
 from PIL.ImageFile import ImageFile
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
-from PIL.TiffImagePlugin import TiffImageFile
+from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from PIL.WebPImagePlugin import WebPImageFile
 
 from stereolag.core.inputs import Image, as_image
@@ -60,28 +64,45 @@ _ORIENTATION = 274
 """The camera's orientation among the tags of EXIF."""
 
 
-def read_image(source: Source) -> Image:
-    """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
+class UnseenFrames(UserWarning, ValueError):  # noqa: N818
+    """Several frames in a file of which none was chosen: a warning, and where nobody sees warnings an error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame of an image file, as :func:`read_image` returns it, its number, from 1, and the number of frames."""
+
+    pixels: Image
+    number: int
+    count: int
+
+
+def read_image(source: Source, *, frame: int | None = None) -> Image:
+    """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF.
 
     The camera orientation stored in the file (EXIF) is applied, unless it is broken; all other metadata is ignored.
     Palettes, CMYK, YCbCr and the like are converted to RGB; any kind of transparency gives RGBA. Grey and colour images
-    keep 16 bits per channel; a TIFF of floats stays float.
+    keep 16 bits per channel; a TIFF of floats stays float, with NaN where it has no data, and integers below 0 or above
+    65535 become floats.
 
     Parameters
     ----------
     source
         A path, the bytes of the file, or a binary file object.
+    frame
+        Which frame of a GIF, WEBP or animated PNG, or page of a TIFF: its number, from 1. None: the first, with a
+        warning if there are others.
 
     Returns
     -------
     image
-        (rows, cols) grey, (rows, cols, 3) RGB or (rows, cols, 4) RGBA; uint8, uint16 or float32.
+        (rows, cols) grey, (rows, cols, 3) RGB or (rows, cols, 4) RGBA; uint8, uint16, float32 or float64.
 
     Raises
     ------
     ValueError
-        An empty file, one that is not such an image or is cut short, or an image of more megapixels than the limit
-        in force (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
+        An empty file, one that is not such an image or is cut short, no such frame, or an image of more megapixels than
+        the limit in force (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
 
     Examples
     --------
@@ -91,17 +112,48 @@ def read_image(source: Source) -> Image:
     >>> image.shape, image.dtype
     ((480, 640, 3), dtype('uint8'))
     """
+    found = read_frame(source, 1 if frame is None else frame)
+    if frame is None and found.count > 1:
+        said = (
+            f"The image holds {found.count} frames: choose one (frame=1 is the first), or save it as a file of its own."
+        )
+        warnings.warn(UnseenFrames(said), stacklevel=2)
+    return found.pixels
+
+
+def read_frame(source: Source, number: int = 1) -> Frame:
+    """Read a frame of an image, as :func:`read_image` does, and tell how many there are."""
     data = read_bytes(source, WHAT)
-    pixels = parse_netpbm(data, WHAT) if data.startswith(_NETPBM) else _decoded(data)
-    return np.ascontiguousarray(as_image(pixels, "The image"))
+    if data.startswith(_NETPBM):
+        _check_frame(number, 1)
+        pixels, count = parse_netpbm(data, WHAT), 1
+    else:
+        pixels, count = _decoded(data, number)
+    if pixels.dtype.kind in "iu" and (pixels.min() < 0 or pixels.max() > LARGEST_UINT16):
+        pixels = pixels.astype(np.float32 if pixels.dtype.itemsize < 4 else np.float64)
+    elif pixels.dtype.kind != "f":
+        pixels = as_image(pixels, "The image")
+    return Frame(np.ascontiguousarray(pixels), number, count)
 
 
-def _decoded(data: bytes) -> Image:
+def _check_frame(number: int, count: int) -> None:
+    if not 1 <= number <= count:
+        raise ValueError(f"The image has no frame {number}; it holds {count}.")
+
+
+def _decoded(data: bytes, number: int) -> tuple[Image, int]:
+    """Return a frame and the number of frames."""
     kind = next((name for name, (marks, _) in _DECODERS.items() if data.startswith(marks)), None)
     if kind is None or (kind == "WEBP" and data[8:12] != b"WEBP"):
         raise ValueError(
             f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
         )
+    pages = _pages(data) if kind == "TIFF" else []
+    if pages:
+        _check_frame(number, len(pages))
+        data = _with_page_first(data, pages[number - 1])
+        if not _check_tiff(data):
+            return _by_opencv(data, kind), len(pages)  # which also applies the orientation, unlike in a PNG
     try:
         # Not by `PillowImage.open`, whose limit on pixels is one for the whole process.
         image = _DECODERS[kind][1](io.BytesIO(data))
@@ -110,10 +162,14 @@ def _decoded(data: bytes) -> Image:
         raise _undecodable(kind) from error
     check_pixels(width, height, WHAT)
     try:
-        if image.mode in ("RGB", "RGBA") and ";16" in str(image.tile):
-            return _deep_colours(data, image)
+        count = len(pages) or getattr(image, "n_frames", 1)
+        deep = image.mode in ("RGB", "RGBA") and ";16" in str(image.tile)
+        if deep and number == 1:
+            return _upright(_by_opencv(data, kind), image), count
+        if 1 <= number <= count and not pages:
+            image.seek(number - 1)
         image.load()
-        return _upright(_as_array(image), image)
+        pixels = _upright(_as_array(image), image)
     except MemoryError:
         raise
     except PillowImage.DecompressionBombError as error:  # a frame that reaches far beyond its screen
@@ -122,12 +178,89 @@ def _decoded(data: bytes) -> Image:
         ) from error
     except Exception as error:
         raise _undecodable(kind) from error
+    _check_frame(number, count)
+    if deep and number > 1:
+        raise ValueError(
+            f"Frame {number} of the image (PNG) has 16 bits a channel, of which only the first frame is read: save the "
+            "frame as a file of its own."
+        )
+    return pixels, count
 
 
 def _undecodable(kind: str) -> ValueError:
     return ValueError(
         f"The image ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of {ACCEPTED}."
     )
+
+
+# TIFF: https://www.itu.int/itudoc/itu-t/com16/tiff-fx/docs/tiff6.pdf
+
+_WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _FORMAT = 256, 257, 258, 277, 284, 339
+"""Tags of a page."""
+
+_NUMBERS = {1: "unsigned integers", 2: "signed integers", 3: "floats", 5: "complex numbers", 6: "complex numbers"}
+
+
+def _pointers(data: bytes) -> tuple[str, str, int, int]:
+    """Return the formats of a count and of an offset, the bytes of an entry, and where the first offset is."""
+    order = "<" if data[:2] == b"II" else ">"
+    return (f"{order}Q", f"{order}Q", 20, 8) if b"+" in data[2:4] else (f"{order}H", f"{order}L", 12, 4)
+
+
+def _pages(data: bytes) -> list[int]:
+    """Return where the directories of a TIFF's pages begin; a chain that leaves the file or turns back ends there."""
+    count, offset, entry, at = _pointers(data)
+    pages: dict[int, None] = {}
+    with suppress(struct.error):
+        (start,) = struct.unpack_from(offset, data, at)
+        while start and start not in pages:
+            (entries,) = struct.unpack_from(count, data, start)
+            (following,) = struct.unpack_from(offset, data, start + struct.calcsize(count) + entry * entries)
+            pages[start] = None
+            start = following
+    return [*pages]
+
+
+def _with_page_first(data: bytes, start: int) -> bytes:
+    """Return a TIFF that begins with the page whose directory is there."""
+    _, offset, _, at = _pointers(data)
+    return data[:at] + struct.pack(offset, start) + data[at + struct.calcsize(offset) :]
+
+
+def _check_tiff(data: bytes) -> bool:
+    """Return whether Pillow keeps all that the pixels of a TIFF's first page hold; otherwise OpenCV does.
+
+    Raises
+    ------
+    ValueError
+        Pixels that neither reads, or too many.
+    """
+    stream = io.BytesIO(data)
+    try:
+        tags = ImageFileDirectory_v2(data[: 2 * _pointers(data)[-1]])
+        stream.seek(tags.next)
+        tags.load(stream)
+        bits, forms = (set(np.atleast_1d(tags.get(tag, 1)).tolist()) for tag in (_BITS, _FORMAT))
+        samples, planes = tags.get(_SAMPLES, 1), tags.get(_PLANES, 1)
+        width, height = tags[_WIDTH], tags[_HEIGHT]
+    except Exception as error:  # broken directories raise all kinds of errors
+        raise _undecodable("TIFF") from error
+    size, form = max(bits), max(forms)
+    if forms == {1} and (size <= 8 or (size <= 16 and samples == 1)):
+        return True
+    kept = len(bits) == len(forms) == 1 and (form, size) in _BY_OPENCV and (form, size, samples) != (2, 8, 4)
+    if not kept or samples not in (1, 3, 4) or (planes != 1 and samples > 1):
+        raise ValueError(
+            f"The image (TIFF) has {samples} × {size} bits a pixel, {_NUMBERS.get(form, 'of an unknown kind')}"
+            f"{', each channel apart' if planes != 1 else ''}, which is not read: save it as grey, RGB or RGBA, pixel "
+            "by pixel, of whole numbers or of floats of 32 bits."
+        )
+    check_pixels(width, height, WHAT)
+    return False
+
+
+_BY_OPENCV = {(2, 8), *((form, size) for form in (1, 2) for size in (16, 32, 64)), (3, 32), (3, 64)}
+"""The kinds and sizes of numbers in a TIFF that OpenCV keeps."""
 
 
 def _as_array(image: PillowImage.Image) -> Image:
@@ -139,14 +272,12 @@ def _as_array(image: PillowImage.Image) -> Image:
     return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
 
 
-def _deep_colours(data: bytes, image: ImageFile) -> Image:
-    """Return colours of 16 bits by OpenCV; Pillow keeps their upper 8 bits only."""
+def _by_opencv(data: bytes, kind: str) -> Image:
+    """Return the first frame by OpenCV; Pillow keeps 8 of 16 bits of colours, and not all kinds of numbers."""
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError("OpenCV cannot decode these pixels")
-    pixels = cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
-    # OpenCV applies the orientation in a TIFF, but not in a PNG.
-    return pixels if isinstance(image, TiffImageFile) else _upright(pixels, image)
+        raise _undecodable(kind)
+    return pixels if pixels.ndim == 2 else pixels[:, :, [2, 1, 0, 3][: pixels.shape[2]]]
 
 
 def _upright(pixels: Image, image: PillowImage.Image) -> Image:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +26,6 @@ from stereolag.ui.lag.sentences import own_facts, upload_limits
 from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import (
     OWN,
-    PICTURE_TYPES,
     RECORDING_TYPES,
     Upload,
     choose,
@@ -36,7 +34,8 @@ from stereolag.ui.uploads import (
     own_or_example,
     put_together,
     show_limits,
-    upload,
+    upload_part,
+    upload_picture,
 )
 
 RECORDINGS = "recordings"
@@ -100,17 +99,15 @@ def _own_recordings() -> RecordingPair | None:
 
 def _recording(label: str, name: str, note: str = "") -> Upload[Recording] | None:
     """Ask for a file, and for one of its tracks if it has several."""
-    key = f"{RECORDINGS}.{name}"
-    held = st.session_state.get(key)
-    chooser = f"{key}.track.{held.file_id if held else ''}"  # another file has other tracks
-    track = st.session_state.get(chooser, 1)
-    read = partial(guarded(read_signal), track=track)
-    variant = f" track {track}" if track != 1 else ""
-    file = upload(label, read, key=key, types=RECORDING_TYPES, note=note, variant=variant)
-    if file is not None and len(file.content.tracks) > 1:
-        tracks = file.content.tracks
-        st.selectbox("Track", range(1, len(tracks) + 1), format_func=lambda number: tracks[number - 1], key=chooser)
-    return file
+    return upload_part(
+        label,
+        lambda data, track: guarded(read_signal)(data, track=track),
+        lambda recording: recording.tracks,
+        "Track",
+        key=f"{RECORDINGS}.{name}",
+        types=RECORDING_TYPES,
+        note=note,
+    )
 
 
 def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
@@ -237,21 +234,17 @@ def _own_pictures() -> PictureAndTemplate | None:
     """Ask for two files and an optional mask; return the last ones that fit together."""
     columns = st.columns(3, gap="medium")
     with columns[0]:
-        picture = upload("Image", guarded(read_image), key=f"{PICTURES}.picture", types=PICTURE_TYPES)
+        picture = upload_picture("Image", key=f"{PICTURES}.picture")
     with columns[1]:
-        template = upload(
+        template = upload_picture(
             "Template",
-            guarded(read_image),
             key=f"{PICTURES}.template",
-            types=PICTURE_TYPES,
             note="The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
         )
     with columns[2]:
-        mask = upload(
+        mask = upload_picture(
             "Mask of the template (optional)",
-            guarded(read_image),
             key=f"{PICTURES}.mask",
-            types=PICTURE_TYPES,
             note="An image of the template’s size, black where the template does not count, as around a cursor or a "
             "logo. It replaces the template’s own transparency.",
         )
@@ -264,7 +257,7 @@ def _own_pictures() -> PictureAndTemplate | None:
 
 def _own_cut() -> PictureAndTemplate | None:
     """Ask for an image file, and for a box in it."""
-    picture = upload("Image", guarded(read_image), key=f"{PICTURES}.picture", types=PICTURE_TYPES)
+    picture = upload_picture("Image", key=f"{PICTURES}.picture")
     show_limits(image_limits())
     if picture is None:
         return None

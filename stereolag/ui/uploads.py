@@ -11,10 +11,12 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import streamlit as st
 
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.formats import RECORDING_SUFFIXES
-from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES
+from stereolag.io.guard import guarded
+from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sources import quote
 from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose
@@ -128,6 +130,56 @@ def upload(
     if OPTIONAL not in label:
         st.session_state.setdefault(HERE_KEY, {})[label] = given is not None
     return given
+
+
+def upload_part(
+    label: str,
+    read: Callable[[bytes, int], T],
+    parts: Callable[[T], Sequence[str]],
+    word: str,
+    *,
+    key: str,
+    types: Sequence[str],
+    note: str = "",
+) -> Upload[T] | None:
+    """Ask for a file, and for one of its parts if it has several, such as tracks or frames.
+
+    Parameters
+    ----------
+    read
+        Takes the bytes and the number of a part, from 1.
+    parts
+        Returns the names of all parts of the file that content was read from.
+    word
+        What a part is called.
+    label, key, types, note
+        As for :func:`upload`.
+    """
+    held = st.session_state.get(key)
+    chooser = f"{key}.{word.lower()}.{held.file_id if held else ''}"  # another file has other parts
+    number: int = st.session_state.get(chooser, 1)
+    variant = f" {word.lower()} {number}" if number != 1 else ""
+    file = upload(label, lambda data: read(data, number), key=key, types=types, note=note, variant=variant)
+    names = [] if file is None else parts(file.content)
+    if len(names) > 1:
+        st.selectbox(word, range(1, len(names) + 1), format_func=lambda one: names[one - 1], key=chooser)
+    return file
+
+
+MOST_OFFERED = 10_000
+"""Most frames of a file offered, so that a hostile file does not fill a page."""
+
+
+def frame_names(content: object) -> list[str]:
+    """Return the names of the frames of the file that a frame was read from; none for other content."""
+    count = content.count if isinstance(content, Frame) else 0
+    return [f"{number} of {count}" for number in range(1, min(count, MOST_OFFERED) + 1)]
+
+
+def upload_picture(label: str, *, key: str, note: str = "") -> Upload[Image] | None:
+    """Ask for an image, and for one of its frames if it has several; as :func:`upload`."""
+    file = upload_part(label, guarded(read_frame), frame_names, "Frame", key=key, types=PICTURE_TYPES, note=note)
+    return None if file is None else Upload(file.digest, file.content.pixels)
 
 
 def upload_together(

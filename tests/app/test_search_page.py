@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
@@ -38,6 +41,22 @@ def with_files(
 def pictures(app: AppTest) -> list[tuple[str, str, str]]:
     """Return the address, the caption and the alternative of every image."""
     return [(one.url, one.caption, one.alt) for element in app.get("image") for one in element.proto.imgs]
+
+
+def test_a_frame_of_an_animation_is_chosen(open_page: OpenPage) -> None:
+    app = open_page(FIND, {"pictures": "own"})
+    stream = io.BytesIO()
+    scene = np.random.default_rng(3).integers(0, 256, (60, 80, 3), dtype=np.uint8)
+    first, second = Image.fromarray(scene[::-1].copy()), Image.fromarray(scene)
+    first.save(stream, "TIFF", save_all=True, append_images=[second])
+    app.file_uploader(key="pictures.picture").upload("scenes.tif", stream.getvalue(), "image/tiff")
+    app.file_uploader(key="pictures.template").upload("part.png", uploads.png(scene[10:30, 20:50]), "image/png").run()
+    (frame,) = [one for one in app.selectbox if one.label == "Frame"]
+    assert frame.options == ["1 of 2", "2 of 2"]
+    assert app.header[0].value != "Found at row 10, column 20"
+    frame.set_value(2).run()
+    assert not app.exception and not app.error
+    assert app.header[0].value == "Found at row 10, column 20"
 
 
 # The answer

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import soundfile
 from commanded import Command, assert_refused
+from PIL import Image
 from recording_bytes import filmed
 from scipy.signal import resample_poly
 
@@ -213,6 +214,16 @@ def test_find_tells_the_place(ran: Command) -> None:
     assert (match["row"], match["col"], match["height"], match["width"]) == (20, 30, 20, 30)
     assert match["score"] == pytest.approx(1)
     assert ran("find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
+
+
+def test_a_frame_of_an_animation_can_be_searched_and_its_number_is_told(ran: Command, tmp_path: Path) -> None:
+    scene, other = (Image.open(name).convert("RGB") for name in ("image.png", "stranger.png"))
+    other.resize(scene.size).save(tmp_path / "scenes.tif", save_all=True, append_images=[scene])
+    found = "row 20, column 30, score 1.000\n" + f"{tmp_path / 'scenes.tif'}: frame 2 of 2\n"
+    assert ran("find", tmp_path / "scenes.tif", "template.png", "--frames", 2, 1).out == found
+    told = ran("find", tmp_path / "scenes.tif", "template.png", "--json")
+    assert [(one["frame"], one["frames"]) for one in told.figures["images"]] == [(1, 2), (1, 1)]
+    assert "no frame 3; it holds 2" in ran("find", tmp_path / "scenes.tif", "template.png", "--frames", 3, 1).err
 
 
 def test_find_ends_with_three_where_there_is_nothing(ran: Command) -> None:

@@ -39,7 +39,9 @@ def test_types(given: type, becomes: type) -> None:
     image = as_image(np.array([[0, 1], [1, 0]], dtype=given), "left")
     assert image.dtype == becomes
     assert as_image(np.array([[0, 300]]), "left").dtype == np.uint16
-    assert as_image(np.zeros((4, 5, 1), given), "left").shape == as_image(np.zeros((4, 5, 2)), "left").shape == (4, 5)
+    assert as_image(np.zeros((4, 5, 1), given), "left").shape == (4, 5)
+    grey_alpha = np.arange(8).reshape(2, 2, 2).astype(given)
+    np.testing.assert_array_equal(as_image(grey_alpha, "left"), as_image(grey_alpha[:, :, [0, 0, 0, 1]], "left"))
     signal = as_signal(np.array([0, 1, 1, 0], dtype=given), "signal_1")
     assert signal.dtype == np.float64 and signal.tolist() == [0, 1, 1, 0]
 

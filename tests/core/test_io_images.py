@@ -10,7 +10,8 @@ import pytest
 from picture_bytes import by_opencv, by_pillow, png, png_chunk
 from PIL import Image
 
-from stereolag.io.images import read_image
+from stereolag.io.guard import guarded
+from stereolag.io.images import UnseenFrames, read_frame, read_image
 
 RNG = np.random.default_rng(5)
 GREY = RNG.integers(0, 256, (13, 17), dtype=np.uint8)
@@ -136,11 +137,96 @@ def test_a_frame_lies_on_the_canvas_of_its_animation() -> None:
     frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], lossless=True)
     data = stream.getvalue()
     wider = data[:24] + (19).to_bytes(3, "little") + (17).to_bytes(3, "little") + data[30:]
-    image = read_image(wider)
+    image = read_image(wider, frame=1)
     assert image.shape == (18, 20, 3)
     assert (image[:16, :16] == 7).all()
     assert not image[16:].any()
     assert not image[:, 16:].any()
+
+
+FRAMES = [np.full((12, 14, 3), shade, np.uint8) for shade in (10, 120, 240)]
+
+
+def animated(kind: str) -> bytes:
+    first, *others = (Image.fromarray(frame) for frame in FRAMES)
+    options = {"lossless": True} if kind == "WEBP" else {}
+    return by_pillow(kind, first, save_all=True, append_images=others, **options)
+
+
+@pytest.mark.parametrize("kind", ["GIF", "WEBP", "PNG", "TIFF"])
+def test_any_frame_can_be_chosen_and_none_is_left_out_in_silence(kind: str) -> None:
+    data = animated(kind)
+    for number, frame in enumerate(FRAMES, 1):
+        image = read_image(data, frame=number)
+        np.testing.assert_array_equal(image if image.ndim == 3 else image[:, :, np.newaxis], frame[:, :, : image.ndim])
+        assert read_frame(data, number).count == 3
+    with pytest.warns(UnseenFrames, match=r"holds 3 frames: choose one \(frame=1 is the first\)"):
+        assert (read_image(data) == read_image(data, frame=1)).all()
+    for wrong in (0, 4):
+        with pytest.raises(ValueError, match=f"no frame {wrong}; it holds 3"):
+            read_image(data, frame=wrong)
+    with pytest.raises(ValueError, match="holds 3 frames"):  # nobody sees the warnings of a worker
+        guarded(read_image)(data)
+
+
+def test_one_frame_is_read_without_a_word_and_there_is_no_second() -> None:
+    for data in (by_pillow("GIF", GREY), by_pillow("TIFF", RGB), b"P5 1 1 9\n\0", by_pillow("JPEG", RGB)):
+        assert read_frame(data).count == 1
+        with pytest.raises(ValueError, match="no frame 2; it holds 1"):
+            read_image(data, frame=2)
+
+
+@pytest.mark.parametrize(("order", "big"), [(">", False), ("<", False), ("<", True)])
+def test_pages_of_a_tiff_may_differ_in_size_and_numbers(order: str, big: bool) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    stream = io.BytesIO()
+    pages = [GREY, np.float64(RGB) / 7, GREY16]
+    with tifffile.TiffWriter(stream, byteorder=order, bigtiff=big) as file:
+        for page in pages:
+            file.write(page, photometric="rgb" if page.ndim == 3 else "minisblack")
+    for number, page in enumerate(pages, 1):
+        np.testing.assert_array_equal(read_image(stream.getvalue(), frame=number), page)
+
+
+NUMBERS = {
+    np.int8: np.float32, np.int16: np.float32, np.int32: np.float64, np.uint32: np.float64, np.int64: np.float64,
+    np.float32: np.float32, np.float64: np.float64,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("kind", NUMBERS)
+def test_all_numbers_of_a_tiff_keep_their_values(kind: type, channels: int) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    shape = (9, 11) if channels == 1 else (9, 11, 3)
+    low, high = (-1, 1) if np.dtype(kind).kind == "f" else (np.iinfo(kind).min // 2, np.iinfo(kind).max // 2)
+    pixels = RNG.uniform(low, high, shape).astype(kind)
+    stream = io.BytesIO()
+    tifffile.imwrite(stream, pixels, photometric="rgb" if channels == 3 else "minisblack")
+    image = read_image(stream.getvalue())
+    assert image.dtype == NUMBERS[kind]
+    np.testing.assert_array_equal(image, pixels.astype(NUMBERS[kind]))
+
+
+def test_floats_of_64_bits_by_opencv_and_pixels_without_data() -> None:
+    heights = np.where(RNG.random((9, 11)) < 0.2, np.nan, RNG.normal(size=(9, 11)))
+    np.testing.assert_array_equal(read_image(by_opencv(".tiff", heights)), heights)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "options", "said"),
+    [
+        (np.zeros((9, 11), np.float16), {}, "1 × 16 bits a pixel, floats, which is not read: save it as grey, RGB or"),
+        (np.zeros((9, 11), np.complex64), {}, "1 × 64 bits a pixel, complex numbers, which"),
+        (np.zeros((3, 9, 11), np.uint16), {"photometric": "rgb", "planarconfig": "separate"}, "each channel apart"),
+    ],
+)
+def test_a_tiff_that_is_not_read_is_named_and_not_called_damaged(pixels, options, said) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    stream = io.BytesIO()
+    tifffile.imwrite(stream, pixels, **options)
+    with pytest.raises(ValueError, match=said):
+        read_image(stream.getvalue())
 
 
 def test_path_bytes_and_file_are_the_same(tmp_path):

@@ -19,7 +19,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import halves
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
-from stereolag.io.images import StoredDisparity, read_image, read_stored_disparity
+from stereolag.io.images import Frame, StoredDisparity, read_frame, read_stored_disparity
 from stereolag.io.settings import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
@@ -59,6 +59,7 @@ from stereolag.ui.uploads import (
     Upload,
     choose,
     forget_together,
+    frame_names,
     image_limits,
     own_or_example,
     put_together,
@@ -67,6 +68,8 @@ from stereolag.ui.uploads import (
     show_limits,
     upload,
     upload_named,
+    upload_part,
+    upload_picture,
     upload_together,
 )
 
@@ -298,46 +301,50 @@ def ask_own_pair() -> Pair | None:
 
 
 def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
-    def picture_or_bundle(data: bytes) -> Image | Bundle:
-        return read_bundle([("", data)]) if is_archive(data) else guarded(read_image)(data)
+    def picture_or_bundle(data: bytes, frame: int) -> Frame | Bundle:
+        return read_bundle([("", data)]) if is_archive(data) else guarded(read_frame)(data, frame)
 
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        left = upload(
+        left = upload_part(
             "Left image",
             picture_or_bundle,
+            frame_names,
+            "Frame",
             key=f"{PAIR}.left",
             types=(*PICTURE_TYPES, "zip"),
             note="Or a ZIP: one saved from this page, or several pairs.",
         )
-    if left is not None and not isinstance(left.content, np.ndarray):
+    if left is not None and not isinstance(left.content, Frame):
         return Upload(left.digest, left.content)
     with columns[1]:
-        right = upload("Right image", guarded(read_image), key=f"{PAIR}.right", types=PICTURE_TYPES)
+        right = upload_picture("Right image", key=f"{PAIR}.right")
     if left is None or right is None:
         return None
-    assert isinstance(left.content, np.ndarray)
+    assert isinstance(left.content, Frame)
     notes = (SAME_PICTURE,) if left.digest == right.digest else ()
-    return Pictures(left.content, right.content, f"{left.digest} {right.digest}", notes)
+    return Pictures(left.content.pixels, right.content, f"{left.digest} {right.digest}", notes)
 
 
 def _ask_one_picture() -> Pictures | None:
-    def split(data: bytes) -> tuple[Image, Image, str]:
-        both = guarded(read_image)(data)
-        width = both.shape[1]
+    def split(data: bytes, frame: int) -> tuple[Frame, Image, Image, str]:
+        both = guarded(read_frame)(data, frame)
+        width = both.pixels.shape[1]
         odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-        return *halves(both), f"The image was split down the middle.{odd}"
+        return both, *halves(both.pixels), f"The image was split down the middle.{odd}"
 
-    both = upload(
+    both = upload_part(
         "Both images side by side",
         split,
+        lambda content: frame_names(content[0]),
+        "Frame",
         key=f"{PAIR}.beside",
         types=PICTURE_TYPES,
         note="The left image in the left half, as stereo cameras deliver them.",
     )
     if both is None:
         return None
-    left, right, note = both.content
+    _, left, right, note = both.content
     return Pictures(left, right, both.digest, (note,))
 
 
