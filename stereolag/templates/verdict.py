@@ -210,12 +210,7 @@ def judged(
             tried = 0
         else:
             tried += 1
-    if pattern.silhouette:
-        order = places.best(max_matches + 1)
-        scores = [float(places.scores[one]) for one in order]
-        found = [one for one in _before_gap(order, scores, max_matches) if one in kept]
-    else:
-        found = _reliable([(one, looked.identity(one)) for one in copies], max_matches)
+    found = _reliable([(one, looked.identity(one)) for one in copies], max_matches)
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
     rivals = places.best(MOST_RIVALS, taken=found or best)
     for one in rivals[:1]:

@@ -211,3 +211,25 @@ def test_pixels_without_data_hide_a_part_too() -> None:
 def test_nothing_is_told_of_templates_with_too_little_in_a_block() -> None:
     picture = photograph(0)
     assert hidden_places(picture, pattern_of(picture[50:62, 60:75], np.ones((12, 15))), silent).rows.size == 0
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 4, 5])
+def test_another_shape_of_the_same_outline_is_not_found(seed: int) -> None:
+    ring = np.where(np.abs(distance(48) - 0.85) < 0.12, 1.0, 0.0)
+    inner = [cv2.resize(shape_of(number, 28), (24, 24), interpolation=cv2.INTER_AREA) for number in (seed, seed + 9)]
+    white = np.full((48, 48, 3), 255)
+    sprites = []
+    for mark in inner:
+        alpha = ring.copy()
+        alpha[12:36, 12:36] = np.maximum(alpha[12:36, 12:36], mark)
+        sprites.append(np.dstack([white, np.rint(255 * alpha)]).astype(np.uint8))
+    assert match_template(shown(photograph(seed), sprites[0], 70, 100), sprites[0]).found
+    assert not match_template(shown(photograph(seed), sprites[1], 70, 100), sprites[0]).found
+
+
+def test_a_place_beside_pixels_without_data_is_found() -> None:
+    image = photograph(1, 90, 120).astype(np.float32)
+    template = image[30:62, 40:80].copy()
+    image[25:33, 70:90] = np.nan
+    search = match_template(image, template)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (30, 40)
