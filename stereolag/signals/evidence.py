@@ -212,6 +212,9 @@ class Evidence:
         highest = [float(self.first + np.argmax(curve.curve)) for curve in self.curves.values()]
         if sum(abs(lag - peak.lag) < 1 for lag in highest) < len(highest) - 1:
             return peak
+        if math.isinf(peak.carriers):
+            carried, carriers = self.curves[peak.weight].carried(round(peak.lag))
+            peak = replace(peak, carried=carried, carriers=carriers)
         agreed = min(peak.carried / _AGREED[0], peak.above / _AGREED[1], peak.clear / _AGREED[2]) / self.needed
         return replace(peak, score=max(peak.score, agreed))
 
