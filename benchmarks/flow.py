@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.drive_motion import drive_lines
+from benchmarks.flow_kinds import kinds_lines
 from benchmarks.pairs import DATA, true_pairs
 from benchmarks.timing import interleaved
 from stereolag import optical_flow, read_disparity, read_image
@@ -197,7 +198,8 @@ def flow_table() -> tuple[str, dict[str, object]]:
     for name, drive in _drives().items():
         more, values[name] = drive_lines(drive, METHODS)
         lines += more
-    return "\n".join([*summary, "", heading, "", *lines]), values
+    more, values["kinds"] = kinds_lines()
+    return "\n".join([*summary, "", heading, "", *lines, "", *more]), values
 
 
 def _drives() -> dict[str, DriveExample]:
