@@ -274,6 +274,9 @@ def _checked(
     """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
     if mask is None and np.ndim(template) == 3 and np.shape(template)[2] == 2:  # grey and alpha
         mask = np.asarray(template)[:, :, 1]
+    given = np.asarray(template)
+    if given.ndim == 3 and given.shape[2] == 2:  # grey with alpha: compared by its grey, like a grey template
+        template, mask = given[:, :, 0], given[:, :, 1] if mask is None else mask
     large, small = as_images(image, template, ("image", "template"), gaps=True)
     least = 1.0 if poses is None else poses.scales[0]
     if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:

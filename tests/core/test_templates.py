@@ -483,3 +483,12 @@ def test_a_picture_of_few_values_has_no_rare_pixel_and_is_still_searched(levels:
     image = np.random.default_rng(0).integers(0, levels, (60, 70), dtype=np.uint8)
     search = match_template(image, image[20:32, 30:45], method="sampled")
     assert (search.matches[0].row, search.matches[0].col) == (20, 30)
+
+
+def test_a_grey_template_with_alpha_is_searched_by_its_grey_in_a_coloured_image() -> None:
+    image = random_image((60, 80, 3))
+    grey = cv2.cvtColor(image[20:40, 30:60], cv2.COLOR_RGB2GRAY)
+    alpha = np.full((20, 30), 255, np.uint8)
+    alpha[:9, :12] = grey[:9, :12] = 0
+    search = match_template(image, np.dstack([grey, alpha]))
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (20, 30)
