@@ -64,7 +64,7 @@ def test_a_frame_of_an_animation_is_chosen(open_page: OpenPage) -> None:
 
 def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPage) -> None:
     app = open_page(FIND, {"pictures": "maze_dulled"})
-    assert app.header[0].value == "Found at row 200, column 200"
+    assert app.header[0].value == "Found at row 200, column 200, partly covered"
     found, *_ = [url for url, _, alt in pictures(app) if alt.startswith("The image: ")]
     app.slider(key="template.min_score").set_value(1.0).run()
     assert app.header[0].value == "Not found"
