@@ -235,9 +235,8 @@ COSTS: Mapping[str, Cost] = {
         ),
         {"products": 2.8e-10},
     ),
-    # Three marks for each place, then a reduced image with its scores, in which rivals are looked for. If no value is
-    # rare, more: such a search is refused once the places with a value are counted.
-    "template by pixels": Cost(({"grey": 1, "values": 32}, {"grey": 1, "values": 8, "places": 10}), {"pixels": 4e-9}),
+    # Marks for each place. If no value is rare, more: such a search is refused once the places with a value are counted.
+    "template by pixels": Cost(({"grey": 1, "values": 32}, {"grey": 1, "values": 8, "places": 3}), {"pixels": 4e-9}),
     # Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products.
     "template by OpenCV": Cost(({"values": 36},), {"pixels": 1e-7, "masked": 3e-7}),
     # Stereo pairs. grey: bytes of both grey images; finished: pixels of a map that is filtered or filled.
