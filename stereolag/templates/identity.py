@@ -67,6 +67,13 @@ Measured: up to 0.03 under other lights and in JPEG, from 0.076 for lamps and bu
 COUNTS, COUNTED = 0.5, 0.3
 """Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
 
+LEAST_EXPLAINED, LEAST_OF_SMALL, SMALL = 0.9, 0.95, 256
+"""Least share of the variance of a place that an opaque template explains, and that one of fewer pixels than the last.
+
+A few blocks of a few pixels agree by chance. Measured: from 0.97 where the template is, off the grid and in JPEG too; up
+to 0.94 at most places where one of 9 px is not.
+"""
+
 CHANGED_CONTRAST = 1.25
 """Contrast, or its inverse, from which it is told."""
 
@@ -150,6 +157,7 @@ class _Fit:
         self.own_weights = pattern.weights.astype(np.float32)
         self.weights = _inside(self.own_weights, image, row, col)
         on = self.weights > 0
+        self.is_opaque = bool((self.own_weights[on] >= 1).all())
         deviations = np.moveaxis(pattern.deviations, 0, 2)
         template = self.template = _blurred(deviations.astype(np.float32), self.own_weights)
         given = template[on].astype(np.float64)
@@ -342,6 +350,9 @@ def _kind(fit: _Fit, disagrees: npt.NDArray[np.bool_], seen: float, *, outside: 
         if seen >= LEFT_OVER and fit.recoloured < RECOLOURED and _hides(fit, disagrees):
             return "partly_covered"
         return "differs" if seen >= 0.5 else "not_there"
+    least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
+    if fit.is_opaque and fit.explained < least:
+        return "differs"
     if fit.recoloured >= RECOLOURED:
         return "other_colours"
     if outside:

@@ -190,3 +190,28 @@ def test_a_template_partly_outside_is_found_at_its_negative_row() -> None:
     template = picture[60:120, 100:170].copy()
     search = match_template(picture[78:], template)
     assert (search.found, search.reason, place(search)) == (True, "partly_covered", (-18, 100))
+
+
+def glyphs(seed: int, count: int = 60) -> list[Array]:
+    """Return drawings of 9 × 9 px, each of a line and a triangle."""
+    random = np.random.default_rng(seed)
+    drawn = []
+    for _ in range(count):
+        fine = np.full((9 * FINER, 9 * FINER, 3), GROUND, np.uint8)
+        cv2.fillPoly(fine, [random.integers(0, 9 * FINER, (3, 2)).astype(np.int32)], BLUE)
+        ends = random.integers(0, 9 * FINER, (2, 2)).tolist()
+        cv2.line(fine, ends[0], ends[1], (40, 40, 40), 2 * FINER)
+        drawn.append(np.asarray(cv2.resize(fine, (9, 9), interpolation=cv2.INTER_AREA)))
+    return drawn
+
+
+@pytest.mark.parametrize("seed", [11, 37, 42, 44, 46, 47])
+def test_a_few_blocks_of_a_few_pixels_that_agree_are_not_the_template(seed: int) -> None:
+    template, *others = glyphs(seed)
+    picture = np.full((100, 160, 3), GROUND, np.uint8)
+    for number, other in enumerate(others):
+        row, col = 8 + 15 * (number // 10), 5 + 15 * (number % 10)
+        picture[row : row + 9, col : col + 9] = other
+    assert not match_template(picture, template).found
+    picture[8:17, 5:14] = template
+    assert place(search := match_template(picture, template)) == (8, 5) and search.found
