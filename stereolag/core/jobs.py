@@ -235,7 +235,7 @@ COSTS: Mapping[str, Cost] = {
         ),
         {"products": 2.8e-10},
     ),
-    # Marks for each place. If no value is rare, more: such a search is refused once the places with a value are counted.
+    # Marks for each place. If no value is rare, more: such a search is refused once its places are counted.
     "template by pixels": Cost(({"grey": 1, "values": 32}, {"grey": 1, "values": 8, "places": 3}), {"pixels": 4e-9}),
     # Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products.
     "template by OpenCV": Cost(({"values": 36},), {"pixels": 1e-7, "masked": 3e-7}),

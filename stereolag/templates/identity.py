@@ -70,8 +70,8 @@ COUNTS, COUNTED = 0.5, 0.3
 LEAST_EXPLAINED, LEAST_OF_SMALL, SMALL = 0.9, 0.95, 256
 """Least share of the variance of a place that an opaque template explains, and that one of fewer pixels than the last.
 
-A few blocks of a few pixels agree by chance. Measured: from 0.97 where the template is, off the grid and in JPEG too; up
-to 0.94 at most places where one of 9 px is not.
+A few blocks of a few pixels agree by chance. Measured: from 0.97 where the template is, off the grid and in JPEG too;
+up to 0.94 at most places where one of 9 px is not.
 """
 
 CHANGED_CONTRAST = 1.25
