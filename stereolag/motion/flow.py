@@ -382,9 +382,10 @@ class FlowMatcher(Settings):
         # No motion fits to the last bit, and so does another, as along an edge.
         tests.append((moves, Reason.AMBIGUOUS))
         tests.append((~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS))
+        # A score is missing where the window of the second frame is flat, or outside.
+        tests.append((score == NO_SCORE, Reason.LOW_TEXTURE))
         tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
-        # A score is missing where the window of the second frame is flat.
-        tests.append((flat | (score == NO_SCORE), Reason.LOW_TEXTURE))
+        tests.append((flat, Reason.LOW_TEXTURE))
         for where, why in tests:
             reason[where] = why
         missing = reason != Reason.MEASURED

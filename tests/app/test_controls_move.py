@@ -137,7 +137,7 @@ def give_a_part_of_the_maze(app: AppTest) -> None:
     rows, cols = (slice(start, start + 399, 2) for start in (maze.row - 128, maze.col - 132))
     template, picture = read_image(maze.template)[::2, ::2], read_image(maze.picture)[rows, cols].copy()
     height, width = template.shape[:2]
-    dulled = np.random.default_rng(0).normal(template[..., :3] / 2, 20).clip(0, 255)
+    dulled = np.random.default_rng(0).normal(0.85 * template[..., :3].astype(float), 25).clip(0, 255)
     picture[135 : 135 + height, 10 : 10 + width] = dulled
     for name, pixels in {"picture": picture, "template": template}.items():
         app.file_uploader(key=f"pictures.{name}").upload(f"{name}.png", uploads.png(pixels), "image/png")

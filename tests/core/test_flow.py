@@ -50,7 +50,7 @@ def test_recovers_a_known_shift(dtype, dy, dx):
 
 @pytest.mark.parametrize(
     ("settings", "shape", "move"),
-    [({"window_size": 31}, (48, 140), (-12, 60)), ({"levels": 1}, (260, 48), (124, -9))],
+    [({"window_size": 31}, (48, 140), (-12, 60)), ({"levels": 1}, (320, 64), (124, -9))],
 )
 def test_a_search_at_full_size_may_hold_any_number_of_lags(settings, shape, move):
     """The second move is only in the second strip of lags; a long, narrow frame has as many lags at less cost."""

@@ -234,6 +234,7 @@ def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(
     command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
     told = without_time(ran(*command[1:], "--json").out)
     result = found(query)
+    assert [image["file"] for image in told.pop("images")][:2] == ["image.png", "template.png"]
     assert told == without_time(matches_json(result, query))
     assert told["found"] == (query not in QUERIES[2:4])
     assert told["matches"] == [as_told(match) for match in result.matches]
