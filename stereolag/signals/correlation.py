@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -122,6 +123,8 @@ class ConvertedRecording(Recording):
         self._signal, self._on_read, self.size = signal, on_read, signal.size
         self._mean = float(signal.mean(dtype=np.float64))
         self._height = max(float(signal.max()) - self._mean, self._mean - float(signal.min()))
+        # Only then does single precision resolve the samples about their mean, and hold them at all.
+        self._exact = signal.dtype.itemsize > 4 or abs(self._mean) > self._height
 
     def part(self, start: int, stop: int) -> Vector:
         """Return the samples, converted."""
@@ -137,7 +140,8 @@ class ConvertedRecording(Recording):
         samples[: first - start] = 0
         samples[end - start :] = 0
         inside = samples[first - start : end - start]
-        np.subtract(self._signal[first:end], self._mean, out=inside, dtype=np.float64, casting="same_kind")
+        step = np.float64 if self._exact else dtype
+        np.subtract(self._signal[first:end], self._mean, out=inside, dtype=step, casting="same_kind")
         inside /= dtype(self._height)
         self._on_read()
         return samples
@@ -459,15 +463,18 @@ def block_products(
     lags = last - first + 1
     step = size - lags + 1
     begin, stop = max(0, -last), min(signal_1.size, signal_2.size - first)
-    rows = np.zeros((2, size))
     total = np.zeros(size // 2 + 1, dtype=np.complex128)
-    for start in range(begin, stop, step):
-        count = min(step, stop - start)
-        rows[0, :count] = signal_1.part(start, start + count)
-        rows[0, count:] = 0
-        rows[1] = signal_2.part(start + first, start + first + size)
-        total += cross_spectrum(*fft.rfft(rows, axis=1, workers=2))
-        progress((start + count - begin) / (stop - begin))
+
+    def spectrum(recording: Recording, start: int, stop: int) -> Spectrum:
+        return np.asarray(fft.rfft(recording.part(start, stop), size))
+
+    # SciPy's own workers share stacks of many transforms, not two.
+    with ThreadPoolExecutor(2) as threads:
+        for start in range(begin, stop, step):
+            end = min(start + step, stop)
+            parts = (start, start + first), (end, start + first + size)
+            total += cross_spectrum(*threads.map(spectrum, (signal_1, signal_2), *parts))
+            progress((end - begin) / (stop - begin))
     return np.asarray(fft.irfft(total, size, overwrite_x=True)[:lags])
 
 

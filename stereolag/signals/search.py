@@ -35,6 +35,7 @@ from stereolag.signals.correlation import (
     peak_ratio,
     phat_curve,
     refine_peak,
+    transform_length,
 )
 from stereolag.signals.sampling import enough_votes, sampled_votes
 
@@ -149,7 +150,7 @@ def _spectra(recording: ConvertedRecording) -> Iterator[tuple[int, Bands]]:
     for start in range(0, recording.size, _BLOCKS_AT_ONCE * BLOCK):
         count = min(_BLOCKS_AT_ONCE, -(-(recording.size - start) // BLOCK))
         rows = recording.single(start, start + count * BLOCK).reshape(count, BLOCK)
-        spectra = np.asarray(fft.rfft(rows, axis=1, workers=2), dtype=np.complex64)
+        spectra = np.asarray(fft.rfft(rows, axis=1), dtype=np.complex64)
         # Unlike the other frequencies, the mean of a block has no negative counterpart.
         spectra[:, 0] *= np.float32(np.sqrt(0.5))
         yield start, spectra[:, :-1]
@@ -163,7 +164,7 @@ def band_products(first: Bands, second: Bands) -> Bands:
     first, second
         (N1,) and (N2,) envelopes of the band, from :func:`band_signals`.
     """
-    size = int(fft.next_fast_len(first.size + second.size))
+    size = transform_length(first.size + second.size)
     rows = np.zeros((2, size), dtype=np.complex64)
     rows[0, : first.size] = first
     rows[1, : second.size] = second
@@ -264,14 +265,16 @@ def search_bands(
     """
     step = cell_size(signal_1.size, signal_2.size)
     bound = _Bound(signal_1, signal_2, reach, step)
-    energies = [band_energies(signal, step) for signal in (signal_1, signal_2)]
+    signals = (signal_1, signal_2)
+    with ThreadPoolExecutor(2) as threads:
+        energies = list(threads.map(band_energies, signals, (step, step)))
     common = np.sqrt(energies[0] * energies[1]) / np.sqrt(energies[0].sum() * energies[1].sum())
     progress(0.1)
     order = np.argsort(-common, kind="stable")
     for start in range(0, order.size, BANDS_AT_ONCE):
         chosen = [int(band) for band in order[start : start + BANDS_AT_ONCE]]
-        parts = [band_signals(signal, chosen, step) for signal in (signal_1, signal_2)]
         with ThreadPoolExecutor(2) as threads:
+            parts = list(threads.map(band_signals, signals, (chosen, chosen), (step, step)))
             for number, magnitudes in enumerate(threads.map(bound.magnitudes, chosen, *parts), start=1):
                 bound.total += magnitudes
                 progress(0.1 + 0.6 * (start + number) / order.size)
