@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -12,6 +12,8 @@ import numpy.typing as npt
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import DEPTHS, Image, as_image
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
+
+Picture = TypeVar("Picture", bound=npt.NDArray[Any])
 
 MAX_ASPECT_ERROR_PX = 1.0
 """Largest difference in height from the calibrated images resized to the same width."""
@@ -200,6 +202,22 @@ def _size(shape: tuple[int, ...], factor: float) -> tuple[int, int]:
             f"factor is {factor} for {shape[1]} × {shape[0]} pixels; allowed is above 0 to 1, and a pixel must be left."
         )
     return width, height
+
+
+def turned(picture: Picture, quarters: int) -> Picture:
+    """Return a picture or a map turned by quarters of a turn, counter-clockwise as seen; negative: clockwise.
+
+    Cameras one above the other need both pictures turned alike, so that matching points lie in the same row: by 1 if
+    the second camera is the lower one, by -1 if it is the upper one. ``turned(map, -quarters)`` turns a map back.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> turned(np.array([[1, 2], [3, 4], [5, 6]]), 1)
+    array([[2, 4, 6],
+           [1, 3, 5]])
+    """
+    return np.ascontiguousarray(np.rot90(picture, quarters))  # type: ignore[return-value]
 
 
 LARGEST_DIFFERENCE = 0.03
