@@ -43,6 +43,20 @@ def strips(rows: int) -> list[slice]:
     return [slice(first, min(first + STRIP, rows)) for first in range(0, rows, STRIP)]
 
 
+class Memory(threading.local):
+    """Memory for the planes of a tile, other memory in each thread: new memory is slow at first, and this is kept."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, npt.NDArray[Any]] = {}
+
+    def part(self, name: str, shape: tuple[int, ...], kind: npt.DTypeLike) -> npt.NDArray[Any]:
+        """Return memory of that shape with any contents, the same whenever that name is given."""
+        size = math.prod(shape)
+        if name not in self._parts or self._parts[name].size < size or self._parts[name].dtype != kind:
+            self._parts[name] = np.empty(size, dtype=kind)
+        return self._parts[name][:size].reshape(shape)
+
+
 def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
     """Return the score of each window, -1..1, NaN where the window is flat.
 
@@ -61,61 +75,62 @@ def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: 
     """
     scores = np.empty(products.shape, dtype=np.float32) if out is None else out
     for rows in strips(len(scores)):
-        spread = np.multiply(cv2.sqrt(energy[rows]), norm, dtype=energy.dtype)
-        np.copyto(spread, np.nan, where=energy[rows] <= tolerance)
-        np.divide(products[rows], spread, out=scores[rows], casting="same_kind")
-        np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
+        spread = energy[rows].astype(products.dtype)
+        if energy[rows].min() <= tolerance:
+            spread[energy[rows] <= tolerance] = np.nan
+        spread *= norm**2
+        np.divide(products[rows], np.sqrt(spread, out=spread), out=scores[rows], casting="same_kind")
+        np.maximum(scores[rows], -1.0, out=scores[rows])
+        np.minimum(scores[rows], 1.0, out=scores[rows])
     return scores
 
 
-class Tables(threading.local):
-    """Memory for the summed-area tables of a tile: one piece for each thread, since new memory is slow at first.
+class WindowEnergy:
+    """The squared deviations of each window from the mean of each channel, summed over all channels.
 
-    Parameters
-    ----------
-    channels, rows, cols
-        Shape of the largest tile.
-    """
-
-    def __init__(self, channels: int, rows: int, cols: int) -> None:
-        self._memory = np.empty((channels + 1, rows + 1, cols + 1))
-
-    def of(self, planes: Plane) -> npt.NDArray[np.float64]:
-        """Return the tables of the summed squares of all planes (channels, rows, cols), and of each plane."""
-        tables = self._memory[:, : planes.shape[1] + 1, : planes.shape[2] + 1]
-        for plane, table in zip((np.einsum("crx,crx->rx", planes, planes), *planes), tables, strict=True):
-            cv2.integral(plane, table, sdepth=cv2.CV_64F)
-        return tables
-
-
-def box_energy(planes: Plane, height: int, width: int, tables: Tables) -> Plane:
-    """Return the squared deviations of each window from the mean of each channel, summed over all channels.
-
-    Sums of integers are exact below 2**53. Shift the mean of other numbers near 0 first.
+    From summed-area tables: sums of integers are exact below 2**53. Shift the mean of other numbers near 0 first.
 
     Parameters
     ----------
     planes
-        (channels, rows, cols).
+        The channels, (rows, cols) each.
     height, width
         Size of the window, px.
-    tables
-        Memory for planes of that size.
-
-    Returns
-    -------
-    ndarray
-        (rows - height + 1, cols - width + 1).
+    memory
+        For the tables.
     """
-    energy = np.empty((planes.shape[1] - height + 1, planes.shape[2] - width + 1), dtype=planes.dtype)
-    table = tables.of(planes)
-    for rows in strips(len(energy)):
-        down = table[:, rows.start + height : rows.stop + height] - table[:, rows]
-        squares, *sums = down[:, :, width:] - down[:, :, :-width]
-        for each in sums:
-            squares -= cv2.multiply(each, each, dst=each, scale=1 / (height * width))
-        energy[rows] = squares
-    return energy
+
+    def __init__(self, planes: Sequence[npt.NDArray[Any]], height: int, width: int, memory: Memory) -> None:
+        self._height, self._width = height, width
+        # In int32 sums of tables wrap around, those of windows do not.
+        small = planes[0].dtype == np.uint8 and 255 * height * width < 2**31
+        shape, kind = tuple(side + 1 for side in planes[0].shape), np.int32 if small else np.float64
+        self._tables = [
+            cv2.integral2(
+                plane,
+                memory.part(f"sums {number}", shape, kind),
+                memory.part(f"squares {number}", shape, np.float64),
+                sdepth=cv2.CV_32S if small else cv2.CV_64F,
+                sqdepth=cv2.CV_64F,
+            )
+            for number, plane in enumerate(planes)
+        ]
+
+    def of(self, rows: slice) -> npt.NDArray[np.float64]:
+        """Return the energy of the windows that begin in some rows."""
+        energy: npt.NDArray[np.float64] | None = None
+        for tables in self._tables:
+            total, squares = (self._sums(table, rows) for table in tables)
+            energy = squares if energy is None else np.add(energy, squares, out=energy)
+            squared = total.astype(np.float64)
+            np.multiply(squared, squared, out=squared)
+            cv2.scaleAdd(squared, -1 / (self._height * self._width), energy, energy)
+        assert energy is not None
+        return energy
+
+    def _sums(self, table: npt.NDArray[Any], rows: slice) -> npt.NDArray[Any]:
+        down = table[rows.start + self._height : rows.stop + self._height] - table[rows]
+        return np.asarray(down[:, self._width :] - down[:, : -self._width])
 
 
 VALUES_AT_ONCE = 1_000_000
@@ -184,7 +199,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
         (rows - height + 1, cols - width + 1) float32, -1..1, NaN where the window is flat.
     """
     image = image[:, :, : len(pattern.deviations)]
-    planes = _centred(image)
+    planes = _centred(image, np.empty((image.shape[2], *image.shape[:2])))
     squares = np.square(planes).sum(axis=0)
     height, width = pattern.shape
     kernels = pattern.weights * pattern.deviations
@@ -227,7 +242,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     kernels = [_spectrum(plane, shape) for plane in (pattern.weights * pattern.deviations).astype(kind)]
     # If all pixels count the same, running sums are faster.
     weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights.astype(kind), shape)
-    scores, tables = np.empty(places, dtype=np.float32), Tables(len(kernels), down + height - 1, across + width - 1)
+    scores, memory = np.empty(places, dtype=np.float32), Memory()
     tiles = [
         partial(
             _score_tile,
@@ -236,7 +251,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             pattern,
             kernels,
             weights,
-            tables,
+            memory,
         )
         for row in range(0, places[0], down)
         for col in range(0, places[1], across)
@@ -246,36 +261,46 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
 
 
 def _score_tile(
-    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, tables: Tables
+    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, memory: Memory
 ) -> None:
     """Write the scores of one tile.
 
     `block` is the part of the image that its positions cover; `kernels` and `weights` are packed spectra of the
-    template, the latter None if all of it counts the same: then `tables` are used.
+    template, the latter None if all of it counts the same.
     """
-    planes = _centred(block, kernels[0].dtype)
-    rows, shape = len(scores), (kernels[0].shape[0], kernels[0].shape[1])
+    shape, kind = kernels[0].shape, kernels[0].dtype
+    spectra = memory.part("spectra", (len(kernels), *shape), kind)
+    spectra[:, block.shape[0] :] = 0
+    spectra[:, : block.shape[0], block.shape[1] :] = 0
+    planes = _centred(block, spectra[:, : block.shape[0], : block.shape[1]])
+    tolerance = _flatness(block, planes, pattern)
     # Sums of integers are integers: rounded to the nearest, they are exact.
-    rounded = np.rint if _exact(planes, block, pattern) else np.positive
-    energy: Plane = np.empty((0, 0))
-    if weights is not None:
-        squares = _spectrum(np.square(planes).sum(axis=0), shape)
-        energy = rounded(_positions(_times(squares, weights, out=squares), rows))
-    total: Plane | None = None
-    # One channel after the other, because the spectra take most of the memory.
-    for plane, template in zip(planes, kernels, strict=True):
-        channel = _spectrum(plane, shape)
-        if weights is not None:
-            energy -= np.square(rounded(_positions(_times(channel, weights), rows))) / energy.dtype.type(pattern.count)
-        _times(channel, template, out=channel)
-        total = channel if total is None else np.add(total, channel, out=total)
-        del channel  # or it would still be there when the next is computed
-    assert total is not None
-    products = _positions(total, rows)
+    exact = _exact(planes, block, pattern)
+    energy_of: Callable[[slice], Plane]
     if weights is None:
-        energy = box_energy(planes, *pattern.shape, tables)
-    cols = scores.shape[1]
-    pearson(products[:, :cols], energy[:, :cols], pattern.norm, _flatness(block, planes, pattern), scores)
+        whole = block.dtype == np.uint8
+        given = [cv2.extractChannel(block, one) if whole else plane for one, plane in enumerate(planes)]
+        energy_of = WindowEnergy(given, *pattern.shape, memory).of
+    else:
+        squares = memory.part("energy", shape, kind)
+        squares[:] = 0
+        np.einsum("crx,crx->rx", planes, planes, out=squares[: block.shape[0], : block.shape[1]])
+        cv2.dft(squares, dst=squares, nonzeroRows=block.shape[0])
+        energy = _positions(_times(squares, weights, out=squares), scores.shape, exact)
+        energy_of = energy.__getitem__
+    for spectrum, template in zip(spectra, kernels, strict=True):
+        cv2.dft(spectrum, dst=spectrum, nonzeroRows=block.shape[0])
+        if weights is not None:
+            weighted = _times(spectrum, weights, out=memory.part("sums", shape, kind))
+            sums = _positions(weighted, scores.shape, exact)
+            energy -= np.multiply(np.square(sums, out=sums), 1 / kind.type(pattern.count), out=sums)
+        _times(spectrum, template, out=spectrum)
+    total = spectra[0]
+    for spectrum in spectra[1:]:
+        total += spectrum
+    products = _positions(total, scores.shape, exact=False)
+    for some in strips(len(scores)):
+        pearson(products[some], energy_of(some), pattern.norm, tolerance, scores[some])
 
 
 def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
@@ -285,29 +310,30 @@ def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
     return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
 
 
-def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
+def _times(image: Plane, template: Plane, out: Plane) -> Plane:
     """Return the packed spectrum of a circular correlation from those of its operands; `out` may be one of them."""
     return np.asarray(cv2.mulSpectrums(image, template, 0, c=out, conjB=True))
 
 
-def _positions(spectrum: Plane, rows: int) -> Plane:
-    """Return the inverse transform of a packed spectrum, in its memory; only the first `rows`."""
+def _positions(spectrum: Plane, shape: tuple[int, ...], exact: bool) -> Plane:
+    """Return the inverse transform of a packed spectrum, in its memory; only the first rows and columns."""
     inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
-    positions: Plane = np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows))
-    return positions[:rows]
+    cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=shape[0])
+    positions = spectrum[: shape[0], : shape[1]]
+    return np.rint(positions, out=positions) if exact else positions
 
 
-def _centred(image: Image, kind: npt.DTypeLike = np.float64) -> Plane:
-    """Return the channels (channels, rows, cols) as floats around 0, and 0 without data; integers stay integers."""
-    planes = np.moveaxis(image, 2, 0).astype(kind, order="C")
+def _centred(image: Image, out: Plane) -> Plane:
+    """Return, in memory, the channels (channels, rows, cols) around 0, and 0 without data; integers stay integers."""
+    out[:] = np.moveaxis(image, 2, 0)
     if image.dtype.kind == "u":
-        planes -= np.rint(planes.mean(axis=(1, 2), keepdims=True))
-        return planes
-    gaps = np.isnan(planes)
-    planes[gaps] = 0
-    planes -= planes.sum(axis=(1, 2), keepdims=True) / np.maximum((~gaps).sum(axis=(1, 2), keepdims=True), 1)
-    planes[gaps] = 0
-    return planes
+        out -= np.rint(out.mean(axis=(1, 2), keepdims=True))
+        return out
+    gaps = np.isnan(out)
+    out[gaps] = 0
+    out -= out.sum(axis=(1, 2), keepdims=True) / np.maximum((~gaps).sum(axis=(1, 2), keepdims=True), 1)
+    out[gaps] = 0
+    return out
 
 
 def _exact(planes: Plane, image: Image, pattern: Pattern) -> bool:

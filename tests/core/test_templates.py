@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 from stereolag.templates.score_maps import (
+    Memory,
     Places,
-    Tables,
-    box_energy,
+    WindowEnergy,
     peaks,
     pearson,
     scores_at,
@@ -289,11 +289,13 @@ def test_the_energy_of_windows_equals_the_formula(
     planes[:, : height + 2, : width + 2] = 77
     windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
     expected = (height * width * windows.var(axis=(3, 4))).sum(axis=0)
-    for kind, error in ((np.float64, 1e-9), (np.float32, 1e-6)):  # each twice: the memory is used again
-        tables = Tables(channels, shape[1] + 3, shape[2] + 1)
-        for _ in range(2):
-            energy = box_energy(planes.astype(kind), height, width, tables)
-            np.testing.assert_allclose(energy, expected, rtol=error, atol=1e-6)
+    memory, rows = Memory(), slice(0, down + 1)
+    for _ in range(2):  # the memory is used again
+        np.testing.assert_allclose(WindowEnergy(planes, height, width, memory).of(rows), expected, rtol=1e-9, atol=1e-6)
+    whole = np.abs(planes).astype(np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(whole, (height, width), axis=(1, 2))
+    expected = (height * width * windows.var(axis=(3, 4))).sum(axis=0)
+    np.testing.assert_allclose(WindowEnergy(whole, height, width, memory).of(rows), expected, rtol=1e-9, atol=1e-6)
 
 
 def test_a_flat_window_has_no_score_and_rounding_takes_none_beyond_one() -> None:
