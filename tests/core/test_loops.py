@@ -5,17 +5,22 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import json
 import os
 import pkgutil
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import TextIO, TypeAlias
 
 import numpy as np
 import pytest
@@ -58,6 +63,68 @@ def inner(number):
 """
 
 
+@dataclass
+class Running:
+    """A script that runs in a fork, and its streams."""
+
+    stdin: TextIO
+    stdout: TextIO
+    stderr: TextIO
+
+    def communicate(self, text: str = "") -> tuple[str, str]:
+        """Send a text, wait for the end, and return the output and errors."""
+        self.stdin.write(text)
+        with self.stdin, self.stdout, self.stderr:
+            self.stdin.close()
+            return self.stdout.read(), self.stderr.read()
+
+
+Start: TypeAlias = Callable[..., Running]
+Run: TypeAlias = Callable[..., tuple[str, str]]
+
+
+@pytest.fixture(scope="module")
+def begin() -> Iterator[Start]:
+    """Return a function that runs the two loops of a folder, in a fork of a process with Numba ready."""
+    ours, theirs = socket.socketpair()
+    script = Path(__file__).with_name("warm_numba.py")
+    command = [sys.executable, "-B", "-W", "error", str(script), str(theirs.fileno())]
+    with ours, subprocess.Popen(command, pass_fds=[theirs.fileno()]) as warm:
+        theirs.close()
+
+        def started(folder: Path, *arguments: str, **variables: str) -> Running:
+            pipes = [os.pipe() for _ in range(3)]
+            given = [pipes[0][0], pipes[1][1], pipes[2][1]]
+            request = json.dumps([str(folder), arguments, variables_for(folder) | variables])
+            socket.send_fds(ours, [request.encode()], given)
+            assert ours.recv(5) == b"taken"
+            for stream in given:
+                os.close(stream)
+            return Running(os.fdopen(pipes[0][1], "w"), os.fdopen(pipes[1][0]), os.fdopen(pipes[2][0]))
+
+        yield started
+        ours.close()
+        assert warm.wait(20) == 0
+
+
+@pytest.fixture
+def run(begin: Start) -> Run:
+    """Return a function that runs the two loops of a folder and returns its output and errors."""
+    return lambda folder, **variables: begin(folder, **variables).communicate()
+
+
+@pytest.fixture
+def waiting(begin: Start) -> Start:
+    """Return a function that runs the two loops of a folder up to the first call, which waits for a line."""
+
+    def until_ready(folder: Path, **variables: str) -> Running:
+        process = begin(folder, "wait", **variables)
+        assert process.stdout.readline() == "ready\n", process.communicate()
+        return process
+
+    return until_ready
+
+
 @pytest.fixture
 def loops(tmp_path: Path) -> Path:
     """Return a folder with only the decorator and two loops, one of which calls the other."""
@@ -89,25 +156,6 @@ def variables_for(folder: Path) -> dict[str, str]:
     }
 
 
-def begun(folder: Path, *arguments: str, **variables: str) -> subprocess.Popen[str]:
-    """Start Python with the environment of a folder."""
-    command = [sys.executable, "-B", "-W", "error", *arguments]
-    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    return subprocess.Popen(command, cwd=folder.parent, env=variables_for(folder) | variables, text=True, **pipes)
-
-
-def run(folder: Path, **variables: str) -> tuple[str, str]:
-    """Run the two loops of a folder and return its output and errors."""
-    return begun(folder, str(folder / "outer.py"), **variables).communicate()
-
-
-def waiting(folder: Path, **variables: str) -> subprocess.Popen[str]:
-    """Run the two loops of a folder up to the first call, which waits for a line."""
-    process = begun(folder, str(folder / "outer.py"), "wait", **variables)
-    assert process.stdout is not None and process.stdout.readline() == "ready\n", process.communicate()
-    return process
-
-
 def code_in(folder: Path) -> dict[str, int]:
     """Return the machine code files anywhere in a folder, with their modification times."""
     return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.nbc")}
@@ -116,12 +164,16 @@ def code_in(folder: Path) -> dict[str, int]:
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(tmp_path: Path) -> None:
     install = tmp_path / "install"
     shutil.copytree(PROJECT / "stereolag", install / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
-    assert begun(install, "-c", SMALL_LAG).communicate() == ("4\n", "")
+    command = [sys.executable, "-B", "-W", "error", "-c", SMALL_LAG]
+    told = subprocess.run(
+        command, cwd=tmp_path, env=variables_for(install), capture_output=True, text=True, check=False
+    )
+    assert (told.stdout, told.stderr) == ("4\n", "")
     assert code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
     assert not code_in(tmp_path / "temporary")
 
 
-def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
+def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path, run: Run) -> None:
     (loops / "__pycache__").touch()  # a file: not even root can create a folder there
     cache = loops.parent / "cache"
     first = run(loops, XDG_CACHE_HOME=str(cache))
@@ -136,7 +188,7 @@ def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_fol
         assert line.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.")
 
 
-def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one(loops: Path) -> None:
+def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one(loops: Path, run: Run) -> None:
     (loops / "__pycache__").touch()
     out, err = run(loops)
     assert out == "2\n", err
@@ -147,7 +199,7 @@ def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one
     assert code_in(loops.parent / "named")
 
 
-def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path) -> None:
+def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, run: Run) -> None:
     def answer(mtime: int) -> str:
         for source in loops.glob("*.py"):
             os.utime(source, (mtime, mtime))
@@ -165,7 +217,9 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
         assert answer(mtime) == f"{number + 1}\n"
 
 
-def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
+def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(
+    tmp_path: Path, run: Run, waiting: Start
+) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
     processes = [waiting(loops, **kept) for loops in 2 * releases]
@@ -178,7 +232,9 @@ def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_pat
     assert code_in(tmp_path / "kept") == code
 
 
-def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(loops: Path) -> None:
+def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(
+    loops: Path, run: Run, waiting: Start
+) -> None:
     assert run(loops) == ("2\n", "")
     running = waiting(loops)
     (older,) = (loops / "__pycache__").iterdir()
