@@ -24,17 +24,14 @@ LARGE = [
     "PNG, packed comment of 64 MB",
     "PNG, 1 pixel and 64 MB behind it",
     "PNG, EXIF of overlapping tags",
-    "PNG, 49 megapixels, 16-bit RGB",
     "PNG, comment of 60 MB",
     "JPEG, comments of 60 MB",
     "JPEG, 30 million restarts",
     "TIFF, 20,000 overlapping tags of 1 MB",
     "TIFF, tile of 30,000 a side",
     "WEBP, profile of 60 MB",
-    "BMP, one run in 49 megapixels",
     "PGM, 60 MB of spaces",
     "recording: text, a short line and one of 60 MB",
-    "recording: text, wrong in the last line",
     "recording: FLAC, header claims 30 million of 100",
     "recording: WAV, 30 million samples",
     "map: PFM, 60 MB of spaces",
@@ -93,6 +90,10 @@ KINDS |= {"disparity ÷ 4": "disparity", "calibration": "calibration", "matcher"
 CASES = pytest.mark.parametrize(("reader", "kind"), KINDS.items(), ids=KINDS)
 
 
+WRITTEN = "0123456789.,;:+-eE \t\r\n\"'{}[]()<>#%&*!/abcfgnopxyµ\0"
+"""What settings, calibrations and columns are made of. All of Unicode would take seconds to list."""
+
+
 @CASES
 def test_the_originals_are_valid(reader: str, kind: str) -> None:
     for data in VALID[kind]:
@@ -108,7 +109,7 @@ def test_mutated_files(reader: str, kind: str, draws: st.DataObject) -> None:
 
 @CASES
 @settings(max_examples=25, deadline=None)
-@given(data=st.one_of(st.binary(max_size=200), st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace"))))
+@given(data=st.one_of(st.binary(max_size=200), st.text(WRITTEN, max_size=100).map(str.encode)))
 def test_random_bytes(reader: str, kind: str, data: bytes) -> None:
     survives(reader, data)
     survives(reader, VALID[kind][0][:8] + data)
