@@ -77,7 +77,7 @@ def test_a_known_lag_is_recovered(method: SignalMethod, lag: int) -> None:
     assert isinstance(result.lag, int)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["fft", "sampled"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.int16, np.uint16, np.int64, np.float32, np.float64])
 def test_every_number_type_gives_the_same_lag(method: SignalMethod, dtype: Any) -> None:
     first, second = (
@@ -171,7 +171,7 @@ def test_a_pulse_in_silence_is_found_however_little_overlaps(method: SignalMetho
     seed=st.integers(0, 2**32 - 1),
     method=st.sampled_from(METHODS),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
     size: int, share: float, seed: int, method: SignalMethod
 ) -> None:
@@ -191,10 +191,8 @@ def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
         assert swapped.ties == result.ties
 
 
-@given(
-    sizes=st.tuples(st.integers(12, 120), st.integers(12, 120)), seed=st.integers(0, 2**32 - 1), reach=st.floats(0, 1)
-)
-@settings(max_examples=80)
+@given(sizes=st.tuples(st.integers(12, 120), st.integers(12, 120)), seed=st.integers(0, 2**32 - 1), reach=st.floats(0, 1))
+@settings(max_examples=30)
 def test_fft_and_direct_draw_the_curve_of_scipy(sizes: tuple[int, int], seed: int, reach: float) -> None:
     random = np.random.default_rng(seed)
     first, second = random.normal(size=sizes[0]), random.normal(size=sizes[1])
@@ -359,32 +357,6 @@ def test_the_sensors_of_the_report(sensors: tuple[np.ndarray, np.ndarray], metho
     assert signal_lag(second, first, method=method).lag == -LAG  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("noise_db", [None, -10])
-def test_twenty_votings_of_twenty_are_right(sensors: tuple[np.ndarray, np.ndarray], noise_db: float | None) -> None:
-    random = np.random.default_rng(6)
-    level = 0.0 if noise_db is None else 10 ** (noise_db / 20) * sensors[0].std()
-    first, second = (sensor + level * random.normal(size=sensor.size) for sensor in sensors)
-    for seed in range(20):
-        result = signal_lag(first, second, method="sampled", seed=seed)
-        assert result.lag == LAG
-        assert round(result.distance_m, 2) == 378.17
-    assert result.verdict == "sure"
-    assert signal_lag(second, first, method="sampled", seed=0).lag == -LAG
-
-
-@pytest.mark.parametrize("method", ["fft", "direct"])
-@pytest.mark.parametrize("share", [0.72, 0.85])
-def test_a_delay_past_half_the_recording_does_not_fold_back(
-    sensors: tuple[np.ndarray, np.ndarray], method: str, share: float
-) -> None:
-    whole = sensors[0][:40_000]
-    size = round(40_000 / (1 + share))
-    lag = 40_000 - size
-    assert lag > 0.7 * size
-    result = signal_lag(whole[lag:], whole[:size], method=method)  # type: ignore[arg-type]
-    assert result.lag == lag
-
-
 @pytest.mark.parametrize("recording", ["a180e19_3_1b6ede00", "a180e19_3_1b85f880"])
 def test_the_microphones_of_one_array_are_fractions_of_a_sample_apart(data_dir: Path, recording: str) -> None:
     channels, rate = soundfile.read(data_dir / "signals" / "respeaker" / f"{recording}.wav")
@@ -406,18 +378,17 @@ def voted_recordings(noise_db: float | None, seed: int = 0, size: int = 20_000) 
     return first, second
 
 
-@pytest.mark.parametrize("noise_db", [None, -50, -30, -20, -10])
+@pytest.mark.parametrize("noise_db", [None, -30, -10])
 def test_sensor_noise_down_to_10_db_below_the_sound_is_survived(noise_db: float | None) -> None:
     first, second = voted_recordings(noise_db)
-    for seed in range(20):
-        assert signal_lag(first, second, method="sampled", seed=seed).lag == DELAY
     for seed in range(5):
+        assert signal_lag(first, second, method="sampled", seed=seed).lag == DELAY
         assert signal_lag(second, first, method="sampled", seed=seed).lag == -DELAY
 
 
 def test_votes_are_a_histogram_with_the_winner_first() -> None:
-    result = signal_lag(*voted_recordings(-10), method="sampled", seed=0)
-    assert result.votes is not None
+    result, again, other = (signal_lag(*voted_recordings(-10), method="sampled", seed=seed) for seed in (0, 0, 5))
+    assert result.votes is not None and result.votes == again.votes != other.votes
     assert result.lags is None and result.correlation is None
     counts = list(result.votes.values())
     assert next(iter(result.votes)) == DELAY
@@ -425,12 +396,6 @@ def test_votes_are_a_histogram_with_the_winner_first() -> None:
     rivals = [count for lag, count in result.votes.items() if abs(lag - DELAY) > 1]
     assert result.peak_ratio == counts[0] / max(rivals)
     assert all(type(lag) is int and type(count) is int for lag, count in result.votes.items())
-
-
-def test_a_seed_repeats_its_votes() -> None:
-    first, second = voted_recordings(-20)
-    runs = [signal_lag(first, second, method="sampled", seed=seed).votes for seed in (4, 4, 5)]
-    assert runs[0] == runs[1] != runs[2]
 
 
 def test_a_passage_that_repeats_is_outvoted() -> None:
@@ -449,7 +414,7 @@ def test_recordings_that_have_nothing_within_max_lag_are_refused() -> None:
 
 
 def test_a_drift_without_sound_has_no_slices_to_look_up() -> None:
-    drift = np.linspace(0.0, 1.0, 1_000_000)
+    drift = np.linspace(0.0, 1.0, 300_000)
     with pytest.raises(ValueError, match="use the method 'fft'"):
         signal_lag(drift, drift, method="sampled", seed=0)
     assert signal_lag(drift, drift).lag == 0
@@ -483,6 +448,7 @@ def spectra(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @given(st.integers(0, 99), st.integers(1, 40), st.integers(-30, 0), st.integers(0, 9))
+@settings(max_examples=30)
 def test_turning_and_crossing_are_those_of_the_formula(seed: int, size: int, first: int, last: int) -> None:
     one, other = spectra(seed)
     signal, turned = one.real[:size].copy(), np.empty(40, np.complex128)
@@ -601,8 +567,10 @@ def test_products_are_scipys(first: int, last: int) -> None:
     np.testing.assert_allclose(products, every[399 + first : 400 + last], atol=1e-6)
 
 
-@pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.float32, np.float64])
-@pytest.mark.parametrize(("lag", "noise"), [(700, 0.0), (-811, 1.0), (0, 3.0)])
+@pytest.mark.parametrize(
+    ("dtype", "lag", "noise"),
+    [(np.int16, 700, 0.0), (np.uint8, -811, 1.0), (np.float32, 0, 3.0), (np.float64, -811, 1.0)],
+)
 def test_blocks_answer_as_the_whole_does(dtype: Any, lag: int, noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
     sound = 20 * recording(301_000) + 128
     first, second = sound[1000:], sound[1000 - lag : 301_000 - lag][:270_000]
@@ -622,7 +590,7 @@ def test_blocks_answer_as_the_whole_does(dtype: Any, lag: int, noise: float, mon
 
 
 def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take() -> None:
-    first = (recording(3_000_000) * 1000).astype(np.int16)
+    first = (recording(1_000_000) * 1000).astype(np.int16)
     second = np.roll(first, 4321)
     tracemalloc.start()
     try:
@@ -631,13 +599,13 @@ def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take()
     finally:
         tracemalloc.stop()
     assert result.lag == 4321
-    estimate = estimate_lag(3_000_000, 3_000_000, max_lag=5000).memory
+    estimate = estimate_lag(1_000_000, 1_000_000, max_lag=5000).memory
     assert peak < estimate < 700e6
 
 
 def test_the_progress_of_blocks_rises_to_one() -> None:
     told: list[float] = []
-    signal_lag(recording(600_000), recording(600_000, 1), max_lag=100, progress=told.append)
+    signal_lag(recording(300_000), recording(300_000, 1), max_lag=100, progress=told.append)
     assert len(told) > 5
     assert told == sorted(told)
     assert told[-1] == 1.0
@@ -680,25 +648,22 @@ def check(whole: SignalLag, bands: SignalLag) -> None:
     assert bands.correlation.max() == pytest.approx(bands.correlation[bands.lags == bands.lag][0])
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.8, -0.9, 0.98])
-@pytest.mark.parametrize("size", [40_000, 120_000])
-def test_a_sound_in_noise_as_loud(size: int, colour: float, both_ways: Any) -> None:
-    for seed in range(3):
-        lag = int(np.random.default_rng(seed).integers(-3 * size // 4, 3 * size // 4))
-        whole, bands = both_ways(*common(size, lag, seed, colour=colour))
-        check(whole, bands)
-        assert (bands.lag, bands.verdict) == (lag, "sure")
+@pytest.mark.parametrize(("colour", "lag"), [(0.0, 29_000), (0.8, -3_000), (-0.9, 700), (0.98, -25_000)])
+def test_a_sound_in_noise_as_loud(colour: float, lag: int, both_ways: Any) -> None:
+    whole, bands = both_ways(*common(40_000, lag, abs(lag), colour=colour))
+    check(whole, bands)
+    assert (bands.lag, bands.verdict) == (lag, "sure")
 
 
 def test_nothing_in_the_low_bands(both_ways: Any) -> None:
-    one, other = common(100_000, -1234, 7, colour=0.0)
+    one, other = common(50_000, -1234, 7, colour=0.0)
     high = scipy_signal.butter(8, 0.8, "high", output="sos")
     check(*both_ways(*(scipy_signal.sosfilt(high, signal) for signal in (one, other))))
 
 
 def test_a_hum_that_is_louder_and_has_another_lag(both_ways: Any) -> None:
-    one, other = common(100_000, 1234, 7)
-    hum = np.sin(np.arange(100_000) * 2 * np.pi * 50 / 44_100)
+    one, other = common(50_000, 1234, 7)
+    hum = np.sin(np.arange(50_000) * 2 * np.pi * 50 / 44_100)
     check(*both_ways(one + 8 * hum, other + 8 * np.roll(hum, 300)))
 
 
@@ -713,7 +678,7 @@ def test_a_clip_a_quiet_half_an_offset_and_a_largest_lag(both_ways: Any) -> None
 
 @pytest.mark.parametrize("noise_level", [0.0, 0.1])
 def test_a_tone_has_the_tooth_nearest_to_zero(noise_level: float, both_ways: Any) -> None:
-    whole, bands = both_ways(*tones(100_000, 0.0123, noise_level, 1))
+    whole, bands = both_ways(*tones(50_000, 0.0123, noise_level, 1))
     check(whole, bands)
     assert bands.verdict == "ambiguous"
 
@@ -723,18 +688,13 @@ def test_what_repeats_drifts_or_wanders(both_ways: Any) -> None:
     check(*both_ways(once, once + noise(once.size, np.random.default_rng(1))))
     check(*both_ways(*drifting(60_000, 700, 50, 0.5, 3)))
     check(*both_ways(*unrelated("random walks", 100_000, 1)))
+    assert both_ways(*unrelated("noise and noise", 60_000, 0))[1].verdict == "nothing"
 
 
 def test_the_opposite_is_seen(both_ways: Any) -> None:
-    one, other = common(100_000, 100, 1)
+    one, other = common(50_000, 100, 1)
     for result in both_ways(one, -other):
         assert (result.verdict, result.judgement.opposite_lag) == ("nothing", 100)
-
-
-def test_nothing_in_common_is_nothing(both_ways: Any) -> None:
-    for seed in range(4):
-        _, bands = both_ways(*unrelated("noise and noise", 60_000, seed))
-        assert bands.verdict == "nothing"
 
 
 def test_real_recordings(both_ways: Any, data_dir: Path) -> None:
@@ -743,14 +703,12 @@ def test_real_recordings(both_ways: Any, data_dir: Path) -> None:
     check(whole, bands)
     assert bands.lag == 50_082
     for path in sorted((data_dir / "signals" / "respeaker").glob("*.wav")):
-        channels = read_signal(path).channels
-        for other in channels[1:]:
-            check(*both_ways(channels[0], other))
+        check(*both_ways(*read_signal(path).channels[:2]))
 
 
 @pytest.mark.parametrize("step", [8, 64])
 def test_bands_hold_the_energy_and_their_products_the_correlation(step: int) -> None:
-    sound = coloured(100_000, 0.5, np.random.default_rng(0))
+    sound = coloured(50_000, 0.5, np.random.default_rng(0))
     one, other = (ConvertedRecording(part) for part in (sound[3 * step :], sound[: -3 * step]))
     assert band_energies(one, step).sum() == pytest.approx(one.energy, rel=1e-4)
     bands = range(step // 2)
