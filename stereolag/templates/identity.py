@@ -29,10 +29,16 @@ that differs from it in some blocks; something else."""
 BLUR = 0.8
 """Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
 
+BLUR_OF_COLOURS = 2.0
+"""The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
+
 STEPS = 8
 """Steps of the alignment; the first of them trust all pixels alike."""
 
 TRUSTING = 3
+
+CURVE = 3
+"""Power up to which the curve of tones goes."""
 
 FARTHEST, TURNED = 1.2, 0.05
 """Largest shift, px, and change of size (a logarithm) and angle (radians), of the alignment."""
@@ -43,12 +49,19 @@ TOLERANCE = 0.5
 BLOCKS, LEAST_BLOCK = 7, 5
 """Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
 
-DIFFERENT = 0.05
-"""Least mean squared difference of a block that disagrees, as a share of the template's variance.
+DIFFERENT, TIMES, DISPLACED = 0.06, 2.5, 0.004
+"""Least mean squared difference of a block that disagrees, as a share of the template's variance, beside so many times
+what noise and steepness make of it in the median block; and what of it no displacement by a part of a pixel explains.
 
-Measured: up to 0.045 where the template is, JPEG at quality 50, noise and half a pixel included; from 0.06 where a
-sibling is.
+Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is.
 """
+
+THROUGH = 2.0
+"""Difference of a block, in units of what is seen of the background there if it varies as the place does."""
+
+STEADY, MOST = 0.01, 0.3
+"""Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
+the template's variance."""
 
 SHAPE_DIFFERENT = 0.45
 """The same for a shape of one colour, beside which anything may be seen.
@@ -58,17 +71,18 @@ Measured: up to 0.36 on photographs where the shape is, from 0.61 where another 
 INK = 4.0
 """Differences within a shape count so many times: whatever is beside it, its own colour is the same."""
 
-RECOLOURED = 0.05
+RECOLOURED = 0.037
 """Least squared difference of other colours, as a share of the template's variance, from any gains of the channels.
 
-Measured: up to 0.03 under other lights and in JPEG, from 0.076 for lamps and buttons of another colour.
+Measured: up to 0.033 under other lights and in JPEG, from 0.040 for lamps and buttons of another colour.
 """
 
 COUNTS, COUNTED = 0.5, 0.3
 """Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
 
-LEAST_EXPLAINED, LEAST_OF_SMALL, SMALL = 0.9, 0.95, 256
-"""Least share of the variance of a place that an opaque template explains, and that one of fewer pixels than the last.
+LEAST_EXPLAINED, LEAST_THROUGH, LEAST_OF_SMALL, SMALL = 0.9, 0.57, 0.95, 256
+"""Least share of the variance of a place that an opaque template explains, that one through which the background shows
+does, and that an opaque one of fewer pixels than the last.
 
 A few blocks of a few pixels agree by chance. Measured: from 0.97 where the template is, off the grid and in JPEG too;
 up to 0.94 at most places where one of 9 px is not.
@@ -79,9 +93,6 @@ CHANGED_CONTRAST = 1.25
 
 ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
-
-LARGEST_SIDE = 300
-"""Larger templates are compared reduced, px, the root of the area."""
 
 
 @dataclass(frozen=True)
@@ -128,18 +139,21 @@ def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool 
     posed
         Whether size and angle are refined too.
     """
-    limit, shape = (SHAPE_DIFFERENT, True) if pattern.silhouette else (DIFFERENT, False)
+    shape = pattern.silhouette
     if shape:  # the map that is highest where the image has its colour
         image, pattern = image[:, :, 2:], pattern_of(pattern.colours, pattern.weights)
     fit = _Fit(image, pattern, row, col, posed)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
-    left, inside = fit.blocks(np.where(pattern.colours[:, :, 0] > 0.5, INK, 1.0) if shape else None)
+    inside = fit.averaged(None)
     counts = inside > COUNTED
-    left = left / fit.variance
-    # Noise is in all blocks alike.
-    noise = min(float(np.median(left[counts])), limit) if counts.any() else 0.0
-    disagrees = (left > limit + noise) & counts
+    displaced = fit.differences()
+    if shape:
+        left = fit.averaged(displaced * np.where(pattern.colours[:, :, 0] > 0.5, INK, 1.0))
+        noise = min(float(np.median(left[counts])), SHAPE_DIFFERENT) if counts.any() else 0.0
+        disagrees = (left > SHAPE_DIFFERENT + noise) & counts
+    else:
+        disagrees = fit.disagrees(counts) & (fit.averaged(displaced) > DISPLACED)
     structure = fit.structure()
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
@@ -191,16 +205,43 @@ class _Fit:
                 trust = counts / (1 + squares / max(0.06 * self.variance, 2 * float(np.median(squares))))
             elif step and squares.max() < 1e-6 * self.variance:
                 break
+        planes = template, self.predicted, self.seen
+        soft = (_softened(plane, self.weights)[on].astype(np.float64) for plane in planes)
+        opaque = trust * (counts >= COUNTS)
+        self.recoloured = _recoloured(*(colours + mean for colours in soft), opaque, image.dtype)
+        residual = seen - self._toned(seen, on, trust)
+        beside = _resampled(image, mean, row, col, on.shape, motion)
+        behind = 0.0 if self.is_opaque else float(beside.var(axis=(0, 1)).sum())
+        self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
         self.shape = on.shape
         self.contrast = math.copysign(math.sqrt(self.variance / spread), gain) if spread > 0 else 0.0
         self.gain = tuple(
             _slope(given[:, [one]], seen[:, [one]], trust) if np.ptp(given[:, one]) else self.contrast
             for one in range(channels)
         )
-        varies = float(seen.var(axis=0).sum())
-        self.explained = max(0.0, 1 - float(np.square(residual).sum(axis=1).mean()) / varies) if varies > 0 else 0.0
-        opaque = trust * (counts >= COUNTS)
-        self.recoloured = _recoloured(given + mean, self.predicted[on] + mean, seen + mean, opaque, image.dtype)
+        around = np.square(seen - np.average(seen, axis=0, weights=counts)).sum(axis=1)
+        varies = float(np.average(around, weights=counts))
+        left = float(np.average(np.square(residual).sum(axis=1), weights=counts))
+        self.explained = max(0.0, 1 - left / varies) if varies > 0 else 0.0
+
+    def _toned(self, seen: Matrix, on: npt.NDArray[Any], trust: Matrix) -> Matrix:
+        """Bend the prediction of each channel by a curve of tones, one for the whole template, if it rises throughout.
+
+        A screen's or camera's gamma is one. What a sibling has elsewhere is none.
+        """
+        for channel in range(seen.shape[1]):
+            tones = self.predicted[:, :, channel][on].astype(np.float64)
+            spread = tones.std()
+            if not spread > 0:
+                continue
+            terms = np.vander(tones / spread, CURVE + 1)
+            weighted = terms * trust[:, np.newaxis]
+            ridge = 1e-6 * trust.sum() * np.eye(CURVE + 1)
+            curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen[:, channel])
+            ends = np.linspace(tones.min(), tones.max(), 17) / spread
+            if (np.diff(np.polyval(curve, ends)) > 0).all():
+                self.predicted[on, channel] = terms @ curve
+        return self.predicted[on].astype(np.float64)
 
     def differences(self) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels."""
@@ -214,12 +255,23 @@ class _Fit:
         side = max(LEAST_BLOCK, math.sqrt(self.shape[0] * self.shape[1]) / BLOCKS)
         return max(1, round(self.shape[0] / side)), max(1, round(self.shape[1] / side))
 
-    def blocks(self, emphasis: Matrix | None = None) -> tuple[Plane, Plane]:
-        """Return the mean of :meth:`differences` over each block, and the share of the block that counts."""
+    def averaged(self, plane: Plane | None) -> Plane:
+        """Return the mean over each block of what counts, as a share of the variance; None: the share that counts."""
         inside = _averaged(self.weights >= COUNTS, self.grid)
-        differences = self.differences() if emphasis is None else self.differences() * emphasis
-        left = _averaged(differences, self.grid)
-        return np.asarray(left / np.maximum(inside, 1e-6), dtype=np.float32), inside
+        if plane is None:
+            return inside
+        total = _averaged(plane * (self.weights >= COUNTS), self.grid)
+        return np.asarray(total / np.maximum(inside, 1e-6) / self.variance, dtype=np.float32)
+
+    def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep."""
+        if not counts.any():
+            return counts
+        left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
+        steep = self.averaged(sum(np.square(one).sum(axis=2) for one in _gradient(self.predicted))) + STEADY
+        noise = np.maximum(np.median(left[counts]), steep * np.median((left / steep)[counts]))
+        behind = THROUGH * self.averaged(self.shown_through)
+        return (left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts
 
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""
@@ -245,9 +297,15 @@ def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
 
 
 def _blurred(image: Plane, weights: Plane) -> Plane:
-    """Return an image blurred without what its weights exclude."""
-    total = cv2.GaussianBlur(image * weights[:, :, np.newaxis], (0, 0), BLUR, borderType=cv2.BORDER_CONSTANT)
-    share = cv2.GaussianBlur(weights, (0, 0), BLUR, borderType=cv2.BORDER_CONSTANT)
+    """Return an image blurred without what its weights exclude, its colours more than its brightness."""
+    bright = image.mean(axis=2, keepdims=True)
+    blurred = _spread(bright, weights, BLUR)
+    return blurred if image.shape[2] == 1 else blurred + _spread(image - bright, weights, BLUR_OF_COLOURS)
+
+
+def _spread(image: Plane, weights: Plane, blur: float) -> Plane:
+    total = cv2.GaussianBlur(image * weights[:, :, np.newaxis], (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
+    share = cv2.GaussianBlur(weights, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     return np.asarray(total.reshape(image.shape) / np.maximum(share, 1e-3)[:, :, np.newaxis], dtype=np.float32)
 
 
@@ -271,6 +329,20 @@ def _resampled(image: Image, mean: Matrix, row: int, col: int, shape: tuple[int,
     return np.asarray(moved, dtype=np.float32).reshape(*shape, -1)
 
 
+def _gradient(image: Plane) -> list[Plane]:
+    """Return the derivatives down and to the right."""
+    return [
+        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8)).reshape(image.shape)
+        for order in ((0, 1), (1, 0))
+    ]
+
+
+def _softened(image: Plane, weights: Plane) -> Plane:
+    """Return a blurred image with its brightness blurred as its colours are."""
+    bright = image.mean(axis=2, keepdims=True)
+    return image - bright + _spread(bright, weights, math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2))
+
+
 def _slope(given: Matrix, seen: Matrix, trust: Matrix) -> float:
     """Return the slope of one against the other, one for all their channels."""
     centred = given - np.average(given, axis=0, weights=trust)
@@ -280,10 +352,7 @@ def _slope(given: Matrix, seen: Matrix, trust: Matrix) -> float:
 
 def _motion(predicted: Plane, residual: Matrix, on: npt.NDArray[Any], trust: Matrix, posed: bool) -> Matrix:
     """Return the motion of the place, as :func:`_resampled` takes it, that explains most of the residual."""
-    down, right = (
-        cv2.Sobel(predicted, cv2.CV_32F, *order, ksize=3, scale=1 / 8).reshape(predicted.shape)[on]
-        for order in ((0, 1), (1, 0))
-    )
+    down, right = (one[on] for one in _gradient(predicted))
     motions = [-down, -right]
     if posed:
         rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))
@@ -340,16 +409,19 @@ COVERED = 0.1, 0.45
 FILLED = 0.6
 """Least share of the pixels that differ where something is in front: a sibling shares its ground with the template."""
 
-LEFT_OVER, LEFT_INSIDE = 0.55, 0.4
-"""Least share of the template's structure that must be seen if a part is covered, and if only a part is outside."""
+LEFT_OVER, LEFT_INSIDE, DIFFERS = 0.55, 0.4, 0.4
+"""Least share of the template's structure that must be seen if a part is covered, if only a part is outside, and of
+something that differs in some blocks."""
 
 
 def _kind(fit: _Fit, disagrees: npt.NDArray[np.bool_], seen: float, *, outside: bool) -> Kind:
     """Return what a place shows, from the blocks that disagree and the share of the structure seen in all others."""
+    if not fit.is_opaque and fit.explained < LEAST_THROUGH:
+        return "not_there"
     if disagrees.any():
         if seen >= LEFT_OVER and fit.recoloured < RECOLOURED and _hides(fit, disagrees):
             return "partly_covered"
-        return "differs" if seen >= 0.5 else "not_there"
+        return "differs" if seen >= DIFFERS else "not_there"
     least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
     if fit.is_opaque and fit.explained < least:
         return "differs"
