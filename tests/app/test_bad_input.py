@@ -70,8 +70,8 @@ def test_a_bad_file_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown,
     if inputs == "recordings":
         next(box for box in app.number_input if box.label.startswith("Sampling rate")).set_value(12_345.0).run()
     before = shown(app)
-    for name, good in GOOD[inputs].items():
-        for bad, fragment in BAD[inputs]:
+    for number, (name, good) in enumerate(GOOD[inputs].items()):
+        for bad, fragment in BAD[inputs][: 1 if number else None]:
             put(app, f"{inputs}.{name}", *bad)
             assert_one_sentence(app, fragment)
             assert shown(app) == before

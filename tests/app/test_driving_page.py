@@ -177,16 +177,13 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
     app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
+    next(box for box in app.number_input if box.label == "Frames a second").set_value(2 * moving_drives.RATE).run()
     app = with_motion(app, "arrows")
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
     speeds = own_speeds(shown)
     assert speeds["colour"] == LINES[2].colour and speeds["values"][0] is None
-    assert speeds["values"][1:] == pytest.approx([moving_drives.OWN_KMH] * 2, rel=0.05)
-    next(box for box in app.number_input if box.label == "Frames a second").set_value(20.0).run()
-    again = player(finished(app))
-    assert again["name"] != shown["name"]
-    assert own_speeds(again)["values"][1:] == pytest.approx([2 * moving_drives.OWN_KMH] * 2, rel=0.05)
+    assert speeds["values"][1:] == pytest.approx([2 * moving_drives.OWN_KMH] * 2, rel=0.05)
 
 
 def own_speeds(shown: dict[str, Any]) -> dict[str, Any]:

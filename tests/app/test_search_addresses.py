@@ -51,7 +51,7 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert numbers(app)["Lag, samples"] == typeset("-31,234")
 
     link = {"picture": "maze_dulled", "method": "sampled", "min_score": "0.513", "max_matches": "2"}
-    sizes_and_angles = {"min_scale": "0.95", "max_scale": "1.05", "max_rotation": "2.0"}
+    sizes_and_angles = {"min_scale": "0.99", "max_scale": "1.01", "max_rotation": "0.5"}
     assert link.keys() | sizes_and_angles.keys() == {"picture", *TemplateQuery.model_fields}
     app = linked(FIND, **link)
     assert app.button_group(key="pictures").value == "maze_dulled"
@@ -59,8 +59,8 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert not ignored(app)
     assert address(app) == link
     app = linked(FIND, **sizes_and_angles)
-    assert app.slider(key="template.min_scale").value == 0.95
-    assert app.slider(key="template.max_rotation").value == 2.0
+    assert app.slider(key="template.min_scale").value == 0.99
+    assert app.slider(key="template.max_rotation").value == 0.5
     assert address(app) == sizes_and_angles
 
 

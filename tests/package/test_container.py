@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import socket
 import subprocess
 import sysconfig
 import time
@@ -20,14 +19,36 @@ from typing import Any
 import pytest
 import yaml
 from packaging.specifiers import SpecifierSet
+from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 
 from stereolag.core.jobs import PREFIX, Limits
 from stereolag.loops.compilation import FOLDER
+from tests.browser.serving import free_port
+from tests.protocol import visit
 
 PROJECT = Path(__file__).resolve().parents[2]
 DEPLOYMENT = PROJECT / "deployment"
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))
 PATIENCE_S = 120
+
+WATCH = """
+import os, sys
+def note(event, details):
+    if event in ("socket.connect", "socket.sendto"):
+        address = details[1]
+    elif event in ("socket.getaddrinfo", "socket.gethostbyname"):
+        address = details
+    else:
+        return
+    host = address[0] if isinstance(address, tuple) else None
+    if host not in (None, "", "localhost", "127.0.0.1", "::1", "::", "0.0.0.0"):
+        with open(os.environ["ASKED"], "a") as asked:
+            asked.write(f"{event} {host}\\n")
+sys.addaudithook(note)
+import pwd
+pwd.getpwuid = {}.__getitem__  # as for a user nobody knows
+"""
+"""Runs in every Python process that starts, and logs every access to another host."""
 
 
 def instructions() -> list[tuple[str, str]]:
@@ -136,28 +157,42 @@ def test_it_runs_as_a_user_of_its_own_on_a_python_that_is_supported() -> None:
     assert re.search(r"python:([\d.]+)", base)[1] in SpecifierSet(project["requires-python"])  # type: ignore[index]
 
 
-def test_the_health_check_passes_where_the_app_serves_its_page(image: Path) -> None:
-    with socket.socket() as listener:
-        listener.bind(("localhost", 0))
-        port = listener.getsockname()[1]
+def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_asks_nobody(
+    image: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(WATCH)
+    port = free_port()
     check = json.loads(said("HEALTHCHECK")[0].partition(" CMD ")[2])
     command = json.loads(said("CMD")[0])
     assert step(check, image, PORT=str(port)).returncode == 1
+    environment = surroundings(image, PORT=str(port), PYTHONPATH=str(tmp_path), ASKED=str(tmp_path / "asked"))
+    del environment["HOME"]  # it needs no home folder
+    printed = tmp_path / "printed"
     with (
-        (image / "log").open("w") as log,
-        subprocess.Popen(command, cwd=image, env=surroundings(image, PORT=str(port)), stdout=log, stderr=log) as app,
+        printed.open("w") as log,
+        subprocess.Popen(command, cwd=image, env=environment, stdout=log, stderr=log) as app,
     ):
         try:
             end = time.monotonic() + PATIENCE_S
             while answer(f"http://localhost:{port}/_stcore/health") != 200:
-                assert app.poll() is None, (image / "log").read_text()
-                assert time.monotonic() < end, (image / "log").read_text()
+                assert app.poll() is None, printed.read_text()
+                assert time.monotonic() < end, printed.read_text()
                 time.sleep(0.1)
             checked = step(check, image, PORT=str(port))
             assert (checked.returncode, checked.stderr) == (0, "")
+            (address,) = [line.split()[-1] for line in printed.read_text().splitlines() if "://" in line]
+            assert address == f"http://localhost:{port}"
+            messages = visit(address)
+            assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
+            shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
+            assert any("50,082 samples" in element.markdown.body for element in shown)
+            assert not [element for element in shown if element.WhichOneof("type") == "exception"]
         finally:
             app.terminate()
             assert app.wait(PATIENCE_S) == 0  # docker stop sends the same signal, and need not kill it
+    assert printed.read_text().count("://") == 1
+    assert "Traceback" not in printed.read_text()
+    assert not (tmp_path / "asked").exists(), (tmp_path / "asked").read_text()
 
 
 def answer(address: str) -> int | None:
@@ -204,9 +239,7 @@ def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Pa
     assert NGINX is not None
     proxy = compose()["proxy"]
     mounted = [mount.split(":")[:2] for mount in proxy["volumes"]]
-    with socket.socket() as listener:
-        listener.bind(("localhost", 0))
-        port = listener.getsockname()[1]
+    port = free_port()
     settings = (DEPLOYMENT / "nginx.conf").read_text(encoding="utf-8")
     settings = re.sub(r"listen \d+", f"listen {port}", settings)
     # The port must be free of any server, whatever else runs on this machine.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import socket
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -23,6 +23,7 @@ from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 from stereolag.commands import main
 from stereolag.loops.compilation import FOLDER
 from stereolag.version import VERSION
+from tests.browser.serving import free_port
 from tests.protocol import visit
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -149,9 +150,7 @@ def test_the_command_tells_its_options_and_refuses_what_it_does_not_know(capsys:
 @contextmanager
 def served(scripts: Path, folder: Path) -> Iterator[tuple[str, Path]]:
     """Run ``stereolag app`` in a folder; once it is healthy, yield its address and the file with its output."""
-    with socket.socket() as listener:
-        listener.bind(("localhost", 0))
-        port = listener.getsockname()[1]
+    port = free_port()
     address = f"http://localhost:{port}"
     printed = folder / "printed"
     command = [scripts / "stereolag", "app", "--port", str(port), "--server.fileWatcherType", "none"]
@@ -168,7 +167,8 @@ def served(scripts: Path, folder: Path) -> Iterator[tuple[str, Path]]:
                 time.sleep(0.05)
             yield address, printed
         finally:
-            server.terminate()
+            server.send_signal(signal.SIGINT)
+            assert server.wait(PATIENCE_S) == 0
 
 
 def healthy(address: str) -> bool:
