@@ -32,6 +32,7 @@ from stereolag.geometry.rectification import (
     rectify,
     scaled_disparity,
     scaled_image,
+    turned,
 )
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
@@ -40,6 +41,7 @@ from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
 from stereolag.samples import StereoExample
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import StereoSGBM
 
 T = TypeVar("T")
@@ -80,6 +82,8 @@ class ChangeCode(StrEnum):
     ASSEMBLED = "assembled"
     """The files were made to fit each other."""
     RESIZED = "resized"
+    TURNED = "turned"
+    """Both images were turned by a quarter, since the cameras stand one above the other."""
     RECTIFIED = "rectified"
     """The pair was rectified with its calibration, or found to be rectified already."""
 
@@ -148,6 +152,10 @@ class PairId:
     def judged(self) -> str:
         """Return the key of the images that settings are judged on: these or, for a set, the whole set at this size."""
         return _joined(self.collection, self.size) if self.collection else self.exact
+
+
+def _is_mode(fitted: Calibration, calibration: Calibration) -> bool:
+    return fitted is calibration or any(fitted is one for one in calibration.modes)
 
 
 def _joined(*parts: str) -> str:
@@ -233,6 +241,8 @@ class Pair:
         What was decided about its rectification; None without the calibration of both cameras.
     full
         The pair before its sides were divided; None if they were not.
+    turn
+        Quarters, counter-clockwise, by which both images were turned; :func:`upright` turns all back.
     """
 
     left: Image
@@ -248,6 +258,7 @@ class Pair:
     changes: tuple[Change, ...] = ()
     rectification: RectificationDecision | None = None
     full: Pair | None = None
+    turn: int = 0
 
     @property
     def digest(self) -> str:
@@ -320,7 +331,7 @@ def assemble_pair(
             "they must have the same size."
         )
     fitted = None if calibration is None else calibration_for(calibration, cols, rows)
-    if fitted is not calibration:
+    if fitted is not None and calibration is not None and not _is_mode(fitted, calibration):
         said.append(f"The calibration was scaled to {cols} × {rows} pixels.")
     return Pair(
         *images,
@@ -553,6 +564,7 @@ def prepare(
     """
     steps: list[Callable[[Pair], Pair]] = [
         partial(resized, divisor=preparation.divisor, memo=memo),
+        turned_for_rows,
         partial(rectified, rows=preparation.rows, alpha=preparation.alpha, memo=memo),
         *(partial(remedied, remedy=remedy, memo=memo) for remedy in preparation.remedies),
     ]
@@ -600,6 +612,46 @@ def _resized(pair: Pair, factor: float) -> Pair:
         visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
     truth = None if pair.truth is None else scaled_disparity(pair.truth, factor)
     return replace(pair, left=left, right=right, truth=truth, visible=visible)
+
+
+def turned_for_rows(pair: Pair) -> Pair:
+    """Return the pair of cameras one above the other with both images turned, so that points can lie in one row."""
+    known = pair.calibration
+    if known is None or not known.turn:
+        return pair
+    rows, cols = pair.left.shape[:2]
+    way = "counter-clockwise" if known.turn > 0 else "clockwise"
+    return pair.after(
+        ChangeCode.TURNED,
+        f"The cameras stand one above the other: both images were turned by 90° {way}.",
+        **_all_turned(pair, known.turn),
+        calibration=known.turned(cols, rows),
+        id=replace(pair.id, size=_joined(pair.id.size, f"turned {known.turn}")),
+        turn=known.turn,
+    )
+
+
+def _all_turned(pair: Pair, quarters: int) -> dict[str, Any]:
+    arrays = {"left": pair.left, "right": pair.right, "truth": pair.truth, "visible": pair.visible}
+    return {name: None if array is None else turned(array, quarters) for name, array in arrays.items()}
+
+
+def upright(pair: Pair, result: DisparityMap) -> tuple[Pair, DisparityMap]:
+    """Return a pair and its map as the images were taken, turned back if they had been turned.
+
+    The disparities of such a map are along columns; its calibration says by how much to turn the images again.
+    """
+    if not pair.turn:
+        return pair, result
+    back = -pair.turn
+    score = None if result._score is None else turned(result._score, back)
+    disparity, reason = turned(result.disparity, back), turned(result.reason, back)
+    rows, cols = pair.left.shape[:2]
+    known = pair.calibration
+    if known is not None:
+        known = replace(replace(known, turn=back).turned(cols, rows), turn=pair.turn)
+    whole = replace(pair, **_all_turned(pair, back), calibration=known, turn=0)
+    return whole, DisparityMap(disparity, reason, score, None, result.elapsed_s, result.settings)
 
 
 def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, memo: Memo = no_memo) -> Pair:

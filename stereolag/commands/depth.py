@@ -10,16 +10,22 @@ from typing import Any
 
 import stereolag as sl
 from stereolag.commands.arguments import DONE, CommandParser, add_frames, read, read_frames, tell
-from stereolag.commands.pairs import MatcherFlags, add_calibration, rectified_as_asked
+from stereolag.commands.pairs import (
+    MatcherFlags,
+    add_calibration,
+    calibration_as_asked,
+    rectified_as_asked,
+    said_of_calibration,
+)
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.calibrations import calibration_json, read_calibration
+from stereolag.io.calibrations import calibration_json
 from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_stored_disparity
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
-from stereolag.pair import Pair, PairId, assemble_pair, truth_in_px
+from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, truth_in_px, upright
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 WORDING = ("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
@@ -50,7 +56,7 @@ def run(arguments: Sequence[str]) -> int:
     matcher = flags.over_known_range(matcher, options, pair.calibration)
 
     _load_loops(matcher, pair)
-    result = matcher.compute(pair.left, pair.right)
+    pair, result = upright(pair, matcher.compute(pair.left, pair.right))
     figures = _figures(pair, result)
     if options.out is not None:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
@@ -87,14 +93,14 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
         Files that cannot be opened.
     """
     (left, right), _, lines = read_frames((options.left, options.right), options.frames)
-    truth = calibration = None
+    truth = None
     if options.truth is not None:
         truth, _ = truth_in_px(read(read_stored_disparity, options.truth), left, right)
-    if options.calibration is not None:
-        calibration = read(read_calibration, *options.calibration)
+    calibration = calibration_as_asked(options)
     pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
     pair, said = rectified_as_asked(pair, options, *WORDING)
-    return pair, (*lines, *said)
+    turned = [change.sentence for change in pair.changes if change.code is ChangeCode.TURNED]
+    return pair, (*lines, *said_of_calibration(pair.calibration), *turned, *said)
 
 
 def _rectified_here(pair: Pair) -> bool:

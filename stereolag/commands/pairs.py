@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from stereolag.commands.arguments import CommandParser, SettingsFlags, read
 from stereolag.geometry.calibration import Calibration
+from stereolag.io.calibration_layouts import UNITS
+from stereolag.io.calibrations import read_calibration
 from stereolag.io.settings import read_matcher
 from stereolag.pair import Pair, Preparation, Rows, prepare
 from stereolag.stereo.matcher import StereoMatcher
@@ -25,7 +27,12 @@ def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
         "--calibration",
         metavar="FILE",
         nargs="+",
-        help=f"calibration of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two{further}",
+        help=f"calibration of OpenCV, ROS, Kalibr, ZED, OAK, MATLAB, KITTI and others, all files of it{further}",
+    )
+    files.add_argument(
+        "--unit",
+        choices=[*UNITS],
+        help="unit of the calibration's lengths, if it does not state it (default: m; mm for files of MATLAB)",
     )
     files.add_argument(
         "--rectify",
@@ -33,6 +40,26 @@ def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
         default="auto",
         help="with a calibration of both cameras: whether the images are raw (default: auto, judged by their rows)",
     )
+
+
+def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
+    """Return the calibration that `add_calibration`'s flags name, None if they name none.
+
+    Raises
+    ------
+    ValueError
+        Files that are refused, or a unit without them.
+    """
+    if options.calibration is None:
+        if options.unit is not None:
+            raise ValueError("--unit is that of a calibration: give --calibration too.")
+        return None
+    return read(read_calibration, *options.calibration, length_unit_m=options.unit and UNITS[options.unit])
+
+
+def said_of_calibration(calibration: Calibration | None) -> tuple[str, ...]:
+    """Return sentences about a calibration: what it means in metres, and what was assumed."""
+    return () if calibration is None else (calibration.in_words(), *calibration.notes)
 
 
 def rectified_as_asked(

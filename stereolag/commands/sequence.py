@@ -16,17 +16,17 @@ from stereolag.commands.arguments import (
     CommandParser,
     SettingsFlags,
     one_line,
-    read,
     tell,
 )
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration,
+    calibration_as_asked,
     rectified_as_asked,
+    said_of_calibration,
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
-from stereolag.io.calibrations import read_calibration
 from stereolag.io.images import DISPARITY_FORMATS
 from stereolag.pair import Pair, PairId
 from stereolag.sequences import SequenceSettings
@@ -166,9 +166,9 @@ def _read_sequence(
     from stereolag.sequences import open_sequence, rectified_sequence
 
     sequence = open_sequence(options.left, options.right, truth=options.truth, frame_rate=options.frame_rate)
-    if options.calibration is None:
+    calibration = calibration_as_asked(options)
+    if calibration is None:
         return sequence, None, ()
-    calibration = read(read_calibration, *options.calibration)
     first = sequence.first_readable()
     if first is None:
         raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
@@ -176,7 +176,11 @@ def _read_sequence(
     pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, *WORDING)
     if pair.rectification is not None and pair.rectification.done:
         sequence = rectified_sequence(sequence, calibration)
-    return sequence, pair.calibration, said
+    elif pair.turn:
+        raise ValueError(
+            "The cameras stand one above the other, and their frames are rectified: turn all by 90° first."
+        )
+    return sequence, pair.calibration, (*said_of_calibration(pair.calibration), *said)
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:

@@ -23,6 +23,10 @@ LARGEST_TURN_LEFT = 0.02
 """Limits after rectification: rows farther apart, px, or cameras turned more against each other, radians, do not
 match."""
 
+USUAL_DISPARITIES = 64
+LARGEST_BASELINE_M, FARTHEST_NEAREST_M = 5.0, 100.0
+"""Beyond these, a baseline and the nearest distance of a usual search are hardly those of a stereo camera."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rectification:
@@ -73,19 +77,24 @@ class Rectification:
 class StereoRig:
     """Two cameras as calibrated, before rectification (the model of OpenCV's ``stereoCalibrate``).
 
+    They stand side by side, or one above the other: then both pictures are turned before they are rectified.
+
     Attributes
     ----------
     left_matrix, right_matrix
         (3, 3) camera matrices, px.
     left_distortion, right_distortion
-        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; none at all for no distortion.
+        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; (4,) k1, k2, k3, k4 of a fisheye; none at all for none.
     rotation, translation
         (3, 3) and (3,), metres: a point at ``x`` in the left camera's frame is at ``rotation @ x + translation`` in the
-        right one's, so ``translation[0]`` is negative.
+        right one's, so ``translation[0]`` is negative; of cameras one above the other ``translation[1]`` is the
+        largest.
     width, height
         Size of the images that the matrices are for, px; None if unknown.
     rectification
         How its maker rectified the pair; None if unknown.
+    fisheye
+        Whether the lenses are fisheyes (Kannala and Brandt, PAMI 2006; ``cv2.fisheye``, Kalibr's "equidistant").
     """
 
     left_matrix: npt.NDArray[np.float64]
@@ -97,6 +106,7 @@ class StereoRig:
     width: int | None = None
     height: int | None = None
     rectification: Rectification | None = None
+    fisheye: bool = False
 
     def __post_init__(self) -> None:
         set_array(self, "left_matrix", (3, 3))
@@ -105,11 +115,14 @@ class StereoRig:
         set_array(self, "translation", (3,), BASELINE_M[1])
         for name in ("left_distortion", "right_distortion"):
             size = np.size(getattr(self, name))
-            if size not in (0, 4, 5, 8, 12, 14):
-                raise ValueError(f"{name} holds {size} coefficients; allowed are 0, 4, 5, 8, 12 and 14.")
+            allowed = (0, 4) if self.fisheye else (0, 4, 5, 8, 12, 14)
+            if size not in allowed:
+                counts = ", ".join(map(str, allowed[:-1]))
+                of = " of a fisheye" if self.fisheye else ""
+                raise ValueError(f"{name} holds {size} coefficients{of}; allowed are {counts} and {allowed[-1]}.")
             set_array(self, name, (size,), MAX_DISTORTION)
             if size == 0:
-                object.__setattr__(self, name, np.zeros(5))
+                object.__setattr__(self, name, np.zeros(4 if self.fisheye else 5))
         for name in ("left_matrix", "right_matrix"):
             matrix = getattr(self, name)
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
@@ -117,10 +130,11 @@ class StereoRig:
             for focal in (matrix[0, 0], matrix[1, 1]):
                 check_range(float(focal), f"The focal length in {name}", FOCAL_PX)
         check_rotation(self.rotation, "rotation")
-        if not -self.translation[0] > abs(self.translation[1]):
+        across, down, _ = self.translation
+        if not (-across > abs(down) or abs(down) > abs(across)):
             raise ValueError(
                 f"translation is {self.translation.tolist()} m; its first number must be negative and outweigh "
-                "the second: the second camera stands to the right of the first."
+                "the second: the second camera stands to the right of the first (or else above or below it)."
             )
 
         given = self.rectification
@@ -132,6 +146,44 @@ class StereoRig:
                 "The rectification (R1, R2) does not fit the rotation (R) between the cameras: it leaves them turned "
                 f"by {math.degrees(np.abs(left_over).max()):.1f}° relative to each other; leave one of them out."
             )
+
+    @property
+    def turn(self) -> int:
+        """Return by how many quarters, counter-clockwise, both pictures are to be turned so that rows can match."""
+        across, down, _ = self.translation
+        return 0 if -across > abs(down) else int(-np.sign(down))
+
+    def turned(self, quarters: int, size: tuple[int, int]) -> StereoRig:
+        """Return the rig for pictures of `size` (width, height), turned by quarters counter-clockwise.
+
+        How its maker rectified the pair no longer applies.
+
+        Raises
+        ------
+        ValueError
+            Lenses with tilted sensors, whose coefficients cannot be turned.
+        """
+        width, height = size
+        matrices = [self.left_matrix, self.right_matrix]
+        lenses = [self.left_distortion, self.right_distortion]
+        rotation, translation = self.rotation, self.translation
+        for _ in range(quarters % 4):
+            matrices = [_turned_matrix(matrix, width) for matrix in matrices]
+            lenses = lenses if self.fisheye else [_turned_distortion(lens) for lens in lenses]
+            rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
+            width, height = height, width
+        known = self.width is not None and self.height is not None
+        return StereoRig(
+            matrices[0],
+            lenses[0],
+            matrices[1],
+            lenses[1],
+            rotation,
+            translation,
+            width if known else None,
+            height if known else None,
+            fisheye=self.fisheye,
+        )
 
     def scaled(self, factor: float) -> StereoRig:
         """Return the rig for images resized by `factor`."""
@@ -186,6 +238,26 @@ def scaled_size(size: int | None, factor: float) -> int | None:
     return None if size is None else max(1, round(size * factor))
 
 
+_QUARTER = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+"""From the frame of a camera to that of the same one whose picture is turned by a quarter, counter-clockwise."""
+
+
+def _turned_matrix(matrix: npt.NDArray[np.float64], width: int) -> npt.NDArray[np.float64]:
+    """Return the matrix of a camera whose picture, so wide, is turned by a quarter, counter-clockwise."""
+    return np.array([[matrix[1, 1], 0, matrix[1, 2]], [0, matrix[0, 0], width - 1 - matrix[0, 2]], [0, 0, 1]])
+
+
+def _turned_distortion(lens: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the coefficients of OpenCV's lens model for a picture turned by a quarter, counter-clockwise."""
+    if lens[12:].any():
+        raise ValueError("A lens on a tilted sensor (14 coefficients) cannot be turned; give pictures side by side.")
+    turned = lens.copy()
+    turned[2:4] = -lens[3], lens[2]
+    if len(lens) >= 12:
+        turned[8:12] = lens[10], lens[11], -lens[8], -lens[9]
+    return turned
+
+
 def _scaled_matrix(matrix: npt.NDArray[np.float64], factor: float) -> npt.NDArray[np.float64]:
     scaled = matrix * factor
     scaled[:2, 2] = (matrix[:2, 2] + 0.5) * factor - 0.5
@@ -219,6 +291,15 @@ class Calibration:
         prediction, and :func:`stereolag.rectify` returns the rectified pair with its final calibration.
     rms
         Reprojection error of the calibration, px; None if unknown.
+    turn
+        Quarters, counter-clockwise, by which both pictures are yet to be turned, since the cameras stand one above the
+        other; :meth:`turned` returns the calibration for turned pictures.
+    notes
+        Sentences about its file: what was assumed, and which names have no effect.
+    unit_stated
+        Whether the unit of lengths is known: stated by the file, or that of its format.
+    modes
+        The calibrations of the same camera for other sizes of pictures, this one among them; none if there is one size.
 
     Raises
     ------
@@ -247,6 +328,10 @@ class Calibration:
     num_disparities: int | None = field(default=None, kw_only=True)
     rig: StereoRig | None = field(default=None, kw_only=True)
     rms: float | None = field(default=None, kw_only=True)
+    turn: int = field(default=0, kw_only=True)
+    notes: tuple[str, ...] = field(default=(), kw_only=True, compare=False, repr=False)
+    unit_stated: bool = field(default=True, kw_only=True, compare=False, repr=False)
+    modes: tuple[Calibration, ...] = field(default=(), kw_only=True, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         check_range(self.focal_px, "focal_px", FOCAL_PX)
@@ -361,6 +446,51 @@ class Calibration:
             num_disparities=None if self.num_disparities is None else math.ceil(self.num_disparities * factor),
             rig=None if self.rig is None else self.rig.scaled(factor),
             rms=None if self.rms is None else self.rms * factor,
+            modes=(),
+        )
+
+    def nearest(self, num_disparities: int) -> float:
+        """Return the nearest distance that a search of so many disparities from 0 covers, metres; inf for none."""
+        shift = num_disparities - 1 + self.doffs_px
+        return self.focal_px * self.baseline_m / shift if shift > 0 else math.inf
+
+    @property
+    def plausible(self) -> bool:
+        """Return whether baseline and reach are those of a stereo camera, not of lengths in another unit."""
+        return self.baseline_m <= LARGEST_BASELINE_M and self.nearest(USUAL_DISPARITIES) <= FARTHEST_NEAREST_M
+
+    def in_words(self) -> str:
+        """Return what the calibration means in metres, so that a wrong unit or focal length is seen at once."""
+        count = self.num_disparities or USUAL_DISPARITIES
+        said = (
+            f"Calibration: focal length {self.focal_px:.4g} px, baseline {self.baseline_m:.3g} m, {count} disparities "
+            f"reach from {self.nearest(count):.2g} m."
+        )
+        if self.plausible:
+            return said
+        return (
+            f"{said} No stereo camera is like that: if its lengths are in millimetres, the baseline is "
+            f"{self.baseline_m / 1000:.3g} m; state their unit."
+        )
+
+    def turned(self, width: int, height: int) -> Calibration:
+        """Return the calibration for pictures of this size turned by ``turn`` quarters, counter-clockwise.
+
+        It is the same if none are needed.
+        """
+        if not self.turn:
+            return self
+        cx, cy = self.centre(width, height)
+        centre = (cy, width - 1 - cx) if self.turn > 0 else (height - 1 - cy, cx)
+        rig = (
+            None
+            if self.rig is None
+            else self.rig.turned(self.turn, (self.rig.width or width, self.rig.height or height))
+        )
+        if rig is not None and self.cx is not None and self.cy is not None:
+            centre = self.cx, self.cy  # of the prediction, which is for turned pictures already
+        return replace(
+            self, turn=0, cx=centre[0], cy=centre[1], width=self.height, height=self.width, rig=rig, modes=()
         )
 
     def with_known_distance(self, disparity: float, distance_m: float) -> Calibration:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import cv2
@@ -52,7 +53,8 @@ def rectify(
     ----------
     left, right
         (rows, cols) grey or (rows, cols, 3 | 4) RGB(A), as taken; uint8, uint16 or float; of one size. A size other
-        than the calibration's, but of the same aspect ratio, scales the cameras.
+        than the calibration's, but of the same aspect ratio, scales the cameras. Pictures of cameras one above the
+        other are turned (:func:`turned`), by ``calibration.turn``.
     calibration
         Calibration with a ``rig``, the two cameras before rectification.
     alpha
@@ -69,7 +71,7 @@ def rectify(
     ------
     ValueError
         A calibration without a rig, images of different sizes or of another aspect ratio than they were calibrated at,
-        or an alpha outside 0 to 1.
+        or an alpha outside 0 to 1; cameras that converge so much that hardly anything of the pictures would be left.
 
     Examples
     --------
@@ -96,23 +98,59 @@ def rectify(
             f"left is {width} × {height} and right is {right_width} × {right_height} pixels; "
             "both images must have the same size."
         )
+    calibration = mode_for(calibration, width, height)
+    if calibration.rig is None:
+        raise ValueError(
+            f"The calibration has no cameras for pictures of {width} × {height} pixels, rectified ones only."
+        )
+    rig = _fitted(calibration.rig, (width, height))
+    if rig.turn:
+        images = turned(images[0], rig.turn), turned(images[1], rig.turn)
+        rig = rig.turned(rig.turn, (width, height))
+        width, height = height, width
     size = width, height
-    rig = _fitted(calibration.rig, size)
     how = rectification(rig, size, alpha)
     cameras = (
         (rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
         (rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
     )
     rectified = []
-    for image, camera in zip(images, cameras, strict=True):
-        maps = cv2.initUndistortRectifyMap(*camera, size, cv2.CV_32FC1)
-        rectified.append(np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR)))
+    to_maps = cv2.fisheye.initUndistortRectifyMap if rig.fisheye else cv2.initUndistortRectifyMap
+    for name, image, camera in zip(("left", "right"), images, cameras, strict=True):
+        maps: Any = to_maps(*camera, size, cv2.CV_32FC1)
+        _check_what_is_left(name, maps[0], maps[1], float(camera[3][0, 0] / camera[0][0, 0]))
+        rectified.append(np.asarray(cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)))
     return Rectified(rectified[0], rectified[1], _calibration(how, size))
+
+
+MOST_MAGNIFIED, LEAST_LEFT = 3.0, 0.3
+"""Limits of a rectification: the magnification, and the shares of the frame filled and of the picture shown."""
+CELLS = 24
+"""Cells each way in which the share of the picture is counted."""
+
+
+def _check_what_is_left(name: str, cols: FloatMap, rows: FloatMap, magnified: float) -> None:
+    """Refuse a rectification that shows hardly anything of a picture, given where each of its pixels comes from."""
+    height, width = cols.shape
+    inside = (cols >= 0) & (cols <= width - 1) & (rows >= 0) & (rows <= height - 1)
+    places = (rows[inside] * (CELLS / height)).astype(int) * CELLS + (cols[inside] * (CELLS / width)).astype(int)
+    filled, shown = float(inside.mean()), np.unique(places).size / CELLS**2
+    if magnified > MOST_MAGNIFIED or min(filled, shown) < LEAST_LEFT:
+        raise ValueError(
+            f"The {name} picture cannot be rectified with this calibration: it would be magnified {magnified:.1f} "
+            f"times, show {shown:.0%} of what was taken and fill {filled:.0%} of the frame; allowed are up to "
+            f"{MOST_MAGNIFIED:g} times and from {LEAST_LEFT:.0%}. The cameras converge too much, or the calibration is "
+            "of others."
+        )
 
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
     """Return the calibration of the pair that :func:`rectify` makes from images of `size` (width, height)."""
-    return _calibration(rectification(_fitted(rig, size), size, alpha), size)
+    rig = _fitted(rig, size)
+    if not rig.turn:
+        return _calibration(rectification(rig, size, alpha), size)
+    straight = rectified_calibration(rig.turned(rig.turn, size), size[::-1], alpha=alpha)
+    return replace(straight, turn=rig.turn, width=size[0], height=size[1])
 
 
 def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
@@ -130,23 +168,21 @@ def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
 
 
 def rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None = None) -> Rectification:
-    """Return the rectification for images of `size` (width, height): the rig maker's, or one by Bouguet's method."""
+    """Return the rectification for images of `size` (width, height): the rig maker's, or one by Bouguet's method.
+
+    Pictures of cameras one above the other must be turned before, and the rig with them.
+    """
     if alpha is None and rig.rectification is not None:
         return rig.rectification
     if alpha is not None and not 0 <= alpha <= 1:
         raise ValueError(f"alpha is {alpha}; allowed are numbers from 0 to 1.")
+    cameras = rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion
+    pose, flags, share = (rig.rotation, rig.translation[:, None]), cv2.CALIB_ZERO_DISPARITY, alpha or 0.0
     try:
-        matrices = cv2.stereoRectify(
-            rig.left_matrix,
-            rig.left_distortion,
-            rig.right_matrix,
-            rig.right_distortion,
-            size,
-            rig.rotation,
-            rig.translation[:, None],
-            flags=cv2.CALIB_ZERO_DISPARITY,
-            alpha=alpha or 0.0,
-        )
+        if rig.fisheye:
+            matrices: Any = cv2.fisheye.stereoRectify(*cameras, size, *pose, flags, newImageSize=size, balance=share)
+        else:
+            matrices = cv2.stereoRectify(*cameras, size, *pose, flags=flags, alpha=share)
         return Rectification(*(np.asarray(matrix, dtype=np.float64) for matrix in matrices[:4]))
     except (cv2.error, ValueError) as error:
         raise ValueError(
@@ -292,6 +328,7 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
     ValueError
         Images of another aspect ratio.
     """
+    calibration = mode_for(calibration, width, height)
     if calibration.width is None or calibration.height is None:
         return calibration
     differences = abs(calibration.width - width) / width, abs(calibration.height - height) / height
@@ -304,6 +341,18 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
             f"{width} × {height}: give those it was made for, or the same resized without cropping."
         )
     return calibration.scaled(factor)
+
+
+def mode_for(calibration: Calibration, width: int, height: int) -> Calibration:
+    """Return the calibration's mode for pictures of this size, or the nearest of the same shape; itself without."""
+
+    def distance(one: Calibration) -> tuple[bool, float]:
+        if one.width is None or one.height is None:
+            return True, math.inf
+        other_shape = abs(one.height / one.width / (height / width) - 1) > LARGEST_ASPECT_DIFFERENCE
+        return other_shape, abs(math.log(one.width / width)) + abs(math.log(one.height / height))
+
+    return min(calibration.modes, key=distance) if calibration.modes else calibration
 
 
 def preview_divisor(width: int, height: int) -> int:

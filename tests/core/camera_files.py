@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
+import scipy
 import yaml
 
 SIZE = (640, 480)
@@ -77,20 +78,20 @@ def ros_message(side: str) -> bytes:
     return f"{header}{numbers}binning_x: 0\nroi: \n  do_rectify: False\n---\n".encode()
 
 
-def kalibr(**second: object) -> bytes:
+def kalibr(model: str = "radtan", lenses: tuple[np.ndarray, np.ndarray] = (D1, D2), **second: object) -> bytes:
     def camera(matrix: np.ndarray, distortion: np.ndarray) -> Values:
         return {
             "cam_overlaps": [1],
             "camera_model": "pinhole",
             "distortion_coeffs": distortion.ravel()[:4],
-            "distortion_model": "radtan",
+            "distortion_model": model,
             "intrinsics": np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]),
             "resolution": [*SIZE],
             "rostopic": "/cam/image_raw",
         }
 
     pose = np.vstack([np.hstack([R, T]), [0, 0, 0, 1]])
-    return as_yaml(cam0=camera(M1, D1), cam1=camera(M2, D2) | {"T_cn_cnm1": pose} | second)
+    return as_yaml(cam0=camera(M1, lenses[0]), cam1=camera(M2, lenses[1]) | {"T_cn_cnm1": pose} | second)
 
 
 def named(m1: str, d1: str, m2: str, d2: str, r: str = "R", t: str = "T", size: str = "image_size") -> Values:
@@ -186,3 +187,268 @@ RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
     ],
 }  # fmt: skip
 """The rectified pair alone."""
+
+
+# The layouts of makers, each written by hand: of the same rig, whose rectified pair has P1 and P2.
+
+BASELINE = float(np.linalg.norm(T))
+FOCAL = float(P1[0, 0])
+POSE = np.vstack([np.hstack([R, T]), [0, 0, 0, 1]])
+CENTRE = (-R.T @ T).ravel()
+"""Where the right camera stands, in the left one's frame, metres."""
+
+
+def rows(matrix: np.ndarray, between: str = "\n") -> str:
+    return between.join(" ".join(f"{value:.12g}" for value in row) for row in np.atleast_2d(matrix))
+
+
+def zed() -> bytes:
+    def camera(side: str, mode: str, matrix: np.ndarray, lens: np.ndarray, factor: float) -> str:
+        fx, fy, cx, cy = (factor * matrix[place] for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        k1, k2, p1, p2, k3 = lens.ravel()
+        return (
+            f"[{side}_CAM_{mode}]\nfx={fx}\nfy={fy}\ncx={cx}\ncy={cy}\nk1={k1}\nk2={k2}\nk3={k3}\np1={p1}\np2={p2}\n\n"
+        )
+
+    modes = {"FHD": 3.0, "HD": 2.0, "VGA": 1.05}
+    cameras = "".join(
+        camera("LEFT", mode, M1, D1, factor) + camera("RIGHT", mode, M2, D2, factor) for mode, factor in modes.items()
+    )
+    x, y, z = cv2.Rodrigues(R)[0].ravel()
+    turns = "".join(f"CV_{mode}={y}\nRX_{mode}={x}\nRZ_{mode}={z}\n" for mode in modes)
+    place = 1000 * CENTRE
+    return (
+        f"{cameras}[STEREO]\nBaseline={place[0]}\nTY={place[1]}\nTZ={place[2]}\n{turns}[MISC]\nSensor_ID=1\n".encode()
+    )
+
+
+def depthai(wide: bool = False) -> bytes:
+    def camera(matrix: np.ndarray, lens: np.ndarray, turn: np.ndarray, place: np.ndarray, to: int) -> Values:
+        xyz = dict(zip("xyz", (100 * place.ravel()).tolist(), strict=True))
+        return {
+            "cameraType": int(wide),
+            "distortionCoeff": np.pad(lens.ravel(), (0, 14 - lens.size)),
+            "extrinsics": {
+                "rotationMatrix": turn, "specTranslation": {"x": -8.0, "y": 0.0, "z": 0.0}, "toCameraSocket": to,
+                "translation": xyz,
+            },
+            "height": SIZE[1], "width": SIZE[0], "intrinsicMatrix": matrix, "lensPosition": 0, "specHfovDeg": 72.0,
+        }  # fmt: skip
+
+    nowhere = np.zeros(3)
+    # Both lead to the colour camera in the middle, which is the last.
+    back = np.linalg.inv(POSE)
+    middle = np.eye(4)
+    middle[0, 3] = -0.04
+    right = middle @ back
+    cameras = [
+        [0, camera(M1, D1, np.zeros((3, 3)), nowhere, -1)],
+        [1, camera(M1, FISHEYE if wide else D1, middle[:3, :3], middle[:3, 3], 0)],
+        [2, camera(M2, FISHEYE if wide else D2, right[:3, :3], right[:3, 3], 0)],
+    ]
+    sockets = {"leftCameraSocket": 1, "rightCameraSocket": 2, "rectifiedRotationLeft": R1, "rectifiedRotationRight": R2}
+    plain_cameras = [[socket, plain(one)] for socket, one in cameras]
+    document = {"boardName": "", "cameraData": plain_cameras, "stereoRectificationData": plain(sockets), "version": 7}
+    return json.dumps(document).encode()
+
+
+def realsense() -> bytes:
+    entries: Values = {"baseline": str(-1000 * BASELINE), "intrinsic_left.x.x": "0.5"}
+    for number, (width, height, factor) in enumerate(
+        ((1920, 1080, 3.0), (640, 480, 1.0), (0, 0, 0.0), (320, 240, 0.5))
+    ):
+        values = (factor * FOCAL, factor * FOCAL, factor * P1[0, 2], factor * P1[1, 2], width, height)
+        names = ("fx", "fy", "ppx", "ppy", "width", "height")
+        entries |= {f"rectified.{number}.{name}": str(value) for name, value in zip(names, values, strict=True)}
+    return json.dumps(entries).encode()
+
+
+def ost(side: str) -> str:
+    first = side == "left"
+    parts = (M1, D1, R1, P1) if first else (M2, D2, R2, P2)
+    names = ("camera matrix", "distortion", "rectification", "projection")
+    values = "\n\n".join(f"{name}\n{rows(part)}" for name, part in zip(names, parts, strict=True))
+    size = "[image]\n\nwidth\n640\n\nheight\n480"
+    return f"# oST version 5.0 parameters\n\n\n{size}\n\n[narrow_stereo/{side}]\n\n{values}\n"
+
+
+def matlab(newer: bool = False, unit: str = "millimeters") -> Values:
+    shift = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])  # pixels count from 1
+
+    def camera(matrix: np.ndarray, lens: np.ndarray) -> Values:
+        k1, k2, p1, p2, _ = lens.ravel()
+        one: Values = {"RadialDistortion": np.array([k1, k2]), "TangentialDistortion": np.array([p1, p2])}
+        one |= {"ImageSize": np.array(SIZE[::-1]), "WorldUnits": unit, "Version": {"Name": "MATLAB"}}
+        return one | ({"K": matrix + shift} if newer else {"IntrinsicMatrix": (matrix + shift).T})
+
+    factor = {"millimeters": 1000, "m": 1}[unit]
+    both: Values = {"CameraParameters1": camera(M1, D1), "CameraParameters2": camera(M2, D2)}
+    if newer:
+        return both | {"PoseCamera2": {"Dimensionality": 3, "Translation": factor * T.ravel(), "R": R}}
+    return both | {"RotationOfCamera2": R.T, "TranslationOfCamera2": factor * T.ravel(), "RectificationParams": []}
+
+
+def mat(**entries: object) -> bytes:
+    file = io.BytesIO()
+    scipy.io.savemat(file, entries)
+    return file.getvalue()
+
+
+def bouguet() -> bytes:
+    cameras = {}
+    for side, matrix, lens in (("left", M1, D1), ("right", M2, D2)):
+        cameras |= {f"fc_{side}": matrix[[0, 1], [0, 1]], f"cc_{side}": matrix[:2, 2], f"kc_{side}": lens.T}
+        cameras |= {f"alpha_c_{side}": 0.0}
+    return mat(**cameras, om=cv2.Rodrigues(R)[0], R=R, T=1000 * T, nx=SIZE[0], ny=SIZE[1])
+
+
+def kitti(**more: np.ndarray) -> bytes:
+    entries = {"S_rect_02": np.array(SIZE), "P_rect_02": P1, "P_rect_03": P2} | more
+    lines = "".join(f"{name}: {rows(value, ' ')}\n" for name, value in entries.items())
+    return f"calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.95e-02\n{lines}".encode()
+
+
+def drivingstereo() -> bytes:
+    full = P2 * [[1, 1, 1, 2]]  # at half size the product is still that of the full one
+    entries = {"S_101": np.array([1280, 960]), "K_101": M1, "D_101": D1, "R_101": np.eye(3), "T_101": np.zeros(3)}
+    entries |= {"S_rect_101": np.array(SIZE), "P_rect_101": P1, "R_rect_101": R1, "K_103": M2, "D_103": D2, "R_103": R}
+    entries |= {"T_103": T.ravel(), "S_rect_103": np.array(SIZE), "P_rect_103": full, "R_rect_103": R2}
+    return "".join(f"{name}: {rows(value, ' ')}\n" for name, value in entries.items()).encode()
+
+
+def orb_slam(model: str = "PinHole") -> bytes:
+    def camera(name: str, matrix: np.ndarray, lens: np.ndarray) -> str:
+        fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+        names = ("k1", "k2", "k3", "k4") if model == "KannalaBrandt8" else ("k1", "k2", "p1", "p2")
+        values = zip(("fx", "fy", "cx", "cy", *names), (fx, fy, cx, cy, *lens.ravel()[:4]), strict=True)
+        return "".join(f"{name}.{key}: {value}\n" for key, value in values)
+
+    lenses = (FISHEYE, FISHEYE) if model == "KannalaBrandt8" else (D1, D2)
+    back = ", ".join(f"{value:.12g}" for value in np.linalg.inv(POSE).ravel())
+    return (
+        f'%YAML:1.0\n\nFile.version: "1.0"\nCamera.type: "{model}"\n{camera("Camera1", M1, lenses[0])}'
+        f"{camera('Camera2', M2, lenses[1])}Camera.width: 640\nCamera.height: 480\nCamera.fps: 20\n"
+        f"Stereo.ThDepth: 60.0\nStereo.T_c1_c2: !!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: f\n  data: [{back}]\n"
+        "ORBextractor.nFeatures: 1200\n"
+    ).encode()
+
+
+def orb_slam_2() -> bytes:
+    def matrix(name: str, values: np.ndarray) -> str:
+        numbers = ", ".join(f"{value:.12g}" for value in values.ravel())
+        size = f"rows: {values.shape[0]}\n   cols: {values.shape[1]}"
+        return f"{name}: !!opencv-matrix\n   {size}\n   dt: d\n   data: [{numbers}]\n"
+
+    sides = {"LEFT": (D1, M1, R1, P1), "RIGHT": (D2, M2, R2, P2)}
+    return (
+        f"%YAML:1.0\nCamera.fx: {FOCAL}\nCamera.fy: {FOCAL}\nCamera.cx: {P1[0, 2]}\nCamera.cy: {P1[1, 2]}\n"
+        f"Camera.k1: 0.0\nCamera.k2: 0.0\nCamera.width: 640\nCamera.height: 480\nCamera.bf: {-P2[0, 3]}\nThDepth: 35\n"
+        + "".join(
+            f"{side}.height: 480\n{side}.width: 640\n"
+            + "".join(matrix(f"{side}.{name}", part) for name, part in zip("DKRP", parts, strict=True))
+            for side, parts in sides.items()
+        )
+    ).encode()
+
+
+def vins(wide: bool = False) -> list[bytes]:
+    def camera(matrix: np.ndarray, lens: np.ndarray) -> bytes:
+        centre = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+        head = "%YAML:1.0\n---\nmodel_type: {}\ncamera_name: camera\nimage_width: 640\nimage_height: 480\n"
+        if wide:
+            names = (*(f"k{n}" for n in range(2, 6)), "mu", "mv", "u0", "v0")
+            pairs = zip(names, (*lens.ravel(), *centre), strict=True)
+            return (head.format("KANNALA_BRANDT") + "projection_parameters:\n" + _below(pairs)).encode()
+        lens_pairs, pairs = zip(("k1", "k2", "p1", "p2"), lens.ravel()[:4]), zip(("fx", "fy", "cx", "cy"), centre)  # noqa: B905
+        below = f"distortion_parameters:\n{_below(lens_pairs)}projection_parameters:\n{_below(pairs)}"
+        return (head.format("PINHOLE") + below).encode()
+
+    body = np.array([[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, -0.3], [0, 0, 0, 1]])  # of the left camera
+    poses = opencv(".yml", imu=1, body_T_cam0=body, body_T_cam1=body @ np.linalg.inv(POSE))
+    lenses = (FISHEYE, FISHEYE) if wide else (D1, D2)
+    return [poses, camera(M1, lenses[0]), camera(M2, lenses[1])]
+
+
+def _below(pairs) -> str:
+    return "".join(f"   {name}: {value:.12g}\n" for name, value in pairs)
+
+
+FISHEYE = np.array([[-0.02, 0.004, -0.003, 0.0005]])
+
+OF_MAKERS: dict[str, Callable[[], list[bytes]]] = {
+    "DepthAI": lambda: [depthai()],
+    "MATLAB, a struct as JSON": lambda: [as_json(**matlab())],
+    "MATLAB, a newer struct, inside another": lambda: [as_json(stereoParams=matlab(newer=True, unit="m"))],
+    "MATLAB, a struct as MAT": lambda: [mat(params=plain(matlab()))],
+    "MATLAB, for OpenCV": lambda: [
+        as_json(
+            intrinsicMatrix1=M1, distortionCoefficients1=D1, intrinsicMatrix2=M2, distortionCoefficients2=D2,
+            rotationOfCamera2=R, translationOfCamera2=1000 * T, imageSize=np.array(SIZE[::-1]),
+        )
+    ],
+    "Bouguet's toolbox": lambda: [bouguet()],
+    "ORB-SLAM3": lambda: [orb_slam()],
+    "VINS": vins,
+    "EuRoC": lambda: [
+        as_yaml(
+            T_BS={"cols": 4, "rows": 4, "data": pose.ravel()}, rate_hz=20, resolution=np.array(SIZE),
+            camera_model="pinhole", intrinsics=matrix[[0, 1, 0, 1], [0, 1, 2, 2]],
+            distortion_model="radial-tangential", distortion_coefficients=lens[0, :4],
+        )
+        for matrix, lens, pose in ((M1, D1, np.eye(4)), (M2, D2, np.linalg.inv(POSE)))
+    ],
+    "Kalibr, with an IMU": lambda: [kalibr_imu()],
+}  # fmt: skip
+"""Both cameras before rectification, in the layouts of makers."""
+
+OF_MAKERS_RECTIFYING: dict[str, Callable[[], list[bytes]]] = {
+    "ROS, ost.txt of both": lambda: [(ost("left") + "\n" + ost("right")).encode()],
+    "ROS, INI": lambda: [ost("right").encode(), ost("left").encode()],
+    "ORB-SLAM2": lambda: [orb_slam_2()],
+}
+
+OF_MAKERS_RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
+    "DrivingStereo": lambda: [drivingstereo()],
+    "KITTI": lambda: [kitti()],
+    "KITTI, the grey cameras": lambda: [kitti().replace(b"_03", b"_01").replace(b"_02", b"_00")],
+    "Cityscapes": lambda: [
+        as_json(
+            extrinsic={"baseline": BASELINE, "pitch": 0.03, "roll": 0.0, "x": 1.7, "y": 0.1, "yaw": 0.01, "z": 1.2},
+            intrinsic={"fx": FOCAL, "fy": FOCAL, "u0": P1[0, 2], "v0": P1[1, 2]},
+        )
+    ],
+    "K.txt": lambda: [f"{rows(P1[:, :3], ' ')}\n{BASELINE}\n".encode()],
+    "K.txt, the matrix in rows": lambda: [f"{rows(P1[:, :3])}\n{BASELINE}\n".encode()],
+    "cvkit": lambda: [
+        f"# Created by gc_stream\ncamera.A=[{rows(P1[:, :3], '; ')}]\ncamera.height=480\ncamera.width=640\n"
+        f"rho={-P2[0, 3]}\nt={BASELINE}\n".encode()
+    ],
+    "ORB-SLAM3, rectified": lambda: [
+        f'%YAML:1.0\nCamera.type: "Rectified"\nCamera1.fx: {FOCAL}\nCamera1.fy: {FOCAL}\nCamera1.cx: {P1[0, 2]}\n'
+        f"Camera1.cy: {P1[1, 2]}\nStereo.b: {BASELINE}\nCamera.width: 640\nCamera.height: 480\n".encode()
+    ],
+    "ORB-SLAM2, rectified": lambda: [orb_slam_2().partition(b"LEFT.height")[0]],
+}
+
+
+def kalibr_imu() -> bytes:
+    chain = yaml.safe_load(kalibr())
+    for name, pose in (("cam0", np.eye(4)), ("cam1", POSE)):
+        chain[name].pop("T_cn_cnm1", None)
+        chain[name]["T_cam_imu"] = pose.tolist()
+    return yaml.safe_dump(chain).encode()
+
+
+WIDE: dict[str, Callable[[], list[bytes]]] = {
+    "OpenCV, said by name": lambda: [
+        opencv(".yml", camera_model="fisheye", **(BOTH_CAMERAS | {"D1": FISHEYE.T, "D2": FISHEYE.T}))
+    ],
+    "OpenCV, said by number": lambda: [
+        opencv(".yml", fisheye=1, model="kannala_brandt4", **(BOTH_CAMERAS | {"D1": FISHEYE.T, "D2": FISHEYE.T}))
+    ],
+    "Kalibr": lambda: [kalibr("equidistant", (FISHEYE, FISHEYE))],
+    "DepthAI": lambda: [depthai(wide=True)],
+    "ORB-SLAM3": lambda: [orb_slam("KannalaBrandt8")],
+    "VINS": lambda: vins(wide=True),
+}  # fmt: skip
+"""Both cameras with fisheyes."""

@@ -13,7 +13,7 @@ import yaml
 from camera_files import BOTH_CAMERAS, D1, D2, M1, M2, P1, P2, R1, R2, RAW, RECTIFIED, RECTIFYING, SIZE, Q, R, T, opencv
 
 from stereolag.geometry.calibration import Calibration, StereoRig
-from stereolag.geometry.rectification import rectified_calibration
+from stereolag.geometry.rectification import calibration_for, rectified_calibration
 from stereolag.io.calibrations import calibration_json, opencv_calibration, read_calibration, ros_calibration
 
 BASELINE = float(np.linalg.norm(T))
@@ -44,7 +44,7 @@ def is_this_camera(calibration: Calibration, tolerance: float = 1e-9) -> None:
     ):
         np.testing.assert_allclose(found, expected, atol=tolerance)
     for found, expected in ((rig.left_distortion, D1[0]), (rig.right_distortion, D2[0])):
-        np.testing.assert_allclose(found, expected[: found.size])
+        np.testing.assert_allclose(found, np.pad(expected, (0, max(0, found.size - 5)))[: found.size])
 
 
 def is_rectified_as_here(calibration: Calibration, tolerance: float = 1e-6) -> None:
@@ -54,9 +54,9 @@ def is_rectified_as_here(calibration: Calibration, tolerance: float = 1e-6) -> N
     assert (calibration.cx, calibration.cy) == pytest.approx((P1[0, 2], P1[1, 2]), rel=tolerance)
 
 
-@pytest.mark.parametrize("name", RAW)
+@pytest.mark.parametrize("name", RAW | files.OF_MAKERS)
 def test_both_cameras(name):
-    calibration = read_calibration(*RAW[name]())
+    calibration = read_calibration(*(RAW | files.OF_MAKERS)[name]())
     is_this_camera(calibration)
     assert calibration.rig.rectification is None
     assert (calibration.width, calibration.height) == SIZE
@@ -64,9 +64,9 @@ def test_both_cameras(name):
     is_rectified_as_here(calibration)
 
 
-@pytest.mark.parametrize("name", RECTIFYING)
+@pytest.mark.parametrize("name", RECTIFYING | files.OF_MAKERS_RECTIFYING)
 def test_both_cameras_and_how_to_rectify_them(name):
-    calibration = read_calibration(*RECTIFYING[name]())
+    calibration = read_calibration(*(RECTIFYING | files.OF_MAKERS_RECTIFYING)[name]())
     is_this_camera(calibration, 1e-6)
     is_rectified_as_here(calibration)
     how = calibration.rig.rectification
@@ -75,17 +75,103 @@ def test_both_cameras_and_how_to_rectify_them(name):
         np.testing.assert_allclose(one, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", RECTIFIED)
+@pytest.mark.parametrize("name", RECTIFIED | files.OF_MAKERS_RECTIFIED)
 def test_the_rectified_pair(name):
-    calibration = read_calibration(*RECTIFIED[name]())
+    calibration = read_calibration(*(RECTIFIED | files.OF_MAKERS_RECTIFIED)[name]())
     assert calibration.rig is None
     is_rectified_as_here(calibration)
+
+
+@pytest.mark.parametrize("name", files.WIDE)
+def test_a_fisheye_that_is_declared_is_read_as_one(name):
+    rig = read_calibration(*files.WIDE[name]()).rig
+    assert rig.fisheye
+    for lens in (rig.left_distortion, rig.right_distortion):
+        np.testing.assert_allclose(lens, files.FISHEYE[0])
+    np.testing.assert_allclose(rig.translation, T[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("data", "sizes", "raw"),
+    [
+        (files.zed(), {(1280, 720): 2.0, (1920, 1080): 3.0, (672, 376): 1.05}, True),
+        (files.realsense(), {(640, 480): 1.0, (1920, 1080): 3.0, (320, 240): 0.5}, False),
+    ],
+)
+def test_of_several_sizes_that_of_the_pictures_is_taken(data, sizes, raw):
+    calibration = read_calibration(data)
+    assert calibration.baseline_m == pytest.approx(BASELINE, rel=1e-6)
+    assert {(one.width, one.height) for one in calibration.modes} == {*sizes}
+    for (width, height), factor in sizes.items():
+        fitted = calibration_for(calibration, width, height)
+        assert (fitted.width, fitted.height) == (width, height)
+        found = fitted.rig.left_matrix[0, 0] / M1[0, 0] if raw else fitted.focal_px / P1[0, 0]
+        assert found == pytest.approx(factor)
+
+
+def test_kitti_as_taken_is_rectified_with_its_own_cameras():
+    more = {"S_02": np.array([800, 500]), "K_02": M1, "D_02": D1, "R_rect_02": R1}
+    calibration = read_calibration(files.kitti(**more, K_03=M2, D_03=D2, R_rect_03=R2))
+    assert calibration.rig is None and calibration.notes == ()
+    raw = calibration_for(calibration, 800, 500)
+    np.testing.assert_allclose(raw.rig.translation, T[:, 0], atol=1e-6)
+
+
+def test_cameras_one_above_the_other_are_read_as_such():
+    below = np.array([[0.001], [-0.12], [0.0]])
+    read = read_calibration(files.npz(**(BOTH_CAMERAS | {"T": below})))
+    assert (read.turn, read.rig.turn, read.baseline_m) == (1, 1, pytest.approx(0.12, rel=1e-3))
+    _, _, p1, p2, q, *_ = cv2.stereoRectify(M1, D1, M2, D2, SIZE, R, -below, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
+    read = read_calibration(opencv(".yml", P1=p1, P2=p2, Q=q, image_size=np.array(SIZE)))
+    assert (read.turn, read.focal_px) == (-1, p1[0, 0])
+    assert read.baseline_m == pytest.approx(np.linalg.norm(below))
+    assert read_calibration(calibration_json(read).encode()) == read
+
+
+def test_what_was_assumed_and_what_has_no_effect_is_noted():
+    def notes(**entries):
+        return " ".join(read_calibration(files.npz(**entries)).notes)
+
+    assert notes(**BOTH_CAMERAS, length_unit=np.array("m"), rms=0.2, E=np.eye(3)).startswith("The file does not state")
+    assert "metres are assumed" in notes(**BOTH_CAMERAS)
+    assert "unknown here: distortoin, colour." in notes(**BOTH_CAMERAS, colour=np.ones(3), distortoin=np.ones(5))
+    straight = {name: value for name, value in BOTH_CAMERAS.items() if not name.startswith("D")}
+    assert "free of distortion" in notes(**straight)
+    assert "add camera_model: fisheye" in notes(**(BOTH_CAMERAS | {"D1": D1[:, :4], "D2": D2[:, :4]}))
+    for given, unit in ((files.npz(**BOTH_CAMERAS), False), (files.kalibr(), True), (MIDDLEBURY, True)):
+        assert read_calibration(given).unit_stated is unit
+    assert read_calibration(files.ros("left"), files.ros("right")).notes == ()
+
+
+def test_lengths_of_matlab_are_millimetres_unless_another_unit_is_said():
+    data = files.OF_MAKERS["Bouguet's toolbox"]()
+    assert read_calibration(*data).notes == ("The file does not state its unit of length: millimetres are assumed.",)
+    assert read_calibration(*data, length_unit_m=0.01).baseline_m == pytest.approx(10 * BASELINE)
+    stated = files.OF_MAKERS["MATLAB, a newer struct, inside another"]()
+    assert read_calibration(*stated, length_unit_m=0.01).baseline_m == pytest.approx(BASELINE)
+
+
+def test_what_a_calibration_means_is_said_and_doubted_beyond_any_stereo_camera():
+    camera = Calibration(676.13, 0.12)
+    assert "baseline 0.12 m, 64 disparities reach from 1.3 m" in camera.in_words()
+    assert camera.plausible and "millimetres" not in camera.in_words()
+    in_millimetres = replace(camera, baseline_m=120.0)
+    assert not in_millimetres.plausible
+    assert "in millimetres, the baseline is 0.12 m" in in_millimetres.in_words()
+    assert not Calibration(80_000, 0.5).plausible
 
 
 def test_middlebury_has_millimetres_and_another_centre_in_the_right_image():
     assert read_calibration(MIDDLEBURY) == Calibration(
         3979.911, 193.001 / 1000, 124.343, 1244.772, 1019.507, width=2964, height=1988, num_disparities=270
     )
+
+
+def test_middlebury_without_doffs_takes_it_from_both_centres():
+    without = MIDDLEBURY.replace(b"doffs=124.343\n", b"")
+    assert read_calibration(without).doffs_px == pytest.approx(1369.115 - 1244.772)
+    lone = b"\n".join(line for line in without.splitlines() if not line.startswith(b"cam1"))
+    assert "neither doffs nor cam1" in read_calibration(lone).notes[0]
 
 
 def test_the_colour_cameras_of_kitti_come_before_the_grey_ones():
@@ -158,12 +244,24 @@ def test_a_comma_forgotten_at_the_end_of_a_line():
         ([files.npz(mtxL=M1, distL=D1, R=R, T=T)], r"lacks right camera matrix \(M2\)"),
         ([files.npz(mtx=M1, dist=D1, rms=np.array(0.2))], r"of one camera alone \(mtx, dist, rms\); give the file of"),
         ([files.ros("left")], "left camera alone: “projection_matrix” has no baseline"),
-        ([files.ros("left", model="equidistant"), files.ros("right")], "allowed are plumb_bob"),
+        ([files.ros("left", model="equidistant"), files.ros("right")], "declares a pinhole and a fisheye"),
+        ([files.ros(side).replace(b"coefficients", b"coefficents") for side in ("left", "right")],
+         r"declares a lens \(pinhole\), but its .* not found.*unknown here: distortion_coefficents"),
+        ([files.npz(**{name: value for name, value in BOTH_CAMERAS.items() if name != "D2"}, dist_rihgt=D2)],
+         r"lacks the other \(D2\).*unknown here: dist_rihgt"),
+        ([files.vins()[0], *[one.replace(b"PINHOLE", b"MEI") for one in files.vins()[1:]]], "“MEI” for “model_type”"),
+        ([files.as_json(CameraParameters1={"Intrinsics": {"MappingCoefficients": [1, 2]}})], "“scaramuzza”"),
+        ([files.as_json(**BOTH_CAMERAS, unit="feet")], "“feet” as its unit of length; allowed are m, cm and mm"),
+        ([files.zed().replace(b"CV_", b"CW_")], "has no STEREO.CV_HD"),
+        ([b"1 2 3\n4 5 6\n7 8 9\n"], "9 numbers without names"),
+        (files.vins()[:2], r"\(VINS\) is of 1 camera; give the files of both"),
+        ([b"MATLAB 7.3 MAT-file, Platform: GLNXA64"], "save it with -v7"),
+        ([files.mat(x=np.eye(3))[:150]], "MAT file that is damaged"),
         ([files.npz(mtx=M1, dist=D1)] * 3, "3 files hold the calibration of one camera each"),
         ([files.npz(stereoMapL_x=np.zeros((480, 640)))], "holds no names with values"),
         ([files.npz(E=np.eye(3), F=np.eye(3))], "holds E, F: it is in no known format, or lacks both cameras"),
         ([files.npz(K1=np.array([None]), K2=M2, R=R, T=T)], "lacks left camera matrix"),
-        ([files.kalibr(distortion_model="equidistant")], "“equidistant” for “cam1.distortion_model”.*are plumb"),
+        ([files.kalibr(distortion_model="equidistant")], "declares a pinhole and a fisheye"),
         ([files.kalibr(camera_model="omni")], "“omni” for “cam1.camera_model”.*allowed are pinhole"),
         ([files.as_json(fx=700, fy=700, cx=3)], "has no baseline_m; .* It has fx, fy, cx"),
         ([files.npz(**(BOTH_CAMERAS | {"R1": np.eye(3)[::-1] * [1, -1, 1], "R2": R2, "P1": P1, "P2": P2}))], "R1"),

@@ -20,8 +20,9 @@ from stereolag.geometry.rectification import (
     rectify,
     scaled_disparity,
     scaled_image,
+    turned,
 )
-from stereolag.io.calibrations import read_calibration
+from stereolag.io.calibrations import calibration_json, opencv_calibration, read_calibration
 
 WIDTH, HEIGHT = SIZE
 
@@ -150,6 +151,62 @@ def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_
         to_rows = (how.left_rotation, how.left_projection) if side == 0 else (how.right_rotation, how.right_projection)
         corners.append(cv2.undistortPoints(where, files[f"M{side + 1}"], files[f"D{side + 1}"], None, *to_rows)[:, 0])
     assert np.abs(corners[0][:, 1] - corners[1][:, 1]).mean() < 0.5
+
+
+FISHEYE = np.array([-0.02, 0.004, -0.003, 0.0005])
+
+
+@pytest.mark.parametrize("alpha", [None, 0.5])
+def test_fisheyes_are_rectified_as_by_opencv_by_hand(pair, alpha):
+    matrix = np.array([[200.0, 0, 239], [0, 201, 181], [0, 0, 1]])
+    rig = StereoRig(matrix, FISHEYE, matrix, FISHEYE * 1.1, R, T, *SIZE, fisheye=True)
+    r1, r2, p1, p2, _ = cv2.fisheye.stereoRectify(
+        matrix, FISHEYE, matrix, FISHEYE * 1.1, SIZE, R, T[:, None], cv2.CALIB_ZERO_DISPARITY, balance=alpha or 0.0
+    )
+    maps = [
+        cv2.fisheye.initUndistortRectifyMap(matrix, lens, turn, projection, SIZE, cv2.CV_32FC1)
+        for lens, turn, projection in ((FISHEYE, r1, p1), (FISHEYE * 1.1, r2, p2))
+    ]
+    made = rectify(*pair, unrectified(rig), alpha=alpha)
+    for found, image, one in zip(made[:2], pair, maps, strict=True):
+        np.testing.assert_array_equal(found, cv2.remap(image, *one, cv2.INTER_LINEAR))
+    assert made.calibration.focal_px == p1[0, 0]
+    assert made.calibration.baseline_m == pytest.approx(np.linalg.norm(T))
+    for read in (calibration_json(unrectified(rig)), opencv_calibration(unrectified(rig))):
+        again = read_calibration(read.encode()).rig
+        assert again.fisheye
+        np.testing.assert_allclose(again.left_distortion, FISHEYE)
+
+
+@pytest.mark.parametrize("quarters", [1, -1])
+@pytest.mark.parametrize("lens", [D1, np.array([-0.2, 0.05, 0.001, -0.002, 0.01, 0, 0, 0, 0.01, 0.002, -0.004, 0.001])])
+def test_cameras_one_above_the_other_are_turned_and_rectified_like_those_side_by_side(quarters, lens):
+    rig = StereoRig(M1, lens, M2, D2, R, T, *SIZE)
+    upright = rig.turned(-quarters, SIZE)
+    assert upright.turn == quarters
+    assert (upright.width, upright.height) == SIZE[::-1]
+    pair = raw_pair()
+    expected = rectify(*pair, unrectified(rig))
+    predicted = replace(rectified_calibration(upright, SIZE[::-1]), rig=upright)
+    found = rectify(*(turned(image, -quarters) for image in pair), predicted)
+    for one, other in zip(found[:2], expected[:2], strict=True):
+        assert np.abs(one.astype(float) - other).mean() < 0.1
+    assert found.calibration.focal_px == pytest.approx(expected.calibration.focal_px, rel=1e-6)
+    assert (predicted.turn, predicted.focal_px) == (quarters, pytest.approx(expected.calibration.focal_px))
+
+
+def test_a_rectification_that_leaves_hardly_anything_is_refused_with_its_numbers(rig, pair):
+    for angle, refused in ((10, False), (55, True)):
+        turn = cv2.Rodrigues(np.array([0.0, np.radians(angle), 0]))[0]
+        apart = -turn @ [np.cos(np.radians(angle / 2)), 0, np.sin(np.radians(angle / 2)) * (1 if refused else -1)]
+        cameras = unrectified(replace(rig, rotation=turn, translation=0.1 * apart))
+        if refused:
+            with pytest.raises(
+                ValueError, match=r"would be magnified .* times, show .* and fill .*allowed are up to 3"
+            ):
+                rectify(*pair, cameras)
+        else:
+            rectify(*pair, cameras)
 
 
 CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, num_disparities=64)

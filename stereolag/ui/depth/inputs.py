@@ -17,6 +17,7 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import halves
+from stereolag.io.calibration_layouts import UNITS
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
 from stereolag.io.images import Frame, StoredDisparity, read_frame, read_stored_disparity
@@ -150,7 +151,11 @@ def choose_pair() -> Pair:
         prose.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
-    told = [change.sentence for change in pair.changes if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED)]
+    told = [
+        change.sentence
+        for change in pair.changes
+        if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED)
+    ]
     if told:
         prose.caption(" ".join(told))
     show_decision(pair, PAIR)
@@ -468,30 +473,28 @@ def set_of(pair_id: PairId) -> PairSet | None:
 
 # Calibration and rectification, on the driving page too
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-
 
 def ask_calibration(key: str) -> Upload[Calibration] | None:
     """Ask for the calibration of the camera; None if there is none, and depth is then relative."""
     with st.expander("Calibration (optional): for depth in metres, and to rectify"):
         columns = st.columns([2, 1, 1], gap="medium")
         with columns[0]:
-            unit = st.session_state.get(f"{key}.unit", "m")
+            unit = st.session_state.get(f"{key}.unit")
             given = upload_together(
                 "Calibration files",
-                lambda contents: guarded(read_calibration)(*contents, length_unit_m=UNITS[unit]),
+                lambda contents: guarded(read_calibration)(*contents, length_unit_m=unit and UNITS[unit]),
                 key=f"{key}.calibration",
                 types=CALIBRATION_TYPES,
                 note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
-                "Kalibr, Middlebury, KITTI, stereodemo, or JSON with focal_px and baseline_m. With both cameras’ "
-                "matrices and distortion the pair is rectified.",
-                variant=unit,
+                "Kalibr, ZED, OAK, RealSense, MATLAB, Middlebury, KITTI, DrivingStereo, ORB-SLAM, VINS, Cityscapes, "
+                "stereodemo, or JSON with focal_px and baseline_m. With both cameras’ matrices and distortion the pair "
+                "is rectified.",
+                variant=unit or "",
             )
+            unknown = given is not None and unit is None and not given.content.unit_stated
             st.segmented_control(
-                "Lengths without a unit are in",
+                "Which unit are its lengths in? The file does not say." if unknown else "Lengths without a unit are in",
                 [*UNITS],
-                default="m",
-                required=True,
                 **persistent(f"{key}.unit"),
                 help="Files of OpenCV and NumPy do not state it: it is the unit of the chessboard’s square size. "
                 "Others state it, or are in metres by convention (ROS, Kalibr).",
@@ -515,10 +518,20 @@ def ask_calibration(key: str) -> Upload[Calibration] | None:
             help="The distance between the two cameras.",
         )
     if given is not None:
+        _say_what_it_means(given.content)
         return given
     if focal is None or baseline is None:
         return use_kept_calibration()
     return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
+
+
+def _say_what_it_means(calibration: Calibration) -> None:
+    """Show what a calibration means in metres and what was assumed; as a warning where that is not to be believed."""
+    said = " ".join((calibration.in_words(), *calibration.notes))
+    if calibration.plausible:
+        prose.caption(said)
+    else:
+        prose.warning(said)
 
 
 ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}

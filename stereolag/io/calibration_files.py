@@ -1,0 +1,427 @@
+"""The notations of calibration files: JSON, YAML, XML, INI, NPZ, MAT, ``name=value`` or rows of numbers.
+
+All become entries by name. What the names mean is up to :mod:`stereolag.io.calibration_layouts`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import zipfile
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple, TypeAlias
+from xml.etree.ElementTree import Element, ParseError
+
+import numpy as np
+import numpy.typing as npt
+import scipy  # scipy.io is loaded only on first use
+import yaml
+from defusedxml import DefusedXmlException, ElementTree
+
+from stereolag.io.sources import ZIP_MAGIC, parse_npy, quote
+
+MAX_TEXT_BYTES = 2**20
+MAX_ARCHIVE_BYTES = 2**24
+MAX_ARRAY_BYTES = 2**16
+"""Of one array of an archive, unpacked: more than any matrix of a camera, and less than a map of pixels."""
+MAX_NAMES = 2000
+MAX_DEPTH = 16
+MAX_VALUES = 100_000
+"""Scalars, lists and dictionaries, each counted as often as an alias of YAML repeats it."""
+MAX_SIDE = 100_000
+MAX_NUMBER = 1e12
+"""No focal length, length or coefficient of a camera comes near it; results computed from such numbers stay finite."""
+
+MAT_MAGIC = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
+"""The beginnings of MAT files, without HDF5 and with it."""
+
+Matrix: TypeAlias = npt.NDArray[np.float64]
+NO_NUMBERS = np.array([np.nan])
+"""Placeholder for a list that is not an array of numbers, refused only if it is used."""
+
+
+class Entry(NamedTuple):
+    """A named value of a calibration file: an array of numbers (a single one has shape (1,)), or text."""
+
+    name: str
+    value: Matrix | str
+
+    def numbers(self, count: int | None = None) -> Matrix:
+        """Return the numbers as a vector, of length `count` if given; ValueError if they are not such numbers."""
+        name, values = quote(self.name), self.value
+        if isinstance(values, str):
+            raise ValueError(f"{name} in the calibration must hold numbers, not {quote(values)}.")
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} in the calibration must hold finite numbers only.")
+        largest = max(values.flat, key=abs, default=0.0)
+        if abs(largest) > MAX_NUMBER:
+            raise ValueError(
+                f"{name} in the calibration holds {largest:g}; allowed are numbers from -{MAX_NUMBER:g} to "
+                f"{MAX_NUMBER:g}."
+            )
+        if count is not None and values.size != count:
+            raise ValueError(f"{name} in the calibration must hold {count} numbers; it holds {values.size}.")
+        return values.ravel()
+
+    @property
+    def value_size(self) -> int:
+        """Return how many numbers there are."""
+        return 0 if isinstance(self.value, str) else self.value.size
+
+    def text(self) -> str:
+        """Return the text, or the numbers as one."""
+        return self.value if isinstance(self.value, str) else " ".join(f"{number:g}" for number in self.value.flat)
+
+    def matrix(self, rows: int, cols: int) -> Matrix:
+        """Return the numbers as a matrix of this size."""
+        return self.numbers(rows * cols).reshape(rows, cols)
+
+    def counts(self, count: int) -> list[int]:
+        """Return whole numbers from 1 to `MAX_SIDE`, rounded."""
+        numbers = self.numbers(count).tolist()
+        for number in numbers:
+            if not 1 <= number <= MAX_SIDE:
+                raise ValueError(f"The calibration has {number:g} for {quote(self.name)}; allowed are 1 to {MAX_SIDE}.")
+        return [round(number) for number in numbers]
+
+    def projection(self) -> Matrix:
+        """Return the numbers as a (3, 4) projection, whose focal length must be above 0."""
+        found = self.matrix(3, 4)
+        if found[0, 0] <= 0:
+            raise ValueError(
+                f"{quote(self.name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
+            )
+        return found
+
+
+class Entries(dict[str, Entry]):
+    """The entries of a calibration file by their names, which remember which of them were looked up."""
+
+    def __init__(self, *entries: Any) -> None:
+        super().__init__(*entries)
+        self.used: set[str] = set()
+
+    def find(self, names: str) -> Entry | None:
+        """Return the entry of the first of some names, divided by ``|``, whatever their case; None if there is none."""
+        for name in names.split("|"):
+            found = self.match(re.escape(name))
+            if found is not None:
+                return found
+        return None
+
+    def match(self, pattern: str) -> Entry | None:
+        """Return the first entry whose whole name fits a pattern, whatever its case; None if there is none."""
+        wanted = re.compile(pattern, re.IGNORECASE)
+        name = next(filter(wanted.fullmatch, self), None)
+        if name is None:
+            return None
+        self.used.add(name)
+        return self[name]
+
+    def number(self, names: str) -> float | None:
+        """Return a number, None if there is none."""
+        found = self.find(names)
+        return None if found is None else float(found.numbers(1)[0])
+
+    def required(self, names: str) -> Entry:
+        """Return an entry that must exist."""
+        found = self.find(names)
+        if found is None:
+            first = names.split("|")[0]
+            raise ValueError(f"The calibration has no {first}; it is needed here. It has {names_found(self)}.")
+        return found
+
+    def text(self, names: str) -> str:
+        """Return a text, empty if there is none."""
+        found = self.find(names)
+        return "" if found is None else found.text()
+
+
+def names_found(names: Iterable[str]) -> str:
+    """Return the first names in words, harmless in an error shown as Markdown or HTML."""
+    every = list(names)
+    shown = [re.sub(r"[^\w.+-]", "?", name[:24]) for name in every[:6]]
+    more = f" and {len(every) - len(shown):,} more" if len(every) > len(shown) else ""
+    return ", ".join(shown) + more if shown else "no names with values"
+
+
+_ASSIGNMENT = re.compile(r"^[ \t]*([\w.]+)[ \t]*=[ \t]*(\S.*)$")
+_NUMBER = r"(?:[-+]?[\d.][-+.\deE]*|nan|inf)"
+_NAMED_ROW = re.compile(rf"^[ \t]*(\w+):?[ \t]+({_NUMBER}(?:[ \t]+{_NUMBER})+)[ \t]*$")
+_SECTION = re.compile(r"^[ \t]*\[[ \t]*([A-Za-z][\w /.-]*)\][ \t]*$")
+_OPENCV_DIRECTIVE = re.compile(r"\A\s*%YAML:[^\n]*")
+"""OpenCV writes ``%YAML:1.0``, which is not a YAML directive."""
+
+# Every scalar stays text and every tag is ignored: no tag makes an object, and no type of YAML 1.1 is resolved (its
+# base-60 numbers alone can take minutes). The loader in C is ten times as fast; every wheel of PyYAML has it.
+_LOADER: Any = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
+
+TOO_DEEP = f"The calibration is nested more than {MAX_DEPTH} levels deep."
+TOO_MANY = f"The calibration holds more than {MAX_VALUES:,} values, its aliases followed."
+
+
+def parse_entries(data: bytes) -> Entries:
+    """Return the entries of the file, by name.
+
+    A matrix of OpenCV or ROS (rows, cols, data) and nested lists keep their shape. Nested entries are named by their
+    path, with dots: ``cam0.intrinsics``. Bare rows are named ``row0``, ``row1``, …
+
+    Raises
+    ------
+    ValueError
+        A file that is too large or cannot be parsed, or a matrix whose size differs from the announced one.
+    """
+    packed = data.startswith((ZIP_MAGIC, *MAT_MAGIC))
+    most = MAX_ARCHIVE_BYTES if packed else MAX_TEXT_BYTES
+    if len(data) > most:
+        raise ValueError(
+            f"The calibration has {len(data):,} bytes; at most {most:,} are accepted: it describes cameras only, and "
+            "contains no maps of pixels."
+        )
+    try:
+        if not packed:
+            values = _values_of_text(_text(data))
+        else:
+            values = _arrays(data) if data.startswith(ZIP_MAGIC) else _leaves(_structs(data))
+    except RecursionError as error:
+        raise ValueError(TOO_DEEP) from error
+    _check_names(len(values))
+    return Entries({name: Entry(name, value) for name, value in values.items() if name})
+
+
+def _check_names(count: int) -> None:
+    if count > MAX_NAMES:
+        raise ValueError(f"The calibration has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")
+
+
+def _arrays(data: bytes) -> dict[str, Matrix | str]:
+    """Return the arrays in an archive of NumPy, with placeholders for those that are large or not of numbers."""
+    arrays: dict[str, Matrix | str] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            _check_names(len(archive.infolist()))
+            for member in archive.infolist():
+                content = archive.read(member) if member.file_size <= MAX_ARRAY_BYTES else b""
+                try:
+                    array = _value(parse_npy(content, "calibration"))
+                except ValueError:
+                    continue
+                arrays[member.filename.removesuffix(".npy")] = array
+    except (ValueError, MemoryError):
+        raise
+    except Exception as error:  # zipfile and its decoders raise all kinds of errors on broken files
+        raise ValueError("The calibration (.npz) is damaged, cut short or locked; save it again.") from error
+    return arrays
+
+
+def _structs(data: bytes) -> Any:
+    """Return the variables of a MAT file, its structs as dictionaries."""
+    if data.startswith(MAT_MAGIC[1]):
+        raise ValueError("The calibration is a MAT file of version 7.3, which is not read; save it with -v7.")
+    try:
+        stream: Any = io.BytesIO(data)
+        held = scipy.io.loadmat(stream, simplify_cells=True)
+    except (ValueError, MemoryError):
+        raise
+    except Exception as error:  # scipy raises all kinds of errors on broken files
+        raise ValueError("The calibration is a MAT file that is damaged or cut short; save it again.") from error
+    if any(isinstance(value, scipy.io.matlab.MatlabOpaque) for value in held.values()):
+        raise ValueError(
+            "The calibration is a MAT file with an object of MATLAB; save the struct that toStruct makes of it."
+        )
+    return _plain({name: value for name, value in held.items() if not name.startswith("__")})
+
+
+def _plain(tree: Any) -> Any:
+    """Return a tree of dictionaries and arrays with lists in place of the arrays."""
+    if isinstance(tree, dict):
+        return {name: _plain(value) for name, value in tree.items()}
+    if isinstance(tree, list):
+        return [_plain(value) for value in tree]
+    if isinstance(tree, np.ndarray | np.generic):
+        return _plain(tree.tolist()) if tree.nbytes <= MAX_ARRAY_BYTES else None
+    return tree
+
+
+def _text(data: bytes) -> str:
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            "The calibration is not a text file (UTF-8), an .npz of NumPy or a .mat; save pickles as one of these."
+        ) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise ValueError(f"Line {line} of the calibration holds a NUL byte; allowed is plain text.")
+    return text
+
+
+def _values_of_text(text: str) -> dict[str, Matrix | str]:
+    start = text.lstrip()
+    if start.startswith("<"):
+        return _leaves(_xml(start.encode()))
+    if start.startswith("{"):
+        return _leaves(_json(start))
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", ";"))]
+    if any(_SECTION.match(line) for line in lines):
+        _check_names(len(lines))
+        return _ini(lines)
+    if assignments := [match for line in lines if (match := _ASSIGNMENT.match(line))]:
+        _check_names(len(lines))
+        return {match[1]: _value(re.sub(r"[\[\];]", " ", match[2])) for match in assignments}
+    if lines and len(lines) <= MAX_NAMES and not any(isinstance(_value(line), str) for line in lines):
+        return {f"row{number}": _value(line) for number, line in enumerate(lines)}
+    rows = [match for line in lines if (match := _NAMED_ROW.match(line))]
+    if any(match[1].startswith("P") for match in rows):
+        _check_names(len(lines))
+        return {match[1]: _value(match[2]) for match in rows}
+    return _leaves(_yaml(text))
+
+
+def _ini(lines: list[str]) -> dict[str, Matrix | str]:
+    """Return the values below headings in brackets; ROS writes rows of numbers below a name, others ``name=value``."""
+    section = name = ""
+    rows: dict[str, str] = {}
+    for line in lines:
+        if heading := _SECTION.match(line):
+            section, name = heading[1].strip(), ""
+        elif assignment := _ASSIGNMENT.match(line):
+            rows[f"{section}.{assignment[1]}"] = assignment[2]
+        elif isinstance(_value(line), str):
+            name = f"{section}.{line.strip()}"
+            rows[name] = ""
+        elif name:
+            rows[name] += f" {line}"
+    return {name: _value(values) for name, values in rows.items() if values}
+
+
+def _json(text: str) -> Any:
+    """Return the content of a text in braces: JSON, or YAML in flow style."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        try:
+            return _yaml(text)
+        except ValueError:
+            raise ValueError("The calibration begins like JSON, but cannot be parsed as such.") from error
+
+
+def _yaml(text: str) -> Any:
+    """Return the first document of a YAML text."""
+    text = _OPENCV_DIRECTIVE.sub("", text, count=1)
+    depth = 0
+    try:
+        # The loader in C would overflow the stack of its process at a few 10,000 levels.
+        for number, event in enumerate(yaml.parse(text, Loader=_LOADER)):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise ValueError(TOO_DEEP)
+            if number > 2 * MAX_VALUES:
+                raise ValueError(TOO_MANY)
+            if isinstance(event, yaml.DocumentEndEvent):
+                break
+        return next(yaml.load_all(text, Loader=_LOADER), None)
+    except yaml.MarkedYAMLError as error:
+        line = "" if error.problem_mark is None else f" at line {error.problem_mark.line + 1}"
+        raise ValueError(f"The calibration cannot be parsed as YAML: it is broken or cut short{line}.") from error
+    except yaml.YAMLError as error:
+        raise ValueError(
+            "The calibration cannot be parsed as YAML: it holds characters that are not allowed."
+        ) from error
+
+
+def _xml(data: bytes) -> Any:
+    """Return the content of the root element of OpenCV's XML, without entities or type definitions."""
+    try:
+        return _xml_tree(ElementTree.fromstring(data, forbid_dtd=True))
+    except DefusedXmlException as error:
+        raise ValueError(
+            "The calibration (XML) defines types or entities, which are not accepted; save it as OpenCV does, without "
+            "them."
+        ) from error
+    except ParseError as error:
+        raise ValueError(
+            f"The calibration cannot be parsed as XML: it is broken or cut short at line {error.position[0]}."
+        ) from error
+    except (LookupError, UnicodeError) as error:
+        raise ValueError("The calibration (XML) is in an encoding that is not known; save it in UTF-8.") from error
+
+
+def _xml_tree(element: Element) -> Any:
+    if not len(element):
+        return (element.text or "").strip().strip('"')
+    if all(child.tag == "_" for child in element):  # OpenCV's name for the elements of a sequence
+        return [_xml_tree(child) for child in element]
+    return {child.tag: _xml_tree(child) for child in element}
+
+
+def _leaves(tree: Any) -> dict[str, Matrix | str]:
+    """Return the leaves of a tree of dictionaries and lists by their paths: ``left.camera_matrix``."""
+    _count(tree)
+    return dict(_walk("", tree))
+
+
+def _count(tree: Any, depth: int = 0) -> int:
+    """Return the number of values in a tree, its aliases followed; ValueError if they are too many, or too deep."""
+    if depth > MAX_DEPTH:
+        raise ValueError(TOO_DEEP)
+    count = 1
+    for value in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
+        count += _count(value, depth + 1)
+        if count > MAX_VALUES:
+            raise ValueError(TOO_MANY)
+    return count
+
+
+def _walk(name: str, tree: Any) -> Iterator[tuple[str, Matrix | str]]:
+    if isinstance(tree, list) and _holds_names(tree):
+        tree = dict(enumerate(tree))
+    if not isinstance(tree, dict):
+        if tree is not None and tree != "":
+            yield name, _value(str(tree) if isinstance(tree, bool) else tree)
+    elif "data" in tree and ({"rows", "cols"} <= set(tree) or "sizes" in tree):
+        # OpenCV 5 writes the sizes of an array of one row.
+        sizes = [tree["rows"], tree["cols"]] if {"rows", "cols"} <= set(tree) else tree["sizes"]
+        yield name, _announced(name, tree["data"], sizes)
+    else:
+        for key, value in tree.items():
+            yield from _walk(f"{name}.{key}" if name else str(key), value)
+
+
+def _holds_names(tree: Any) -> bool:
+    return isinstance(tree, dict) or (isinstance(tree, list) and any(map(_holds_names, tree)))
+
+
+def _announced(name: str, data: Any, sizes: Any) -> Matrix:
+    """Return an array in the shape announced by its file."""
+    values, shape = _value(data), _value(sizes)
+    if isinstance(values, str) or isinstance(shape, str) or not np.isfinite([*values.flat, *shape.flat]).all():
+        return NO_NUMBERS
+    if not ((shape >= 0) & (shape <= values.size)).all() or math.prod(map(int, shape.flat)) != values.size:
+        announced = " × ".join(f"{side:g}" for side in list(shape.flat)[:3])
+        raise ValueError(f"{quote(name)} in the calibration announces {announced} numbers and holds {values.size}.")
+    return values.reshape([int(side) for side in shape.flat])
+
+
+def _value(leaf: Any) -> Matrix | str:
+    """Return the numbers in a leaf; if it is a text that contains anything else, the text."""
+    if isinstance(leaf, str):
+        try:
+            return np.array([_float(token) for token in re.split(r"[\s,]+", leaf.strip())])
+        except ValueError:
+            return leaf.strip()
+    if isinstance(leaf, list) and leaf and all(isinstance(item, str) for item in leaf):
+        # From YAML and XML; if a comma is missing at the end of a line, two numbers are one item.
+        numbers = _value(" ".join(leaf))
+        return NO_NUMBERS if isinstance(numbers, str) else numbers
+    try:
+        return np.atleast_1d(np.array(leaf, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        return NO_NUMBERS
+
+
+def _float(token: str) -> float:
+    """Return the number in a text, including those that YAML writes differently from Python."""
+    return float(token.replace(".", "", 1) if token.lower().lstrip("+-") in (".nan", ".inf") else token)

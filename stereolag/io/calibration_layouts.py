@@ -1,0 +1,672 @@
+"""The layouts in which makers write calibrations: each a row of :data:`LAYOUTS`, recognised by its names.
+
+A layout turns the entries of its files into parts, which are named as in OpenCV. Files in no layout of their own are
+read by what their names mean (:func:`by_meaning`).
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import cv2
+import numpy as np
+
+from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found
+from stereolag.io.sources import quote
+
+Parts: TypeAlias = dict[str, Entry]
+"""Entries by OpenCV's names, ``M1`` for the left camera matrix, ``M2`` for the right one, with ``M0`` for that of the
+only camera in a file: M, D, R, P, and in the same way size, width and height. R, T and Q are of both. Of a rectified
+pair: focal (or M1) and baseline (or product, that of both), and if known doffs, cx, cx2, cy. Besides: lens,
+unit, and most, the number of disparities."""
+
+Reader: TypeAlias = Callable[[Sequence[Entries]], list[Parts]]
+"""Returns the parts for each size of pictures that the files of one calibration are for."""
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units of length, in metres."""
+
+
+class Layout(NamedTuple):
+    """A maker's layout of calibration files.
+
+    Attributes
+    ----------
+    name
+        Whose it is.
+    marks
+        Patterns: a name that fits each of them, whatever its case, is in all files of this layout.
+    read
+        Its reader.
+    unit
+        The unit of its lengths, one of :data:`UNITS`.
+    sure
+        Whether that holds for every file; if not, for those that do not state another one.
+    ignored
+        A pattern of names that are known to have no effect.
+    """
+
+    name: str
+    marks: tuple[str, ...]
+    read: Reader
+    unit: str = "m"
+    sure: bool = True
+    ignored: str = ""
+
+
+def together(files: Sequence[Entries]) -> Entries:
+    """Return the entries of all files; of two with the same name the last."""
+    every = Entries({name: entry for one in files for name, entry in one.items()})
+    every.used = files[0].used
+    return every
+
+
+def layout_of(files: Sequence[Entries]) -> Layout:
+    """Return the first layout whose marks the files bear."""
+    names = [name for one in files for name in one]
+
+    def borne(mark: str) -> bool:
+        wanted = re.compile(mark, re.IGNORECASE)
+        return any(map(wanted.fullmatch, names))
+
+    return next(layout for layout in LAYOUTS if all(map(borne, layout.marks)))
+
+
+# Layouts of makers.
+
+SIZE = {"width0": "width|image_width|camera.width", "height0": "height|image_height|camera.height"}
+MOST = "num_disparities|max_disparity|ndisp"
+
+
+def named(**names: str) -> Reader:
+    """Return a reader of parts that have these names; several for one part are divided by ``|``."""
+
+    def read(files: Sequence[Entries]) -> list[Parts]:
+        entries = together(files)
+        if not entries.keys() & {name for name in names.get("product", "").split("|")}:
+            for part in ("focal", "M1", "baseline"):
+                if part in names:
+                    entries.required(names[part])
+        found = {part: entries.find(name) for part, name in (names | SIZE | {"most": MOST}).items()}
+        return [{part: entry for part, entry in found.items() if entry is not None}]
+
+    return read
+
+
+def numbers(name: str, values: Any) -> Entry:
+    """Return an entry with numbers made from others."""
+    return Entry(name, np.asarray(values, dtype=np.float64))
+
+
+def camera(
+    entries: Entries,
+    side: str,
+    matrix: str,
+    lens: str,
+    centre: Sequence[str] = ("fx", "fy", "cx", "cy"),
+    coefficients: Sequence[str] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+) -> Parts:
+    """Return the matrix of a camera and its lens from single numbers below two headings."""
+    fx, fy, cx, cy = (float(entries.required(f"{matrix}.{name}").numbers(1)[0]) for name in centre)
+    parts = {f"M{side}": numbers(matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])}
+    names = [f"{lens}.{name}" for name in coefficients]
+    if any(entries.find(name) for name in names):
+        for name in names[:2]:
+            entries.required(name)
+        found = [entries.number(name) or 0.0 for name in names]
+        parts[f"D{side}"] = numbers(lens, found)
+    return parts
+
+
+def pose(name: str, turn: Matrix, place: Matrix) -> Parts:
+    """Return R and T: a point at x in the left camera's frame is at ``turn @ x + place`` in the right one's."""
+    return {"R": numbers(name, turn), "T": numbers(name, place)}
+
+
+def between(name: str, left: Matrix, right: Matrix) -> Parts:
+    """Return R and T from the (4, 4) or (3, 4) transforms of one frame into those of both cameras."""
+    turn = right[:3, :3] @ left[:3, :3].T
+    return pose(name, turn, right[:3, 3] - turn @ left[:3, 3])
+
+
+def inverted(transform: Matrix) -> Matrix:
+    """Return the (3, 4) inverse of a rigid transform."""
+    turn = transform[:3, :3].T
+    return np.column_stack((turn, -turn @ transform[:3, 3]))
+
+
+ZED_SIZES = {
+    "HD": (1280, 720),
+    "2K": (2208, 1242),
+    "FHD": (1920, 1080),
+    "FHD1200": (1920, 1200),
+    "VGA": (672, 376),
+    "SVGA": (960, 600),
+    "4K": (3840, 2160),
+    "QHDPLUS": (3200, 1800),
+}
+"""Sizes of pictures by the names that Stereolabs gives them."""
+
+
+def _zed(files: Sequence[Entries]) -> list[Parts]:
+    """Read a pair of cameras for each size; the right one stands at (Baseline, TY, TZ), turned by the vector R."""
+    entries = together(files)
+    found = []
+    for mode, size in ZED_SIZES.items():
+        left, right = f"LEFT_CAM_{mode}", f"RIGHT_CAM_{mode}"
+        if entries.find(f"{left}.fx") is None:
+            continue
+        angles = [f"STEREO.RX_{mode}", f"STEREO.CV_{mode}|STEREO.RY_{mode}", f"STEREO.RZ_{mode}"]
+        vector = np.array([entries.required(name).numbers(1)[0] for name in angles])
+        turn = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
+        aside = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
+        place = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *aside])
+        one = camera(entries, "1", left, left) | camera(entries, "2", right, right)
+        found.append(one | pose("STEREO", turn, -turn @ place) | {"size0": numbers(mode, size)})
+    return found
+
+
+def _depthai(files: Sequence[Entries]) -> list[Parts]:
+    """Read the cameras on the left and the right socket, whose poses lead from socket to socket."""
+    entries = together(files)
+    sockets: dict[int, str] = {}
+    while (socket := entries.number(f"cameraData.{len(sockets)}.0")) is not None:
+        sockets[int(socket)] = f"cameraData.{len(sockets)}.1"
+
+    def to_last(socket: int) -> Matrix:
+        """Return the transform from a camera's frame into that of the last one on its way."""
+        total = np.eye(4)
+        for _ in sockets:
+            place = f"{sockets[socket]}.extrinsics"
+            following = int(entries.required(f"{place}.toCameraSocket").numbers(1)[0])
+            if following not in sockets:
+                break
+            step = np.eye(4)
+            step[:3, :3] = entries.required(f"{place}.rotationMatrix").matrix(3, 3)
+            for kind in ("specTranslation", "translation"):
+                along = [entries.number(f"{place}.{kind}.{axis}") or 0.0 for axis in "xyz"]
+                step[:3, 3] = along if any(along) else step[:3, 3]
+            total, socket = step @ total, following
+        return total
+
+    parts: Parts = {}
+    chosen = []
+    for side, name, usual in (("1", "left", 1), ("2", "right", 2)):
+        stated = entries.number(f"stereoRectificationData.{name}CameraSocket")
+        socket = usual if stated is None or stated < 0 else int(stated)
+        if socket not in sockets:
+            raise ValueError(f"The calibration (DepthAI) has no camera on socket {socket}, that of the {name} one.")
+        chosen.append(socket)
+        place = sockets[socket]
+        wide = int(entries.number(f"{place}.cameraType") or 0)
+        if wide > 1:
+            raise ValueError(
+                f"The calibration (DepthAI) has a camera of type {wide}; read are perspective and fisheye."
+            )
+        lens = entries.required(f"{place}.distortionCoeff").numbers()
+        parts |= {
+            f"M{side}": entries.required(f"{place}.intrinsicMatrix"),
+            f"D{side}": numbers(f"{place}.distortionCoeff", lens[:4] if wide else lens),
+            f"width{side}": entries.required(f"{place}.width"),
+            f"height{side}": entries.required(f"{place}.height"),
+        }
+        if wide:
+            parts["lens"] = Entry(f"{place}.cameraType", FISHEYE)
+    left, right = (inverted(to_last(socket)) for socket in chosen)
+    return [parts | between("extrinsics", left, right)]
+
+
+def _realsense(files: Sequence[Entries]) -> list[Parts]:
+    """Read a rectified pair for each size; the baseline is negative: the left camera's place seen from the right."""
+    entries = together(files)
+    baseline = numbers("baseline", np.abs(entries.required("baseline").numbers(1)))
+    found, number = [], 0
+    while (focal := entries.find(f"rectified.{number}.fx")) is not None:
+        one = {part: entries.required(f"rectified.{number}.{name}") for part, name in _REALSENSE.items()}
+        if focal.numbers(1)[0] > 0 and one["width0"].numbers(1)[0] > 0:
+            found.append(one | {"focal": focal, "baseline": baseline})
+        number += 1
+    return found
+
+
+_REALSENSE = {"cx": "ppx", "cy": "ppy", "width0": "width", "height0": "height"}
+
+
+def _ros_ini(files: Sequence[Entries]) -> list[Parts]:
+    """Read cameras below headings with their names, as in the YAML of ROS."""
+    cameras = []
+    for one in files:
+        for name in filter(re.compile(r".*\.camera matrix", re.IGNORECASE).fullmatch, one):
+            title = name.rpartition(".")[0]
+            own = {"camera_name": Entry("camera_name", title)}
+            for part in ("camera matrix", "distortion", "rectification", "projection", "image.width", "image.height"):
+                entry = one.find(part if part.startswith("image") else f"{title}.{part}")
+                if entry is not None:
+                    own[part.replace(" ", "_").replace(".", "_")] = entry
+            cameras.append(Entries(own))
+    return by_meaning(cameras)
+
+
+def _matlab(files: Sequence[Entries]) -> list[Parts]:
+    """Read ``toStruct(stereoParams)``: pixels count from 1, sizes are rows and columns, older matrices transposed."""
+    entries = together(files)
+    first = next(name for name in entries if "CameraParameters1." in name)
+    before = first[: first.index("CameraParameters1.")]
+    parts: Parts = {}
+    for side in "12":
+        place = f"{before}CameraParameters{side}"
+        newer = entries.find(f"{place}.K")
+        matrix = newer.matrix(3, 3) if newer else entries.required(f"{place}.IntrinsicMatrix").matrix(3, 3).T
+        radial = entries.required(f"{place}.RadialDistortion").numbers()
+        tangential = entries.required(f"{place}.TangentialDistortion").numbers(2)
+        parts[f"M{side}"] = numbers(f"{place}.K", matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        parts[f"D{side}"] = numbers(f"{place}.RadialDistortion", [*radial[:2], *tangential, *radial[2:]])
+        if size := entries.find(f"{place}.ImageSize"):
+            parts[f"size{side}"] = numbers(size.name, size.numbers(2)[::-1])
+    if unit := entries.find(f"{before}CameraParameters1.WorldUnits|{before}WorldUnits"):
+        parts["unit"] = unit
+    if turn := entries.find(f"{before}RotationOfCamera2"):
+        place_of = entries.required(f"{before}TranslationOfCamera2")
+        return [parts | pose(turn.name, turn.matrix(3, 3).T, place_of.numbers(3))]
+    whole = entries.required(f"{before}PoseCamera2.A|{before}PoseCamera2.R")
+    if whole.numbers().size == 16:
+        return [parts | pose(whole.name, whole.matrix(4, 4)[:3, :3], whole.matrix(4, 4)[:3, 3])]
+    place_of = entries.required(f"{before}PoseCamera2.Translation")
+    return [parts | pose(whole.name, whole.matrix(3, 3), place_of.numbers(3))]
+
+
+def _matlab_for_opencv(files: Sequence[Entries]) -> list[Parts]:
+    """Read the results of ``stereoParametersToOpenCV`` under their own names; the size is rows and columns."""
+    entries = together(files)
+    parts = {
+        "M1": entries.required("intrinsicMatrix1"),
+        "D1": entries.required("distortionCoefficients1"),
+        "M2": entries.required("intrinsicMatrix2"),
+        "D2": entries.required("distortionCoefficients2"),
+        "R": entries.required("rotationOfCamera2"),
+        "T": entries.required("translationOfCamera2"),
+    }
+    if size := entries.find("imageSize"):
+        parts["size0"] = numbers(size.name, size.numbers(2)[::-1])
+    return [parts]
+
+
+def _bouguet(files: Sequence[Entries]) -> list[Parts]:
+    """Read ``Calib_Results_stereo`` of the toolbox for MATLAB: focal lengths fc, centre cc, lens kc; om turns."""
+    entries = together(files)
+    parts = {"R": entries.required("om|R"), "T": entries.required("T")}
+    for side, name in (("1", "left"), ("2", "right")):
+        (fx, fy), (cx, cy) = (entries.required(f"{part}_{name}").numbers(2) for part in ("fc", "cc"))
+        skew = fx * (entries.number(f"alpha_c_{name}") or 0.0)
+        parts[f"M{side}"] = numbers(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]])
+        parts[f"D{side}"] = entries.required(f"kc_{name}")
+    found = {"width0": entries.find("nx"), "height0": entries.find("ny")}
+    return [parts | {part: entry for part, entry in found.items() if entry is not None}]
+
+
+def _drivingstereo(files: Sequence[Entries]) -> list[Parts]:
+    """Read the rectified pair; at half size the projections still hold the baseline of the full one, T the true one."""
+    entries = together(files)
+    left, right = (entries.required(f"P_rect_{number}").projection() for number in (101, 103))
+    return [
+        {
+            "M1": numbers("P_rect_101", left[:, :3]),
+            "M2": numbers("P_rect_103", right[:, :3]),
+            "baseline": numbers("T_103", np.linalg.norm(entries.required("T_103").numbers(3)).reshape(1)),
+            "size0": entries.required("S_rect_101"),
+        }
+    ]
+
+
+_ACROSS = np.array([[1.0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
+
+
+def kitti(left: int, right: int) -> Reader:
+    """Return a reader of two cameras of KITTI: rectified, and where the file has both, as taken."""
+
+    def read(files: Sequence[Entries]) -> list[Parts]:
+        entries = together(files)
+        straight, raw = {}, {}
+        for side, number in (("1", left), ("2", right)):
+
+            def of(name: str, number: int = number) -> Entry | None:
+                return entries.match(rf"{name}_?0*{number}")
+
+            projection = of("P_rect") or of("P")
+            if projection is not None:
+                straight[f"P{side}"] = projection
+                # What it says of heights and depths is less than a centimetre, and more than rows may differ here.
+                raw[f"P{side}"] = numbers(projection.name, projection.projection() * _ACROSS)
+            straight |= {"size0": size} if (size := of("S_rect")) else {}
+            found = {f"M{side}": of("K"), f"D{side}": of("D"), f"R{side}": of("R_rect"), "size0": of("S")}
+            raw |= {part: entry for part, entry in found.items() if entry is not None}
+        return [straight, raw] if {"M1", "R1", "M2", "R2", "size0"} <= set(raw) else [straight]
+
+    return read
+
+
+def _rows(files: Sequence[Entries]) -> list[Parts]:
+    """Read rows of numbers alone: two projections, or a camera matrix and a baseline (the learned matchers' K.txt)."""
+    values = np.concatenate([entry.numbers() for entry in together(files).values()])
+    if values.size == 10:
+        return [{"M1": numbers("the first row", values[:9].reshape(3, 3)), "baseline": numbers("the last", values[9:])}]
+    if values.size >= 24 and together(files)["row0"].numbers().size in (4, 12):
+        halves = values[:24].reshape(2, 3, 4)
+        return [{f"P{side}": numbers(f"row{side}", one) for side, one in enumerate(halves, 1)}]
+    raise ValueError(
+        f"The calibration is {values.size} numbers without names; accepted are a camera matrix and the baseline (9 and "
+        "1), or two projections (12 each)."
+    )
+
+
+def _orb_slam(files: Sequence[Entries]) -> list[Parts]:
+    """Read cameras as taken with their rectification (ORB-SLAM2) or pose (3), else a rectified pair."""
+    entries = together(files)
+    if entries.find("LEFT.K"):
+        return by_meaning(
+            [Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})]
+        )
+    size = {part: entry for part, name in SIZE.items() if (entry := entries.find(name)) is not None}
+    first = "Camera1" if entries.find("Camera1.fx") else "Camera"
+    way = entries.find("Stereo.T_c1_c2|Tlr")
+    if entries.find("Camera2.fx") and way is not None:
+        names = {"coefficients": ("k1", "k2", "k3", "k4")} if lens_of(files) == FISHEYE else {}
+        cameras = camera(entries, "1", first, first, **names) | camera(entries, "2", "Camera2", "Camera2", **names)
+        back = way.numbers().reshape(-1, 4) if way.numbers().size in (12, 16) else way.matrix(4, 4)
+        return [cameras | size | between(way.name, np.eye(4), inverted(back))]
+    parts = camera(entries, "1", first, "no lens")
+    parts |= {"baseline": entries.required("Stereo.b")} if entries.find("Stereo.b") else {}
+    return [parts | size | ({} if "baseline" in parts else {"product": entries.required("Camera.bf")})]
+
+
+def _vins(files: Sequence[Entries]) -> list[Parts]:
+    """Read the two cameras of VINS-Fusion, each in its file, and the file with their poses."""
+    cameras = [one for one in files if one.match(r"projection_parameters\.(fx|mu)")]
+    wide = lens_of(files) == FISHEYE
+    if len(cameras) != 2:
+        raise ValueError(
+            f"The calibration (VINS) is of {len(cameras)} camera{'s' * (len(cameras) != 1)}; give the files of both "
+            "together with the one that has body_T_cam0 and body_T_cam1."
+        )
+    parts: Parts = {}
+    for side, one in zip("12", cameras, strict=True):
+        if wide:
+            centre, lens = ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5")
+            parts |= camera(one, side, "projection_parameters", "projection_parameters", centre, lens)
+        else:
+            parts |= camera(one, side, "projection_parameters", "distortion_parameters")
+        parts |= {f"{part[:-1]}{side}": one.required(name) for part, name in SIZE.items()}
+    found = _pose_in_common(together(files))
+    if found is None:
+        raise ValueError("The calibration (VINS) lacks body_T_cam0 and body_T_cam1; give the file that has them too.")
+    return [parts | found]
+
+
+def _cityscapes(files: Sequence[Entries]) -> list[Parts]:
+    """Read the rectified pair; the data set's pictures, whose size is not stated, have 2048 × 1024 pixels."""
+    (parts,) = named(focal="intrinsic.fx", baseline="extrinsic.baseline", cx="intrinsic.u0", cy="intrinsic.v0")(files)
+    centre = [parts[name].numbers(1)[0] for name in ("cx", "cy") if name in parts]
+    if len(centre) == 2 and np.abs(np.array(centre) / (1024, 512) - 1).max() < 0.1:
+        parts["size0"] = numbers("size", (2048, 1024))
+    return [parts]
+
+
+# The parts by name. The names in a file are split into words, since ``leftCameraMatrix``, ``camera_matrix_left`` and
+# ``mtxL`` mean one part: a word may give the side (left, L, 0, 1, …), words such as "camera" are ignored, and the rest
+# names the part.
+
+_OF_ONE_CAMERA = {
+    "M": "k m a mtx mat cm matrix cammatrix intrinsic intrinsics intrinsicmatrix intrinsicsmatrix",
+    "D": "d dist distortion distortions distcoeff distcoeffs distcoef distcoefs distcoefficients distvec "
+    "distortioncoeff distortioncoeffs distortioncoefficient distortioncoefficients distortionvector distortionmatrix",
+    "R": "r rect rectification rectificationmatrix rectmatrix rrect rectr rectificationrotation "
+    "rectificationtransform recttrans rectifyrotation",
+    "P": "p proj projection projectionmatrix projmatrix projmat projmtx prect",
+    "size": "imagesize imgsize size resolution framesize imageresolution",
+    "width": "width imagewidth imgwidth imagesizewidth resolutionwidth w",
+    "height": "height imageheight imgheight imagesizeheight resolutionheight h",
+}
+_OF_BOTH = {
+    "R": "r rot rotation rotmat rotmatrix rotationmatrix rmat rmatrix rvec om",
+    "T": "t trans translation translationvector translationmatrix tvec tvector transvector",
+    "Q": "q qmatrix disparitytodepth disparitytodepthmatrix reprojectionmatrix",
+}
+_ONE, _BOTH = (
+    {name: part for part, names in parts.items() for name in names.split()} for parts in (_OF_ONE_CAMERA, _OF_BOTH)
+)
+_SAYING_NOTHING = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params"}
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
+
+FISHEYE = "fisheye"
+_LENSES = {
+    "": "none pinhole perspective rectified opencv",
+    "pinhole": "plumbbob rationalpolynomial radtan radialtangential brown brownconrady pinholeradtan",
+    FISHEYE: "fisheye equidistant equi kannalabrandt kannalabrandt4 kannalabrandt8 kb4 opencvfisheye pinholeequi",
+}
+"""Models of lenses by their names in files, without marks; "" leaves the distortion open."""
+_LENS = {name: lens for lens, names in _LENSES.items() for name in names.split()}
+_OTHER_LENSES = "omni mei unified ucm eucm ds doublesphere fov scaramuzza ocam thinprism thinprismfisheye"
+_LENS_STATED = {"distortionmodel", "cameramodel", "modeltype", "lensmodel", "projectionmodel", "cameratype"}
+_LENS_PERHAPS = {"model", "type", "lens", "camera", "lenstype"}
+"""The last words of names of entries with a model of lenses, and of those that may mean something else."""
+
+_WITHOUT_EFFECT = (
+    "e f rms stereolag cameraname comment calibtime calibrationtime date fileversion lengthunit unit units worldunits "
+    "version camoverlaps rostopic camerafps camerargb depthrange avgreprojectionerror reprojectionerror"
+)
+"""Names that are known not to describe the cameras, or are read elsewhere."""
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _last_words(name: str) -> str:
+    """Return the last part of a dotted name in plain letters; with what is before it where that is too short to say."""
+    *before, last = name.split(".")
+    return _plain(before[-1] + last if before and last.lower() == "type" else last)
+
+
+def lens_of(files: Sequence[Entries]) -> str:
+    """Return the model of both lenses that files declare: "pinhole", :data:`FISHEYE`, or "" for none.
+
+    Raises
+    ------
+    ValueError
+        Another model, which is named, or two of them.
+    """
+    found: dict[str, str] = {}
+    for one in files:
+        for name, entry in one.items():
+            key, value = _last_words(name), _plain(entry.text())
+            stated = key in _LENS_STATED
+            if key in (FISHEYE, "isfisheye"):
+                value = FISHEYE if value in ("1", "true", "yes") else "none"
+            elif "mappingcoefficients" in key:
+                value, stated = "scaramuzza", True
+            elif not stated and not (key in _LENS_PERHAPS and value in {*_LENS, *_OTHER_LENSES.split()}):
+                continue
+            if value.isdecimal() and key == "cameratype":  # DepthAI's number, which its layout reads
+                continue
+            one.used.add(name)
+            if value not in _LENS:
+                said = entry.text() if isinstance(entry.value, str) else value
+                raise ValueError(
+                    f"The calibration has {quote(said)} for {quote(name)}, a model of lenses that is not read here; "
+                    "allowed are pinhole (plumb_bob, radtan, rational_polynomial) and fisheye (equidistant, "
+                    "kannala_brandt4)."
+                )
+            if _LENS[value]:
+                found[_LENS[value]] = name
+    if len(found) > 1:
+        raise ValueError(
+            f"The calibration declares a pinhole and a fisheye ({names_found(found.values())}); both must be the same."
+        )
+    return next(iter(found), "")
+
+
+_POSES = (
+    ("body_T_cam0", "body_T_cam1", True),
+    ("cam0.T_cam_imu", "cam1.T_cam_imu", False),
+    ("cam0.T_imu_cam", "cam1.T_imu_cam", True),
+    ("cam0.T_BS", "cam1.T_BS", True),
+)
+"""Transforms of both cameras, and whether they lead out of the cameras' frames: VINS, Kalibr, OpenVINS and EuRoC."""
+
+
+def _pose_in_common(entries: Entries) -> Parts | None:
+    """Return R and T if both cameras' poses are given in one frame."""
+    neighbour = entries.find("cam1.T_cn_cnm1")
+    if neighbour is not None:
+        return between(neighbour.name, np.eye(4), neighbour.matrix(4, 4))
+    for left, right, outwards in _POSES:
+        one, other = entries.find(left), entries.find(right)
+        if one is not None and other is not None:
+            both = one.matrix(4, 4), other.matrix(4, 4)
+            return between(right, *(map(inverted, both) if outwards else both))
+    return None
+
+
+def _parts_of(entries: Entries) -> Parts:
+    """Return the parts meant by the names in a file; of two names for one part, the first counts."""
+    named = [(entry, *meaning) for name, entry in entries.items() if (meaning := _meaning(name)) is not None]
+    numbers = "01" if any(side == "0" for _, _, side in named) else "12"
+    sides = {"both": "", "lone": "0", "left": "1", "right": "2", numbers[0]: "1", numbers[1]: "2"}
+    parts: Parts = {}
+    for entry, part, side in named:
+        if side in sides and not (part == "M" and entry.value_size not in (4, 9)):
+            entries.used.add(entry.name)
+            parts.setdefault(part + sides[side], entry)
+    if {"M0", "P0", "R"} <= set(parts) and "T" not in parts:
+        # Beside K and P of a single camera, R is its rectification (ROS).
+        parts.setdefault("R0", parts.pop("R"))
+    return parts
+
+
+def _meaning(name: str) -> tuple[str, str] | None:
+    """Return the part that a name means and its side, or the number of its camera; None if unknown."""
+    # Two capitals such as KL and DR are a part and its side.
+    split = [[*word] if re.fullmatch("[KMADPR][LR]", word) else [word] for word in _WORDS.findall(name[:80])]
+    words = [word.lower().replace("camera", "") for one in split for word in one]
+    telling = [word for word in words if word not in _SAYING_NOTHING]
+    rest = "".join(telling)
+    if rest in _BOTH:
+        return _BOTH[rest], "both"
+    for place, word in enumerate(telling):
+        others = "".join(telling[:place] + telling[place + 1 :])
+        if (word in _SIDES or word.isdecimal()) and others in _ONE:
+            return _ONE[others], _SIDES.get(word, word.lstrip("0") or "0")
+    return (_ONE[rest], "lone") if rest in _ONE else None
+
+
+def by_meaning(files: Sequence[Entries]) -> list[Parts]:
+    """Return the combined parts of files that belong together, by what their names mean.
+
+    Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
+    in the given order. ROS and whoever gives poses as transforms write metres.
+    """
+    found = [_parts_of(entries) for entries in files]
+    lone = [n for n, parts in enumerate(found) if {"M0", "P0"} & set(parts) and not {"M1", "M2"} & set(parts)]
+    if len(lone) > 2:
+        raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
+    metric = bool(lone) and all("P0" in found[n] for n in lone)
+    shifts = [found[n]["P0"].projection()[0, 3] for n in lone] if metric else []
+    right_first = len(lone) == 2 and "right" in files[lone[0]].text("camera_name").lower()
+    if len(shifts) == 1 or len(set(shifts)) == 2:
+        right_first = shifts[0] < (0, *shifts[1:])[-1]
+    poses: Entries = together(files)
+    for n, side in zip(lone, "21" if right_first else "12", strict=False):
+        found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
+        if body := files[n].find("T_BS"):
+            poses[f"cam{int(side) - 1}.T_BS"] = body
+    parts: Parts = {}
+    for one in found:
+        parts = one | parts
+    if "R" not in parts and (known := _pose_in_common(poses)) is not None:
+        parts |= known
+        metric = True
+    if len(lone) == 1:
+        _complete_projections(parts, files[lone[0]])
+    every = together(files)
+    if metric:
+        parts["unit"] = Entry("unit", "m")
+    elif unit := every.find("length_unit|world_units|unit|units"):
+        parts["unit"] = unit
+    if most := every.find(MOST):
+        parts["most"] = most
+    return [parts]
+
+
+def _complete_projections(parts: Parts, entries: Entries) -> None:
+    """Derive the projection of the left camera if only that of the right one is given (ROS)."""
+    if "P2" in parts and "P1" not in parts:
+        parts["P1"] = Entry(parts["P2"].name, parts["P2"].projection() * [[1, 1, 1, 0]])
+    elif "P1" in parts:
+        raise ValueError(
+            f"The calibration (ROS) is of the left camera alone: {quote(parts['P1'].name)} has no baseline; give the "
+            "file of the right camera, or both."
+        )
+    else:
+        raise ValueError(
+            f"The calibration is of one camera alone ({names_found(entries)}); give the file of the other camera, and "
+            "of the rotation (R) and translation (T) between them, together with it."
+        )
+
+
+def unused(layout: Layout, files: Sequence[Entries]) -> list[str]:
+    """Return the names in files that have no effect although nothing says so, the likely misspelt ones first."""
+    known = [*_ONE, *_BOTH]
+    left = [
+        name
+        for name in together(files)
+        if name not in files[0].used
+        and _last_words(name) not in _WITHOUT_EFFECT.split()
+        and not re.fullmatch(layout.ignored, name, re.IGNORECASE)
+    ]
+    return sorted(left, key=lambda name: not difflib.get_close_matches(_last_words(name), known, cutoff=0.85))
+
+
+FOCAL, BASELINE = "focal_px|fx|focal_length_px", "baseline_m|baseline_meters|baseline_metres"
+LAYOUTS = (
+    Layout("ZED", (r"LEFT_CAM_\w+\.fx", r"STEREO\.Baseline"), _zed, "mm", ignored=r"MISC\..*|STEREO\..*"),
+    Layout("DepthAI", (r"cameraData\.0\.0",), _depthai, "cm", ignored=".*"),
+    Layout("RealSense", (r"rectified\.0\.fx", "baseline"), _realsense, "mm", ignored=".*"),
+    Layout("ROS", (r".*\.camera matrix",), _ros_ini),
+    Layout("MATLAB", (r"(.*\.)?CameraParameters1\..*",), _matlab, "mm", sure=False, ignored=".*"),
+    Layout("MATLAB", ("intrinsicMatrix1", "rotationOfCamera2"), _matlab_for_opencv, "mm", sure=False),
+    Layout("MATLAB", ("fc_left", "fc_right"), _bouguet, "mm", sure=False, ignored=".*"),
+    Layout("DrivingStereo", ("P_rect_101", "P_rect_103", "T_103"), _drivingstereo, ignored=r"\w+_10[13]|corner_dist"),
+    Layout("ORB-SLAM", (r"Camera1?\.fx",), _orb_slam, ignored=r"(ORBextractor|Viewer|Stereo|IMU|System)\..*|ThDepth"),
+    Layout("VINS", (r"projection_parameters\.\w+",), _vins, ignored=r"(?!\w+_parameters).*"),
+    Layout(
+        "Cityscapes", (r"intrinsic\.fx", r"extrinsic\.baseline"), _cityscapes, ignored=r"extrinsic\..*|intrinsic.fy"
+    ),
+    Layout("cvkit", (r"camera\.A", "rho"), named(M1="camera.A", product="rho"), ignored=r"t|camera\..*|disp\..*"),
+    Layout("cvkit", (r"camera\.A", "t"), named(M1="camera.A", baseline="t"), ignored=r"camera\..*|disp\..*"),
+    Layout(
+        "JSON",
+        (FOCAL,),
+        named(
+            focal=FOCAL, baseline=BASELINE, doffs="doffs_px|doffs", cx="cx|cx0", cx2="cx1", cy="cy|cy0|cy1", turn="turn"
+        ),
+        ignored="fy|left_image_rect_normalized",
+    ),
+    Layout(
+        "Middlebury",
+        ("cam0",),
+        named(M1="cam0", M2="cam1", baseline="baseline", doffs="doffs"),
+        "mm",
+        ignored="isint|vmin|vmax|dyavg|dymax",
+    ),
+    *(
+        Layout("KITTI", tuple(mark.format(number) for number in both), kitti(*both), ignored=r"[A-Za-z]\w*")
+        for mark, both in (("P_rect_0?{}", (2, 3)), ("P_?0*{}", (2, 3)), ("P_rect_0?{}", (0, 1)))
+    ),
+    Layout("rows", ("row0",), _rows),
+    Layout("OpenCV", (), by_meaning, sure=False, ignored=r"(header|roi|stamp)\..*|binning_[xy]"),
+)
+"""The layouts, tried in this order. What is in none of the others is read by the meaning of its names."""
