@@ -42,7 +42,7 @@ def run(arguments: Sequence[str]) -> int:
     (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}
-    tell(figures, "\n".join([*_told(result, query), *lines]), as_json=options.json)
+    tell(figures, "\n".join([*_told(result, query), *_left_out(result), *lines]), as_json=options.json)
     return DONE if result.found else NOT_FOUND
 
 
@@ -59,6 +59,12 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
     return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
 
 
+def _left_out(result: sl.TemplateSearch) -> list[str]:
+    """Return a line if places have no score because the image has no data there."""
+    share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
+    return [f"{share} of the places hold missing values and were left out."] if result.left_out else []
+
+
 NOT_FOUND_BUT = {
     "other_colours": " in these colours, but in others",
     "mirrored": ", but its mirror image is there",
@@ -73,7 +79,7 @@ def _remark(match: sl.TemplateMatch) -> str:
     if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
         return f", {match.contrast:.2f} × its contrast"
     if match.kind == "partly_covered":
-        return f", {differing} of {sum(map(len, match.blocks))} blocks covered or outside the image"
+        return f", {differing} of {sum(map(len, match.blocks))} blocks covered or missing in the image"
     if match.kind in ("differs", "not_there"):
         return f", {differing} of {sum(map(len, match.blocks))} blocks differ"
     return ""

@@ -221,6 +221,7 @@ def grey_level(left: Image, right: Image) -> float:
         return float(2**bits - 1) / 255
     stride = max(1, math.isqrt(left.size // SAMPLED_PIXELS))
     sample = np.sort(np.concatenate([one[::stride, ::stride].ravel() for one in images]))
+    sample = sample[np.isfinite(sample)]
     beyond = int(OUTLIERS * sample.size)
     span = float(sample[-1 - beyond]) - float(sample[beyond])
     if span == 0:

@@ -46,15 +46,15 @@ NO_ANSWER_NUMBER = 255
 
 
 def as_rgb(image: Image) -> Rgb:
-    """Return any image as 8-bit RGB, its transparent parts on neutral grey.
+    """Return any image as 8-bit RGB, its transparent parts and pixels without data (NaN) neutral grey.
 
     16-bit and float images are stretched from their darkest to their brightest value, to be visible whatever their
     range.
     """
     if image.dtype != np.uint8:
-        low, high = float(image.min()), float(image.max())
+        low, high = (float(end.reduce(image, axis=None)) for end in (np.fmin, np.fmax))
         scaled = (image.astype(np.float32) - np.float32(low)) * np.float32(255 / (high - low or 1.0))
-        image = np.rint(scaled).astype(np.uint8)
+        image = np.nan_to_num(np.rint(scaled), copy=False, nan=128).astype(np.uint8)
     if image.ndim == 2:
         return np.stack([image] * 3, axis=-1)
     if image.shape[2] == 4:

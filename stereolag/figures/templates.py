@@ -51,8 +51,8 @@ def framed(
 ) -> bytes:
     """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
 
-    Frames are dashed at doubtful places, and rotated if the shape of the template is given. Blocks that disagree with
-    the template are outlined.
+    Frames are dashed at doubtful places, and rotated if the shape of the template is given. What disagrees with the
+    template is outlined.
     """
     shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
@@ -142,9 +142,9 @@ def _draw_frame(
     dashed
         Whether the frame is dashed.
     """
-    for top, left, bottom, right in _differing(match, scale):
-        for colour, width in ((BLACK, thickness), (WHITE, max(1, thickness // 2))):
-            cv2.rectangle(picture, (left, top), (right, bottom), colour, width)
+    for colour, width in ((BLACK, thickness + 1), (WHITE, max(1, thickness // 2))):
+        for start, end in _differing(match, scale):
+            cv2.line(picture, start, end, colour, width)
     corners = _corners(match, scale, thickness // 2 + 1, template)
     for colour, width in ((WHITE, thickness + 2), (FRAME, thickness)):
         for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
@@ -152,16 +152,20 @@ def _draw_frame(
                 cv2.line(picture, one, other, colour, width)
 
 
-def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[int, int, int, int]]:
-    """Yield top, left, bottom and right of each block of a match that disagrees with the template, scaled."""
-    if match.kind == "not_there":  # nearly all of them do
+def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[Point, Point]]:
+    """Yield the ends of the lines, scaled, between blocks of a match that disagree with the template and all else."""
+    if match.kind == "not_there" or not match.blocks:  # nearly all of them disagree
         return
-    for row, line in enumerate(match.blocks):
-        for col, agrees in enumerate(line):
-            if not agrees:
-                down, across = match.height / len(match.blocks), match.width / len(line)
-                top, left = match.row + row * down, match.col + col * across
-                yield tuple(round(at * scale) for at in (top, left, top + down, left + across))  # type: ignore[misc]
+    differs = np.pad(~np.array(match.blocks), 1)
+    down, across = match.height / len(match.blocks), match.width / len(match.blocks[0])
+
+    def corner(row: int, col: int) -> Point:
+        return round((match.col + col * across) * scale), round((match.row + row * down) * scale)
+
+    for row, col in np.argwhere(differs[1:] != differs[:-1]).tolist():
+        yield corner(row, col - 1), corner(row, col)
+    for row, col in np.argwhere(differs[:, 1:] != differs[:, :-1]).tolist():
+        yield corner(row - 1, col), corner(row, col)
 
 
 def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:

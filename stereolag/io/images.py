@@ -440,14 +440,14 @@ def image_tiff(image: npt.ArrayLike) -> bytes:
     Parameters
     ----------
     image
-        (rows, cols) float.
+        (rows, cols) float; NaN stands for no data.
 
     Raises
     ------
     ValueError
         Another shape or type.
     """
-    pixels = as_image(image, "image")
+    pixels = np.asarray(image)
     if pixels.ndim != 2 or pixels.dtype.kind != "f":
         raise ValueError(f"image has shape {pixels.shape} and holds {pixels.dtype}; allowed is (rows, cols) of floats.")
     stream = io.BytesIO()

@@ -94,7 +94,7 @@ def reduced_search(
     ValueError
         If the template is constant, or becomes so when reduced.
     """
-    whole, small = as_image(image, "image"), as_image(template, "template")
+    whole, small = as_image(image, "image", gaps=True), as_image(template, "template", gaps=True)
     opaque = opaque_pixels(small, mask)
     colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in same_channels(whole, small))
     wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
@@ -245,7 +245,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
     ValueError
         If the template is constant, or image and template differ in dtype.
     """
-    large, small = as_image(image, "image"), as_image(template, "template")
+    large, small = as_image(image, "image", gaps=True), as_image(template, "template", gaps=True)
     searched, colours = same_channels(large, small)
     if searched.dtype != colours.dtype:
         raise ValueError(f"image holds {searched.dtype} and template {colours.dtype} pixels; both must be of one type.")

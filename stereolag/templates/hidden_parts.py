@@ -7,9 +7,12 @@ the image there are no pixels: a place there has fewer blocks.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise, product
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
@@ -175,6 +178,37 @@ class _Blocks:
             products /= np.sqrt(spread)[which]
             out[:] = np.nan_to_num(products, copy=False, nan=0.0).reshape(out.shape)
         return scores
+
+
+class HiddenAmounts(NamedTuple):
+    """What :func:`hidden_places` needs."""
+
+    memory: float
+    """Bytes."""
+    values: float
+    """Pixel values scored, or written into the maps of blocks."""
+
+
+def hidden_amounts(
+    image_shape: Sequence[int], template_shape: Sequence[int], channels: int, itemsize: int
+) -> HiddenAmounts:
+    """Return what :func:`hidden_places` needs for an image of so many compared channels and bytes a value."""
+    (height, width), pixels = template_shape[:2], math.prod(image_shape[:2])
+    if min(height, width) < LEAST_SIDE:
+        return HiddenAmounts(0, 0)
+    factor, threads, score = max(1.0, math.sqrt(height * width) / SIDE), max(1, cv2.getNumThreads()), 4
+    rows, cols = ((length + side) / factor for length, side in zip(image_shape, template_shape[:2], strict=False))
+    bands = min(threads, math.ceil(rows / ROWS_AT_ONCE))
+    band = min(rows, ROWS_AT_ONCE) * cols
+    places = rows * cols
+    # The luminance and the reduced image; the means; in every thread the maps of all blocks, half of them sorted, and
+    # the transforms of one.
+    maps = (pixels * (channels > 1) + places) * itemsize + 2 * score * places
+    maps += bands * band * (score * (1.5 * ALONG**2 + 2) + 32)
+    around = (2 * math.ceil(factor / 2) + 3) ** 2
+    gathered = min(VALUES_AT_ONCE + channels * height * width / ALONG**2, around * channels * height * width / ALONG**2)
+    scored = LIKELY * around * channels * height * width
+    return HiddenAmounts(max(maps, threads * 40 * gathered), scored + 10 * ALONG**2 * places)
 
 
 def _blocks(pattern: Pattern) -> list[tuple[int, int, Pattern]]:

@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import Mask
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress, silent
 from stereolag.templates.patterns import Pattern, warped_shape
@@ -218,12 +219,20 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
 
 
 def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
-    """Return a score map, in its memory, with NaN where the window holds a pixel without data (NaN)."""
-    if image.dtype.kind == "f" and np.isnan(image).any():
-        box, gaps = np.ones(pattern.shape, np.uint8), np.asarray(np.isnan(image).any(axis=2), dtype=np.uint8)
-        hidden = cv2.dilate(gaps, box, anchor=(0, 0), borderType=cv2.BORDER_CONSTANT)
-        scores[hidden[: scores.shape[0], : scores.shape[1]] > 0] = np.nan
+    """Return a score map, in its memory, with NaN where the window holds a pixel without data."""
+    gaps = with_gaps(image, pattern.shape)
+    if gaps is not None:
+        scores[gaps] = np.nan
     return scores
+
+
+def with_gaps(image: Image, shape: tuple[int, int]) -> Mask | None:
+    """Return the places of a template of that shape that hold a pixel without data (NaN), None if all pixels have."""
+    if image.dtype.kind != "f" or not np.isnan(image).any():
+        return None
+    gaps = np.asarray(np.isnan(image).any(axis=2), dtype=np.uint8)
+    hidden = cv2.dilate(gaps, np.ones(shape, np.uint8), anchor=(0, 0), borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(hidden[: image.shape[0] - shape[0] + 1, : image.shape[1] - shape[1] + 1] > 0)
 
 
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image, as_image, as_images
-from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, silent
+from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, part, silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.templates.exact_pixels import exact_positions
-from stereolag.templates.hidden_parts import hidden_places
+from stereolag.templates.hidden_parts import hidden_amounts, hidden_places
 from stereolag.templates.patterns import Pattern, compared
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
-from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling
+from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling, with_gaps
 from stereolag.templates.verdict import TemplateSearch, judged
 
 Shape = tuple[int, ...]
@@ -66,10 +66,13 @@ def estimate_search(
     if method == "sampled":
         copied = 3 * pixels * itemsize if both_coloured and image_shape[2] == 4 else 0
         return COSTS["template by pixels"].estimate(grey=grey + copied, values=values, places=places, pixels=pixels)
+    hidden = hidden_amounts(image_shape, template_shape, channels, itemsize)
     if method == "direct":
         return COSTS["template by products"].estimate(
             grey=grey,
             values=values,
+            hidden=hidden.memory,
+            hidden_values=hidden.values,
             planes=channels * pixels,
             pixels=pixels,
             places=places,
@@ -79,13 +82,15 @@ def estimate_search(
     poses = checked_poses(method, scales, rotations)
     if poses is not None:
         return _estimate_poses(image_shape, template_shape, channels, itemsize, grey, poses)
-    part = has_alpha(template_shape) if masked is None else masked
-    tiles = _tile_amounts(image_shape, template_shape, channels, part, np.dtype(dtype).kind == "f")
+    weighted = has_alpha(template_shape) if masked is None else masked
+    tiles = _tile_amounts(image_shape, template_shape, channels, weighted, np.dtype(dtype).kind == "f")
     at_once = min(tiles.number, max(1, cv2.getNumThreads()))
     return COSTS["template by fft"].estimate(
         grey=grey,
         values=values,
         places=places,
+        hidden=hidden.memory,
+        hidden_values=hidden.values,
         points=tiles.shared + at_once * tiles.points,
         turns=tiles.turns / at_once,
     )
@@ -176,7 +181,8 @@ def match_template(
     Parameters
     ----------
     image
-        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float. Its alpha is ignored.
+        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); integers or floats. Its alpha is ignored. Pixels without data,
+        NaN or far beyond all others, leave the places that hold them without a score.
     template
         Likewise, no larger than the image. Its alpha is the weight of its pixels, as a mask is. If one of the two is
         grey, the luminance of the other is compared. A template of one colour is searched by the edges of its alpha.
@@ -231,6 +237,8 @@ def match_template(
     poses = checked_poses(method, scales, rotations)
     searched, pattern = _checked(image, template, mask, method, poses)
     report = silent if progress is None else progress
+    parts = method != "sampled" and poses is None  # then a place of which a part is hidden may be looked for too
+    first, second = (part(report, number, 2) for number in range(2)) if parts else (report, silent)
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None
     if method == "sampled":
@@ -239,20 +247,23 @@ def match_template(
                 f"image holds {searched.dtype} and template {pattern.colours.dtype} pixels; "
                 "the method 'sampled' compares exact values and needs one type (or use 'fft')."
             )
-        places, candidates = exact_positions(searched, pattern, min_score, seed, report)
+        places, candidates = exact_positions(searched, pattern, min_score, seed, first)
         score_map = None
     elif poses is not None:
-        places, candidates = posed_places(searched, pattern, poses, report)
+        places, candidates = posed_places(searched, pattern, poses, first)
         score_map = None
     else:
-        score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
+        score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, first)
         places, candidates = peaks(score_map, pattern.shape), score_map.size
     judge = partial(judged, image=searched, pattern=pattern, max_matches=max_matches, min_score=min_score)
     search = judge(places, score_map=score_map, candidates=candidates)
-    if not search.found and method != "sampled" and poses is None:
-        hidden = judge(hidden_places(searched, pattern, silent), score_map=score_map, candidates=candidates)
+    if parts and not search.found:
+        hidden = judge(hidden_places(searched, pattern, second), score_map=score_map, candidates=candidates)
         search = hidden if hidden.found else search
-    return replace(search, elapsed_s=time.perf_counter() - started)
+    report(1.0)
+    gaps = with_gaps(searched, pattern.shape)
+    left_out = 0.0 if gaps is None or not gaps.size else float(gaps.mean())
+    return replace(search, left_out=left_out, elapsed_s=time.perf_counter() - started)
 
 
 def _check_options(method: str, max_matches: int, min_score: float) -> None:
@@ -272,8 +283,6 @@ def _checked(
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
-    if mask is None and np.ndim(template) == 3 and np.shape(template)[2] == 2:  # grey and alpha
-        mask = np.asarray(template)[:, :, 1]
     given = np.asarray(template)
     if given.ndim == 3 and given.shape[2] == 2:  # grey with alpha: compared by its grey, like a grey template
         template, mask = given[:, :, 0], given[:, :, 1] if mask is None else mask

@@ -172,7 +172,7 @@ def _altered(
     `level` is one grey level of 255 in the part's units.
     """
     values = part.astype(np.float64)
-    mean = float(values.mean())
+    mean = float(np.nanmean(values))
     if degradation.contrast != 1 or degradation.brightness:
         values = (values - mean) * degradation.contrast + mean + degradation.brightness * level
     if degradation.cover:

@@ -62,7 +62,8 @@ class TemplateMatch:
     height, width
         Size of the template there, px; for a rotated template, of that box.
     score
-        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
+        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast. At a place
+        found only because some of its blocks agree, of those alone: it is not that of the score map.
     scale
         Size in the image over size of the template.
     rotation
@@ -122,6 +123,9 @@ class TemplateSearch:
         Number of matches that are the template, from the first on.
     reason
         Which verdict `found` is: :data:`~stereolag.templates.verdict.Reason`.
+    left_out
+        Share of the places that have no score because the image has a pixel without data there (NaN, or a mark such as
+        -32768); if sizes were searched, of those of the template's own size.
 
     Examples
     --------
@@ -147,6 +151,7 @@ class TemplateSearch:
     rivals: list[TemplateMatch]
     clear: int
     reason: Reason
+    left_out: float = 0.0
 
     @property
     def found(self) -> bool:

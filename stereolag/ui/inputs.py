@@ -261,7 +261,7 @@ def _own_cut() -> PictureAndTemplate | None:
     show_limits(image_limits())
     if picture is None:
         return None
-    return _cut(as_image(picture.content, "image"), "Your own image.", picture.digest, shared=False)
+    return _cut(as_image(picture.content, "image", gaps=True), "Your own image.", picture.digest, shared=False)
 
 
 def _example_cut(name: str) -> PictureAndTemplate:
@@ -281,7 +281,9 @@ def _cut(image: Image, description: str, digest: str, *, shared: bool) -> Pictur
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
     """Return image, template and mask together; ValueError if the template does not fit the image, or the mask."""
-    image, small = as_image(picture.content, "image"), as_image(template.content, "template")
+    image, small = (
+        as_image(one.content, name, gaps=True) for one, name in ((picture, "image"), (template, "template"))
+    )
     if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
         raise ValueError(
             f"The template is {small.shape[1]} × {small.shape[0]} pixels and the image {image.shape[1]} × "

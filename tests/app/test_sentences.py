@@ -77,12 +77,13 @@ from stereolag.ui.lag.sentences import (
 from stereolag.ui.search.sentences import (
     differences,
     doubtful,
+    found_in_words,
     framed_in_words,
     headline,
+    left_out_in_words,
     lesson,
     nearest_in_words,
     numbers_of,
-    remark_on,
     scale_of,
     table,
     why_no_score_map,
@@ -181,6 +182,12 @@ def test_searches(snapshot: Snapshot) -> None:
         "mirrored": answer(0.8, 0.3, reason="mirrored"),
         "low score": answer(0.3, reason="low_score"),
         "nothing": answer(reason="low_score"),
+        "cut off": replace(answer(0.9, reason="partly_covered", clear=1), score_map=np.zeros((9, 0), np.float32)),
+        "found by parts": replace(
+            answer(0.9, reason="partly_covered", clear=1), score_map=np.zeros((9, 9), np.float32)
+        ),
+        "missing values": replace(answer(0.9, reason="clear", clear=1), left_out=0.124),
+        "few missing values": replace(answer(0.9, reason="clear", clear=1), left_out=0.001),
     }
     queries = {
         "": TemplateQuery(),
@@ -192,7 +199,7 @@ def test_searches(snapshot: Snapshot) -> None:
             headline(one),
             framed_in_words(one),
             *(
-                filter(None, (remark_on(one.matches[0]), nearest_in_words(one)))
+                filter(None, (found_in_words(one), nearest_in_words(one), left_out_in_words(one)))
                 if one.found
                 else [why_not_found(one, queries[""])]
             ),

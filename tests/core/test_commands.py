@@ -24,7 +24,7 @@ from stereolag.commands import MEASURING
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.io.images import image_png
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.pairing import board_pictures
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -224,6 +224,18 @@ def test_a_frame_of_an_animation_can_be_searched_and_its_number_is_told(ran: Com
     told = ran("find", tmp_path / "scenes.tif", "template.png", "--json")
     assert [(one["frame"], one["frames"]) for one in told.figures["images"]] == [(1, 2), (1, 1)]
     assert "no frame 3; it holds 2" in ran("find", tmp_path / "scenes.tif", "template.png", "--frames", 3, 1).err
+
+
+def test_find_tells_how_many_places_hold_missing_values(ran: Command, tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(2, 0.3, (40, 60)).astype(np.float32)
+    (tmp_path / "template.tif").write_bytes(image_tiff(heights[20:30, 40:52]))
+    for mark in (np.nan, -32768):
+        heights[:10, :20] = mark
+        (tmp_path / "heights.tif").write_bytes(image_tiff(heights))
+        told = ran("find", tmp_path / "heights.tif", tmp_path / "template.tif")
+        assert told.out.splitlines() == [
+            "row 20, column 40, score 1.000", "13 % of the places hold missing values and were left out."
+        ]  # fmt: skip
 
 
 def test_find_ends_with_three_where_there_is_nothing(ran: Command) -> None:

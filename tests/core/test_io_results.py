@@ -256,12 +256,12 @@ def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(
 def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
     @dataclass(frozen=True)
     class Further(sl.TemplateSearch):
-        others: tuple[sl.TemplateMatch, ...]
-        lead: float
+        others: tuple[sl.TemplateMatch, ...] = ()
+        lead: float = 0.0
 
     match = sl.TemplateMatch(1, 2, 3, 4, 0.5)
     scores = np.zeros((2, 2), np.float32)
-    result = Further([match], scores, 4, 0.1, match, [match], 0, "look_alikes", (match,), float("nan"))
+    result = Further([match], scores, 4, 0.1, match, [match], 0, "look_alikes", 0.0, (match,), float("nan"))
     figures = json.loads(matches_json(result, TemplateQuery()))
     assert figures["rivals"] == figures["others"] == [as_told(match)]
     assert (figures["best"], figures["lead"]) == (as_told(match), None)

@@ -149,6 +149,8 @@ JOBS = {
     "lag by products": _lag(500_000, method="direct", max_lag=40),
     "lag by votes": _lag(250_000, method="sampled"),
     "template by fft": _search("a = image(1500, 2000); t = a[200:900, 300:1100]"),
+    "template by fft, nowhere": _search("a = image(1500, 2000); t = image(30, 30)"),
+    "template by fft, in colours nowhere": _search("a = colours(900, 1200); t = colours(150, 150)"),
     "template by fft, masked": _search("a = colours(900, 1200); t = masked(a[200:500, 300:700])"),
     "template by poses": _search(
         "a = image(900, 1200); t = a[200:300, 300:400]", ", scales=(0.7, 1.4), rotations=(0, 10)"

@@ -191,7 +191,9 @@ def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
         assert swapped.ties == result.ties
 
 
-@given(sizes=st.tuples(st.integers(12, 120), st.integers(12, 120)), seed=st.integers(0, 2**32 - 1), reach=st.floats(0, 1))
+@given(
+    sizes=st.tuples(st.integers(12, 120), st.integers(12, 120)), seed=st.integers(0, 2**32 - 1), reach=st.floats(0, 1)
+)
 @settings(max_examples=30)
 def test_fft_and_direct_draw_the_curve_of_scipy(sizes: tuple[int, int], seed: int, reach: float) -> None:
     random = np.random.default_rng(seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -120,6 +121,20 @@ def test_another_colour_is_not_found_though_its_shape_is_there(colour: tuple[int
     assert (search.found, search.reason, place(search)) == (False, "other_colours", (40, 20))
 
 
+@pytest.mark.parametrize("ground", [(205, 205, 205), (235, 140, 20)])
+def test_a_button_of_another_colour_is_not_found(ground: tuple[int, int, int]) -> None:
+    blank = np.asarray(icon("bars", (255, 255, 255)) != GROUND).any(axis=2, keepdims=True)
+    here, template = (
+        np.where(blank, 255, np.array(colour, np.uint8)).astype(np.uint8)[2:30] for colour in (ground, (200, 40, 40))
+    )
+    picture = screen()
+    picture[40:68, 20:52] = here
+    search = match_template(picture, template)
+    assert (search.found, search.reason, place(search)) == (False, "other_colours", (40, 20))
+    picture[40:68, 80:112] = template
+    assert place(both := match_template(picture, template)) == (40, 80) and both.found
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_another_white_balance_is_not_another_colour(seed: int) -> None:
     light = np.random.default_rng(seed).uniform(0.75, 1.2, 3)
@@ -201,11 +216,58 @@ def test_what_something_in_front_hides_is_told() -> None:
     assert found >= 15
 
 
-def test_a_template_partly_outside_is_found_at_its_negative_row() -> None:
+@pytest.mark.parametrize(
+    ("inside", "corner"),
+    [
+        (np.s_[78:], (-18, 100)),
+        (np.s_[:102], (60, 100)),
+        (np.s_[:, 121:], (60, -21)),
+        (np.s_[:, :149], (60, 100)),
+        (np.s_[66:, :163], (-6, 100)),
+    ],
+)
+def test_a_template_cut_off_by_any_border_is_found_where_it_would_be(inside: Any, corner: tuple[int, int]) -> None:
     picture = photograph(3)
     template = picture[60:120, 100:170].copy()
-    search = match_template(picture[78:], template)
-    assert (search.found, search.reason, place(search)) == (True, "partly_covered", (-18, 100))
+    search = match_template(picture[inside], template)
+    assert (search.found, search.reason, place(search)) == (True, "partly_covered", corner)
+    assert search.score_map is not None and search.score_map.shape == tuple(
+        length - side + 1 for length, side in zip(picture[inside].shape, template.shape[:2], strict=False)
+    )
+
+
+CHANGES: dict[str, Callable[[Array], Array]] = {
+    "16 bits": lambda picture: picture.astype(np.uint16) * 200 + 300,
+    "floats": lambda picture: picture.astype(np.float32) / 255 - 3,
+    "signed": lambda picture: picture.astype(np.int16) * 50 - 9000,
+    "twice as large": lambda picture: np.asarray(cv2.resize(picture, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)),
+    "a third smaller": lambda picture: np.asarray(
+        cv2.resize(picture, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)
+    ),
+    "grey": lambda picture: np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)),
+    "in the corner": lambda picture: picture[40:, 20:] if picture.shape[0] > SIDE else picture,
+    "alone": lambda picture: picture[36:76, 16:56] if picture.shape[0] > SIDE else picture,
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize(
+    ("shown", "sought", "reason"),
+    [
+        (icon("plus"), icon("plus"), "clear"),
+        (icon("minus"), icon("plus"), "differs"),
+        (icon("arrow")[:, ::-1], icon("arrow"), "mirrored"),
+        (icon("bars") // 2 + 121, icon("bars"), "lower_contrast"),
+        (icon("bars", (200, 40, 40)), icon("bars"), "other_colours"),
+    ],
+)
+def test_a_verdict_holds_in_other_numbers_at_other_sizes_and_places(
+    shown: Array, sought: Array, reason: str, change: str
+) -> None:
+    if reason == "other_colours" and change == "grey":
+        return
+    search = match_template(CHANGES[change](screen(shown)), CHANGES[change](sought))
+    assert search.reason == reason, (search.best, search.rivals[:1])
 
 
 def glyphs(seed: int, count: int = 60) -> list[Array]:

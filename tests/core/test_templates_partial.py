@@ -140,6 +140,7 @@ def test_pixels_without_data_hide_only_the_windows_that_hold_them(
     assert search.score_map is not None
     assert np.isnan(search.score_map[:9, :20]).all()
     assert np.isnan(search.score_map).sum() == 9 * 20 + 5 * 10  # of the region, and of the single pixel
+    assert search.left_out == pytest.approx((9 * 20 + 5 * 10) / search.score_map.size)
     unmarked = match_template(np.where(image == mark, 0, image), template, method=method, mask=mask).score_map
     assert unmarked is not None
     np.testing.assert_allclose(search.score_map[10:40], unmarked[10:40], atol=1e-4)

@@ -113,6 +113,8 @@ def test_all_of_many_copies_at_all_angles_are_found() -> None:
     search = match_template(scene, template, rotations=(-180, 180), max_matches=99)
     assert in_scene(search.matches, centres) == len(centres)
     assert search.clear == len(centres) == 36
+    few = match_template(scene, template, rotations=(-180, 180), max_matches=5)
+    assert (few.clear, few.reason, len(few.matches), len(few.rivals)) == (0, "look_alikes", 5, 20)
 
 
 def test_wide_copies_side_by_side_are_all_found_in_any_direction() -> None:

@@ -26,7 +26,7 @@ from stereolag.ui.elements import show_jpeg
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_before, computed_in_turn, computed_or_refused
-from stereolag.ui.search.sentences import OUTCOMES, differences, lesson, numbers_of, table
+from stereolag.ui.search.sentences import OUTCOMES, differences, is_cut_off, lesson, numbers_of, table
 
 TASK: Final = "template search by OpenCV"
 
@@ -112,7 +112,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
     """
     place = _place(inputs, result)
     if place is None:
-        prose.caption("Nothing was found, so there is no place to damage.")
+        prose.caption("No place wholly inside the image was found, so there is none to damage.")
         return
     height, width = inputs.template.shape[:2]
     rows, cols = part_shape(inputs.picture.shape, (height, width))[:2]
@@ -145,7 +145,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
 
 
 def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int] | None:
-    if inputs.place is not None or not result.found:
+    if inputs.place is not None or not result.found or is_cut_off(result):
         return inputs.place
     best, (height, width) = result.matches[0], inputs.template.shape[:2]
     # If it was found at another size, keep its centre.

@@ -22,11 +22,13 @@ from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, show_score_map
 from stereolag.ui.search.sentences import (
     doubtful,
+    found_in_words,
     framed_in_words,
     headline,
+    is_cut_off,
+    left_out_in_words,
     nearest_in_words,
     place,
-    remark_on,
     why_no_score_map,
     why_not_found,
 )
@@ -46,7 +48,7 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
         prose.warning(why_not_found(result, query), icon=":material/search_off:")
-    elif remark := remark_on(result.matches[0]):
+    elif remark := found_in_words(result):
         prose.info(remark, icon=":material/info:")
     best, rival = result.best, result.rivals[0] if result.rivals else None
     show_numbers(
@@ -60,8 +62,8 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
             Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         )
     )
-    if nearest := nearest_in_words(result):
-        prose.caption(nearest)
+    for said in filter(None, (nearest_in_words(result), left_out_in_words(result))):
+        prose.caption(said)
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches[: result.clear]
@@ -112,6 +114,8 @@ def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     alt = "Colours of the scores: dark at 0, yellow at 1."
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
+    if is_cut_off(result):
+        legend.caption("The place found is not on the map: part of it is outside the image.")
 
 
 def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:

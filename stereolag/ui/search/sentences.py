@@ -53,6 +53,8 @@ def headline(result: TemplateSearch) -> str:
         if result.clear > 1:
             return f"Found at {_counted(result.clear).lower()} places{remark}"
         posed = "" if _is_upright(best) else f", {_pose(best)}"
+        if is_cut_off(result):
+            remark = ", partly outside the image"
         return f"Found at row {best.row}, column {best.col}{posed}{remark}"
     if result.reason == "look_alikes":
         scores = [one.score for one in result.look_alikes]
@@ -63,6 +65,36 @@ def headline(result: TemplateSearch) -> str:
     return f"Not found{REMARKS.get(result.reason, '')}"
 
 
+def is_cut_off(result: TemplateSearch) -> bool:
+    """Return whether the best place found is partly outside the image, where the score map has no place for it."""
+    if not result.found or result.score_map is None:
+        return False
+    row, col = result.matches[0].row, result.matches[0].col
+    return min(row, col) < 0 or row >= result.score_map.shape[0] or col >= result.score_map.shape[1]
+
+
+def found_by_parts(result: TemplateSearch) -> bool:
+    """Return whether the score of the best place found is of its parts that agree, and not that of the score map."""
+    if not result.found or result.score_map is None:
+        return False
+    best = result.matches[0]
+    return is_cut_off(result) or float(result.score_map[best.row, best.col]) != best.score
+
+
+def found_in_words(result: TemplateSearch) -> str:
+    """Return what the best place found shows if it is not simply the template, as sentences; empty otherwise."""
+    remark = remark_on(result.matches[0])
+    return f"{remark} The score is of those alone." if found_by_parts(result) else remark
+
+
+def left_out_in_words(result: TemplateSearch) -> str:
+    """Return how many places have no score because the image has no data there, as a sentence; empty if none."""
+    if not result.left_out:
+        return ""
+    share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
+    return f"{share} of the places hold missing values and were left out."
+
+
 def remark_on(match: TemplateMatch) -> str:
     """Return what a place shows if it is not simply the template, as a sentence; empty otherwise."""
     differing = sum(not agrees for line in match.blocks for agrees in line)
@@ -70,9 +102,9 @@ def remark_on(match: TemplateMatch) -> str:
     if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
         return f"It has {match.contrast:.2f} × the template’s contrast."
     return {
-        "partly_covered": f"{blocks} are covered or outside the image; all others agree.",
-        "other_colours": "The shape is the same, the colours are not those of any light on the template.",
-        "differs": f"It differs from the template in {blocks}, outlined in the picture.",
+        "partly_covered": f"{blocks} are covered or missing in the image; all others agree.",
+        "other_colours": "The shape is the same, but no light on the template gives these colours.",
+        "differs": f"It differs from the template in {blocks}.",
         "not_there": f"It differs from the template in {blocks}.",
     }.get(match.kind or "", "")
 
@@ -95,7 +127,8 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     if result.reason == "mirrored":
         return f"{score}, and with left and right exchanged all of it agrees. Mirror the template to find it."
     if result.reason != "low_score":
-        return f"{score}. {remark_on(result.best)}"
+        outlined = " They are outlined in the picture." if result.reason == "differs" else ""
+        return f"{score}. {remark_on(result.best)}{outlined}"
     tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
     return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
 
@@ -232,6 +265,8 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
     if not ours.found:
         also = " Sampled looks for exact pixels; OpenCV compares patterns, as FFT does." if method == "sampled" else ""
         return f"OpenCV always names a place; it does not say whether the template is there.{also}"
+    if found_by_parts(ours):
+        return "Ours scores the parts that agree; OpenCV compares all pixels, and only places wholly inside the image."
     best = ours.matches[0]
     apart = abs(best.score - theirs.score)
     if (best.row, best.col) == (theirs.row, theirs.col):
