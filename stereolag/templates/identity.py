@@ -206,9 +206,9 @@ class _Fit:
             elif step and squares.max() < 1e-6 * self.variance:
                 break
         planes = template, self.predicted, self.seen
-        soft = (_softened(plane, self.weights)[on].astype(np.float64) for plane in planes)
+        soft, lit, shown = (_softened(plane, self.weights)[on].astype(np.float64) + mean for plane in planes)
         opaque = trust * (counts >= COUNTS)
-        self.recoloured = _recoloured(*(colours + mean for colours in soft), opaque, image.dtype)
+        self.recoloured = _recoloured(soft, lit, shown, opaque, image.dtype)
         residual = seen - self._toned(seen, on, trust)
         beside = _resampled(image, mean, row, col, on.shape, motion)
         behind = 0.0 if self.is_opaque else float(beside.var(axis=(0, 1)).sum())
@@ -241,7 +241,7 @@ class _Fit:
             ends = np.linspace(tones.min(), tones.max(), 17) / spread
             if (np.diff(np.polyval(curve, ends)) > 0).all():
                 self.predicted[on, channel] = terms @ curve
-        return self.predicted[on].astype(np.float64)
+        return np.asarray(self.predicted[on], dtype=np.float64)
 
     def differences(self) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels."""
@@ -271,7 +271,7 @@ class _Fit:
         steep = self.averaged(sum(np.square(one).sum(axis=2) for one in _gradient(self.predicted))) + STEADY
         noise = np.maximum(np.median(left[counts]), steep * np.median((left / steep)[counts]))
         behind = THROUGH * self.averaged(self.shown_through)
-        return (left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts
+        return np.asarray((left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts)
 
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""
@@ -332,7 +332,7 @@ def _resampled(image: Image, mean: Matrix, row: int, col: int, shape: tuple[int,
 def _gradient(image: Plane) -> list[Plane]:
     """Return the derivatives down and to the right."""
     return [
-        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8)).reshape(image.shape)
+        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8), dtype=np.float32).reshape(image.shape)
         for order in ((0, 1), (1, 0))
     ]
 
@@ -340,7 +340,7 @@ def _gradient(image: Plane) -> list[Plane]:
 def _softened(image: Plane, weights: Plane) -> Plane:
     """Return a blurred image with its brightness blurred as its colours are."""
     bright = image.mean(axis=2, keepdims=True)
-    return image - bright + _spread(bright, weights, math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2))
+    return np.asarray(image - bright + _spread(bright, weights, math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)))
 
 
 def _slope(given: Matrix, seen: Matrix, trust: Matrix) -> float:
