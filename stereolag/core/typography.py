@@ -20,6 +20,7 @@ _GAP = re.compile(rf"(?<=\d)(\*\*)? (?=(?:{UNITS})(?!\w))")
 _PLUS_MINUS = re.compile(r"± (?=\d)")
 
 
+@functools.lru_cache(maxsize=2048)  # a page says the same in every run
 def typeset(text: str) -> str:
     """Return a text typeset for display: "-3 px" gets a minus sign and a no-break space; code and quotations stay.
 

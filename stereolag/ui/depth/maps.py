@@ -242,8 +242,8 @@ def offer_fit(view: DepthView) -> None:
 
     def beyond(result: DisparityMap) -> float:
         values = thinned(result.disparity)
-        known = values[np.isfinite(values)]
-        return float(((known < low - 1) | (known > high + 1)).sum()) / max(1, known.size)
+        outside = int(np.count_nonzero((values < low - 1) | (values > high + 1)))
+        return outside / max(1, int(np.count_nonzero(np.isfinite(values))))
 
     shares = {
         name: remembered("share beyond the colours", partial(beyond, result), **view.kept(name, f"{low} {high}"))

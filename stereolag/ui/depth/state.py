@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -95,6 +96,7 @@ def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
     write_parameters(WRITTEN_KEY, parameters)
 
 
+@functools.cache  # listing the examples reads their folder, and every run of the page asks
 def _choices() -> dict[str, Choice]:
     """Return the choices that an address can name, by parameter."""
     return {"pair": example_choice(keys.PAIR, samples.stereo_pairs()), "size": Choice(keys.SIZE, [*SIZES])}
