@@ -21,7 +21,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # No deadline, because the first example of a compiled loop waits for its machine code, long on a busy machine. The same
 # examples in every run, so that a failure is due to the change under test.
-settings.register_profile("stereolag", deadline=None, derandomize=True)
+settings.register_profile("stereolag", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("stereolag")
 
 

@@ -19,7 +19,6 @@ from recording_bytes import filmed
 from scipy.signal import resample_poly
 
 import stereolag as sl
-from stereolag import samples
 from stereolag.commands import MEASURING
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
@@ -382,11 +381,14 @@ def test_a_process_that_refuses_ends_with_the_code_and_depth_brings_in_no_screen
     refused = by_console("find", folder / "image.png", folder / "none.png")
     assert (refused.returncode, refused.stdout) == (1, "")
     assert "Traceback" not in refused.stderr
-    cube = samples.stereo_pairs()["cube"]
+    noise = np.random.default_rng(0).integers(0, 255, (60, 127, 3), dtype=np.uint8)
+    pair = tmp_path / "left.png", tmp_path / "right.png"
+    for path, image in zip(pair, (noise[:, :-7], noise[:, 7:]), strict=True):
+        path.write_bytes(image_png(image))
+    (tmp_path / "camera.json").write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2}))
     loaded = "print(*{'streamlit', 'plotly', 'pandas'} & set(sys.modules), file=sys.stderr)"
-    ran = by_console(
-        "depth", cube.left, cube.right, "--calibration", cube.calibration, "--out", tmp_path, "--json", script=loaded
-    )
+    given = ("depth", *pair, "--calibration", tmp_path / "camera.json", "--out", tmp_path / "out", "--json")
+    ran = by_console(*given, script=loaded)
     assert (ran.returncode, ran.stderr) == (0, "\n")
     assert "cloud.ply" in json.loads(ran.stdout)["files"]
 

@@ -5,11 +5,7 @@ from __future__ import annotations
 import ast
 import doctest
 import re
-import shutil
-import subprocess
-import sys
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -39,7 +35,6 @@ PICTURE = re.compile(
     r'<picture><source media="\(prefers-color-scheme: dark\)" srcset="([^"]+)">\n'
     r'<img alt="([^"]+)" src="([^"]+)" width="830"></picture>'
 )
-BUILDS = ("sphinx", "myst_parser", "furo", "numpydoc")
 
 
 def text_of(page: Path) -> str:
@@ -189,20 +184,6 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
     assert calibration.baseline_m == pytest.approx(0.1, rel=0.02)
     assert 0.2 < float(np.nanmedian(np.asarray(depth))) < 5
     assert (tmp_path / "scene/disparity.pfm").is_file()
-
-
-@pytest.mark.skipif(not all(map(find_spec, BUILDS)), reason="Sphinx and its extensions are not installed")
-def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
-    # The generated pages are written beside the others, so build a copy.
-    shutil.copytree(DOCS, tmp_path / "docs", ignore=shutil.ignore_patterns("_build", "generated"))
-    for beside in PROJECT.iterdir():
-        if beside.name != "docs" and not beside.name.startswith("."):
-            (tmp_path / beside.name).symlink_to(beside)
-    # The modules take as long as everything else, and only their number differs from the public names.
-    fewer = ["-D", "exclude_patterns=modules.md", "-D", "suppress_warnings=toc.not_readable"]
-    command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", "--builder", "dummy", *fewer]
-    built = subprocess.run([*command, "docs", "built"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (built.returncode, built.stderr) == (0, "")
 
 
 PROGRAMS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)

@@ -164,7 +164,7 @@ def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
     assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 99),
     rows=st.integers(1, 40),

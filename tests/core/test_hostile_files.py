@@ -101,7 +101,7 @@ def test_the_originals_are_valid(reader: str, kind: str) -> None:
 
 
 @CASES
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(draws=st.data())
 def test_mutated_files(reader: str, kind: str, draws: st.DataObject) -> None:
     survives(reader, draws.draw(mutated(VALID[kind])))

@@ -217,7 +217,7 @@ QUERIES = [
     TemplateQuery(method="direct", min_score=0.95, max_matches=2),
     TemplateQuery(method="sampled"),  # two places fit equally well
     TemplateQuery(max_matches=1),  # likewise
-    TemplateQuery(max_matches=2, min_scale=0.9, max_rotation=10.0),
+    TemplateQuery(max_matches=2, min_scale=0.95, max_rotation=2.0),
 ]
 
 
@@ -291,7 +291,7 @@ def test_the_find_program_finds_it_again_or_says_why_not(pictures: Path) -> None
     assert first.startswith(f"row 20, column 30, score {score:.3f}")
     assert second.startswith("row 60, column 70, score ")
     assert said(None, **query) == ["Not found: differs"]
-    nothing = said("mask.png", min_scale=0.9, max_rotation=5.0, max_matches=1)
+    nothing = said("mask.png", min_scale=0.95, max_rotation=2.0, max_matches=1)
     assert nothing == ["Not found: look_alikes"]
 
 

@@ -151,9 +151,9 @@ def test_the_frame_is_a_choice_unless_the_calibration_has_it() -> None:
     def at(alpha: float, **more: Any) -> Pair:
         return prepare(assemble_pair(*raw_pair(), None, both_cameras(**more), id=ID), Preparation(alpha=alpha))
 
-    whole = at(1.0)
-    assert (whole.left == 0).mean() > (at(0.0).left == 0).mean()
-    assert whole.calibration is not None and whole.id != at(0.0).id
+    whole, inner = at(1.0), at(0.0)
+    assert (whole.left == 0).mean() > (inner.left == 0).mean()
+    assert whole.calibration is not None and whole.id != inner.id
     told = at(1.0, **RECTIFYING)
     assert told.calibration is not None
     assert told.calibration.focal_px == pytest.approx(P1[0, 0])

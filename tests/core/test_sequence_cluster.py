@@ -135,8 +135,3 @@ def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
     result = run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="local", progress=interrupt)
     assert told and result.matched == 12
     assert capfd.readouterr().err == ""
-
-
-def test_a_scheduler_that_is_not_there_is_told_of(folders: tuple[Path, Path], tmp_path: Path) -> None:
-    with pytest.raises(ConnectionError, match=r"There is no Dask scheduler at 'nonsense://x'"):
-        run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="nonsense://x")

@@ -17,7 +17,7 @@ from stereolag.sequences import SequenceMemory, SequenceSettings, StereoSequence
 from stereolag.sequences.frames import MOTION, read_records, table_lines
 from stereolag.sequences.motion import MotionWatch, SequenceMotion
 
-COUNT = 4
+COUNT = 3
 MATCHER = preset("fast", num_disparities=32)
 
 
@@ -65,7 +65,7 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, settings=moving)
     rows = [*csv.DictReader(io.StringIO(table_lines(kept.records.values(), header=True)))]
     told = [row for row in rows if row["method"] == MOTION]
-    assert [row["number"] for row in told] == ["1", "2", "3"]
+    assert [row["number"] for row in told] == ["1", "2"]
     assert all(float(row["own_speed_kmh"]) == pytest.approx(OWN_KMH, rel=0.04) for row in told)
     assert all(" m 7" in row["moving"] and row["moving"].endswith(" km/h") for row in told)
     assert all(row["own_speed_kmh"] == row["moving"] == "" for row in rows if row["method"] != MOTION)
@@ -92,7 +92,7 @@ def test_motion_asked_for_later_is_told_of_finished_frames(
     assert later.matched == 0
     records = [*kept.records.values()] if isinstance(kept, SequenceMemory) else read_records(kept / "frames.csv")
     told = [one for one in records if one.method == MOTION]
-    assert [one.number for one in told] == [1, 2, 3] and len(records) == COUNT + 3
+    assert [one.number for one in told] == [1, 2] and len(records) == COUNT + 2
     assert all(one.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04) for one in told)
     seen: list[int] = []
     monkeypatch.setattr(MotionWatch, "since_before", lambda _, number, look: seen.append(number))

@@ -105,17 +105,6 @@ def test_a_quiet_clip_is_found_beside_a_loud_passage(method: SignalMethod) -> No
     assert signal_lag(clip, long, method=method, seed=0).lag == 500
 
 
-@pytest.mark.parametrize("method", CURVE_METHODS)
-@pytest.mark.parametrize("lag", [700, -900])
-def test_noise_as_loud_as_the_sound_is_survived(method: SignalMethod, lag: int) -> None:
-    random = np.random.default_rng(3)
-    first, second = pair(4000, lag)
-    noisy = [signal + signal.std() * random.normal(size=4000) for signal in (first, second)]
-    result = signal_lag(*noisy, method=method)
-    assert result.lag == lag
-    assert result.score == pytest.approx(0.5, abs=0.06)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_offset_and_gain_change_nothing(method: SignalMethod) -> None:
     first, second = pair(1500, -333)
@@ -162,7 +151,9 @@ def test_a_periodic_clip_has_the_smallest_lag_though_others_overlap_more() -> No
 def test_a_pulse_in_silence_is_found_however_little_overlaps(method: SignalMethod) -> None:
     first, second = np.zeros(1000), np.zeros(1000)
     first[100:108] = second[850:858] = [1, 4, 9, 5, -3, -2, 1, 0.5]
-    assert signal_lag(first, second, method=method).lag == 750
+    result = signal_lag(first, second, method=method)
+    assert result.lag == 750
+    assert result.judgement is not None and result.judgement.reason == "too_little"  # few samples convince of nothing
 
 
 @given(

@@ -103,7 +103,6 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
     return scores
 
 
-@settings(max_examples=60)
 @given(searches())
 def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
@@ -334,7 +333,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
     return rows * cols / (one.height * one.width)
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )

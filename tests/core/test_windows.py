@@ -95,7 +95,7 @@ def cases(draw):
 
 
 @given(cases())
-@settings(max_examples=80)
+@settings(max_examples=50)
 def test_equals_the_plain_formula(query):
     assert_equals_reference(query)
 
@@ -211,7 +211,7 @@ def test_the_cost_model_knows_where_each_engine_pays() -> None:
     assert cheaper_engine((400, 881), 40, 40, square) == "fft"
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 1000),
     dtype=st.sampled_from(DTYPES),
@@ -313,7 +313,7 @@ def test_negative_scores_are_fitted_by_a_parabola_and_missing_or_equal_ones_not_
     assert fit_peaks(around)[1].item() == pytest.approx(offset, abs=1e-6)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 999),
     shape=st.tuples(st.integers(9, 24), st.integers(9, 30)),
