@@ -79,6 +79,8 @@ def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tu
 def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
     app = open_page(PAGE)
     assert numbers(app)["Path difference"] == typeset("378.17 m")
+    assert numbers(app)["Lag, samples"] == "50,082"
+    assert (len(app.get("plotly_chart")), len(app.get("audio"))) == (5, 2)
     headline = (
         "Sensor 2 hears it **1.136 s** (50,082.00 ± 0.01 samples) after sensor 1: its path is **378.17 m** longer."
     )

@@ -142,19 +142,6 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
     assert len(app.get("plotly_chart")) == 1
 
 
-def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
-    app = open_page(LAG)
-    assert app.header[0].value == typeset(
-        "Sensor 2 hears it **1.136 s** (50,082.00 ± 0.01 samples) after sensor 1: its path is **378.17 m** longer."
-    )
-    assert numbers(app)["Lag, samples"] == "50,082"
-    assert len(app.get("plotly_chart")) == 5
-    assert len(app.get("audio")) == 2
-    app.button_group(key="recordings").set_value("harbour").run()
-    assert numbers(app)["Lag, samples"] == "\N{MINUS SIGN}31,234"
-    assert_written(app)
-
-
 def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_to_try(open_page: OpenPage) -> None:
     app = open_page(FIND)
     assert app.header[0].value == "Found at row 200, column 200"

@@ -18,7 +18,7 @@ REPORT = SCREENSHOTS / "axe.json"
 FAULTS = ("moderate", "serious", "critical")
 
 FIND = """
-async ([exclude, options]) => (await axe.run({ include: [["html"]], exclude }, options)).violations
+async ([include, exclude, options]) => (await axe.run({ include, exclude }, options)).violations
 """
 OPTIONS = {"resultTypes": ["violations"], "preload": {"assets": ["media"]}}
 COLOURS_ALONE = {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
@@ -59,8 +59,8 @@ class Audit:
         self._report: dict[str, dict[str, int]] = {}
         self._version = ""
 
-    def check(self, page: Page, state: str, *, but: Sequence[str] = ()) -> None:
-        """Expect no fault on a page outside the parts in `but`, in the light and in the dark.
+    def check(self, page: Page, state: str, *, only: str = "html", but: Sequence[str] = ()) -> None:
+        """Expect no fault in a part of a page outside the parts in `but`, in the light and in the dark.
 
         All rules are checked in the page's own theme; then it is switched to the other theme, checked for its colours,
         and left there.
@@ -70,25 +70,27 @@ class Audit:
         app = page.get_by_test_id("stApp")
         theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
         other = "light" if theme == "dark" else "dark"
-        found, without_text = self.findings(page, but=but), nameless(page)
+        found, without_text = self.findings(page, only=only, but=but), nameless(page)
         page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
         expect(app).to_have_css("color-scheme", other)
         settled(page)
         expect(page.get_by_test_id("stException")).to_have_count(0)
-        colours = self.findings(page, COLOURS_ALONE, but=but)
+        colours = self.findings(page, COLOURS_ALONE, only=only, but=but)
         for shown, findings in ((theme, found), (other, colours)):
             self._report[f"{state}, {shown}"] = Counter({one.rule: len(one.targets) for one in findings})
         faults = [one for one in (*found, *colours) if one.impact in FAULTS]
         assert not faults, f"{state}: {faults}"
         assert not without_text, f"{state}: no alternative text: {without_text}"
 
-    def findings(self, page: Page, options: dict[str, Any] | None = None, *, but: Sequence[str] = ()) -> list[Finding]:
+    def findings(
+        self, page: Page, options: dict[str, Any] | None = None, *, only: str = "html", but: Sequence[str] = ()
+    ) -> list[Finding]:
         """Return axe-core's findings, including minor ones."""
         if not page.evaluate("'axe' in window"):
             page.evaluate(self._script)
             page.evaluate(WITHOUT_SOURCES)
         self._version = page.evaluate("axe.version")
-        violations = page.evaluate(FIND, [[[one] for one in but], OPTIONS | (options or {})])
+        violations = page.evaluate(FIND, [[[only]], [[one] for one in but], OPTIONS | (options or {})])
         return [
             Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
             for one in violations

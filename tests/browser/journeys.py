@@ -26,6 +26,9 @@ LIGHT_TEXT, DARK_TEXT = "rgb(91, 89, 100)", "rgb(180, 178, 189)"
 BENCH = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")
 """Parts of the depth page that stay while the others change."""
 
+PANEL = "[role=tabpanel]"
+"""What changes from one tab of a page to the next."""
+
 PARTS = (
     "Compare",
     "Values",
@@ -156,7 +159,7 @@ def _through_the_panels(page: Page, audit: Audit) -> None:
             expect(page.locator(place)).to_contain_text(re.compile(result.replace(" m", r"\sm")))
         expect_at_home(page, control.split()[0])
         screenshot(page, f"sensor-lag-{control.split()[0].strip('.')}")
-        audit.check(page, f"Sensor lag: {tab}")
+        audit.check(page, f"Sensor lag: {tab}", only=PANEL if here else "html")
     page.locator(".plan .apart input").press("Home")
     page.locator(".plan").get_by_role("button", name="In line").press("Enter")
     expect(said).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
@@ -221,7 +224,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
             page.locator(".funnel .steps button").nth(3).press("Enter")
             expect(page.locator(".funnel .said")).to_contain_text("Best: row 528, column 982, score 1.000.")
             expect_at_home(page, ".funnel")
-        audit.check(page, f"Rocketman search: {tab}")
+        audit.check(page, f"Rocketman search: {tab}", only=PANEL)
     expect_visible(page.get_by_role("button", name="Undo all damage"))
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
     page.locator(".painting .stage").press(" ")
@@ -243,9 +246,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     audit.check(page, "Rocketman search: a template cut out")
     page.get_by_role("radio", name="The example’s", exact=True).press("Enter")
     expect_found(page, 528, 982)
-    choose(page, "Rocketman in the dust of the moon", begin="Rocketman in the garden maze")
-    expect_visible(page.get_by_role("heading", name="Found at row 1048, column 1707"))
-    choose(page, "Your own files", begin="Rocketman in the dust of the moon")
+    choose(page, "Your own files", begin="Rocketman in the garden maze")
     _give(page, "broken.png", b"this is no picture")
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
     settled(page)
@@ -302,18 +303,11 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
     expect(figures).not_to_have_text(shown)
     expect(region).to_contain_text("Bad-2")
     unfold(page, "choose a pair or bring your own")  # folded again
-    audit.check(page, "Depth maps")
-    for count in (2, 0):
-        press(page, "Colours")
-        page.get_by_text("Outlines of the left image").click()
-        settled(page)
-        page.keyboard.press("Escape")
-        expect(page.locator(".linked .outlines")).to_have_count(count)
     for here, part in pairwise((PARTS[0], *PARTS)):
         choose(page, part, begin=here)
         if part == "Why this match?":
             _under_the_pointer(page)
-        audit.check(page, f"Depth maps: {part}", but=BENCH)
+        audit.check(page, f"Depth maps: {part}", but=() if part == PARTS[0] else BENCH)
     unfold(page, "choose a pair or bring your own")
     choose(page, "Your own files", begin="Puzzle cube")
     unfold(page, "More settings", "Input doctor", "Take it away")

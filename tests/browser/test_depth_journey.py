@@ -1,4 +1,4 @@
-"""The depth page as a visitor's: own files, values in metres, a sweep, files taken away, links and sessions.
+"""The depth page as a visitor's: a cell of a sweep clicked on, files taken away, links and sessions.
 
 What each part says of a pair is tested without a browser, in ``tests/app``.
 """
@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import FilePayload, Locator, Page, expect
 
-from stereolag.io.calibrations import read_calibration
 from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, settled
 
 
@@ -49,7 +48,7 @@ class DepthPage:
         self.page.locator("summary:visible").filter(has_text=title).first.click()
         self.settle()
 
-    def give(self, label: str, file: Path | FilePayload) -> None:
+    def give(self, label: str, file: FilePayload) -> None:
         """Upload a file to the box with this label."""
         box = self.page.get_by_test_id("stFileUploader").filter(has_text=label).locator("input[type=file]")
         box.set_input_files(file)
@@ -61,10 +60,6 @@ class DepthPage:
             self.page.get_by_role("button", name=label, exact=True).click()
         return started.value.url, Path(started.value.path()).read_bytes()
 
-    def value(self, name: str) -> float:
-        """Return the value of a slider."""
-        return float(self.page.get_by_role("slider", name=name).first.input_value())
-
     def number(self, name: str, *, method: int = 0) -> float:
         """Return a number below a map, by default the first map."""
         figure = self.page.locator(".linked").first.locator("figure").nth(method)
@@ -75,42 +70,6 @@ class DepthPage:
 
     def said(self, text: str | re.Pattern[str]) -> Locator:
         return self.page.get_by_text(text).first
-
-    def paragraph(self, text: str) -> Locator:
-        """Return the paragraph that contains a text."""
-        return self.page.locator("p").filter(has_text=text).first
-
-
-def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_them(
-    open_page: OpenPage, data_dir: Path
-) -> None:
-    motorcycle = data_dir / "stereo" / "motorcycle_q"  # real photographs, with ground truth and calibration
-    visit = DepthPage(open_page("Depth_maps?pair=square"))
-    visit.open_head()
-    visit.choose("Your own files")
-    visit.unfold("Calibration (optional)")
-    visit.give("Left image", motorcycle / "left.png")
-    visit.give("Right image", motorcycle / "right.png")
-    visit.open_head()  # it folded when the pair was uploaded
-    visit.give("Ground truth (optional)", motorcycle / "gt.pfm")
-    visit.give("Calibration files", motorcycle / "calib.json")
-    expect_visible(visit.page.get_by_text("Your own pair").first)
-    expect(visit.page.get_by_text("Until both images are here")).to_have_count(0)
-    known = read_calibration(motorcycle / "calib.json")
-    disparities, error = visit.value("Disparities searched"), visit.number("EPE")
-    assert visit.number("Bad-2") < 35
-    visit.choose("Values")
-    expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px:.6g} px × {known.baseline_m:.4g} m")
-    screenshot(visit.page, "journey-inputs-light")
-
-    visit.open_head()
-    visit.choose("1/2")
-    expect_visible(visit.said("Shown at 1/2 of its size: 370 × 248 of 741 × 497 pixels."))
-    assert visit.value("Disparities searched") == disparities / 2
-    assert visit.number("EPE") < 0.75 * error
-    expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px / 2:.6g} px × {known.baseline_m:.4g} m")
-    visit.choose("Automatic")
-    assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px becomes 6 and then 12
 
 
 def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenPage) -> None:
@@ -129,10 +88,6 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenP
     bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
     assert np.shape(bad) in {(2, 3), (3, 2)}
     screenshot(visit.page, "journey-sweep-cube-light")
-    for scheme in ("dark", "light"):  # its charts are drawn in dark too
-        visit.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-        expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
-        visit.settle()
     cell = [int(place) for place in np.unravel_index(np.argmin(bad), np.shape(bad))]
     x, y = chart.locator(".js-plotly-plot").evaluate(
         "(plot, [row, col]) => { const { xaxis, yaxis } = plot._fullLayout;"

@@ -18,7 +18,7 @@ from tests.browser.walking import walked
 
 ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2] for path, (label, _) in PAGES.items()}
 
-NARROW, USUAL, WIDE = 420, 1280, 2560
+PHONE, USUAL, WIDE = 390, 1280, 2560
 
 MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
 """A slider on each page that has one."""
@@ -90,26 +90,21 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
     resized(page, USUAL)
 
 
-def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
+def test_it_opens_in_both_themes_and_nothing_is_cut_from_a_phone_to_a_wide_screen(name: str, page: Page) -> None:
     file = name.lower().replace(" ", "-")
     no_exception(page)
     screenshot(page, f"{file}-light")
     page.evaluate(COUNT_TRANSITIONS)
-    turned_dark(page, width=390)
+    turned_dark(page, width=PHONE)
     assert page.evaluate("transitions") == 0  # inherited colours start thousands of 1 ms transitions: half of all time
     no_exception(page)
     screenshot(page, f"{file}-phone")
+    for width in (PHONE, WIDE):
+        assert cut(page, width) == []
     resized(page, USUAL)
     screenshot(page, f"{file}-dark")
     page.emulate_media(color_scheme="light")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
-    settled(page)
-
-
-def test_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
-    for width in (NARROW, WIDE):
-        assert cut(page, width) == []
-    resized(page, USUAL)
 
 
 def test_nothing_moves_by_itself_for_whoever_asks_for_that(page: Page) -> None:

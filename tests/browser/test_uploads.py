@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from playwright.sync_api import FilePayload, Page, expect
@@ -38,7 +36,7 @@ def give_both(page: Page) -> None:
 
 @pytest.fixture(scope="module")
 def own_page(keep_page: OpenPage) -> Page:
-    return on_own_files(keep_page("Sensor_lag"))
+    return on_own_files(keep_page("Sensor_lag", loses_server=True))
 
 
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
@@ -71,22 +69,15 @@ def test_a_file_that_was_removed_is_forgotten(own_page: Page) -> None:
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
 
 
-def test_after_a_restart_the_page_says_that_the_files_are_gone(
-    own_page: Page, open_page: OpenPage, server: Server
-) -> None:
-    own_page.close()
-    page = on_own_files(open_page("Sensor_lag", loses_server=True))
+def test_after_a_restart_the_page_says_that_the_files_are_gone(own_page: Page, server: Server) -> None:
+    page = own_page
     give_both(page)
     server.stop()
-    time.sleep(1)
     server.start()
     # Nobody touches the page: it notices by itself.
     expect_visible(page.get_by_text("The files you had here are gone"))
     settled(page)
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
     expect(page.get_by_text("Your own recordings.")).to_have_count(0)
-    page.get_by_test_id("stButtonGroup").get_by_text("Coast", exact=True).click()
-    settled(page)
     expect_visible(page.get_by_role("heading", name=EXAMPLE))
-    on_own_files(page)
     give_both(page)

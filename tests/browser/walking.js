@@ -4,7 +4,7 @@
   document.body.focus();
   document.body.removeAttribute("tabindex");
   if (window.walk) {
-    window.walk.stops = [];
+    Object.assign(window.walk, { stops: [], done: false });
     return;
   }
   const LOOK = ["outlineStyle", "outlineWidth", "outlineColor", "boxShadow", "borderTopColor", "borderBottomColor"];
@@ -37,7 +37,7 @@
   };
 
   let last = null;
-  const walk = (window.walk = { stops: [] });
+  const walk = (window.walk = { stops: [], done: false });
 
   // Compares the look of the last stop with and without the focus.
   walk.leave = () => {
@@ -48,13 +48,14 @@
     if (key !== "Tab") return;
     walk.leave();
     const one = focused();
-    if (one === document.body) return;
+    walk.done ||= walk.ended();
+    if (walk.done || one === document.body) return;
     last = { one, looks: around(one).map((each) => [each, look(each)]) };
     walk.stops.push(last);
   }, true);
 
   // Past the last control, or back at the first.
-  walk.ended = () => walk.stops.length > 0 && [document.body, walk.stops[0].one].includes(focused());
+  walk.ended = () => walk.done || (walk.stops.length > 0 && [document.body, walk.stops[0].one].includes(focused()));
   walk.told = () => walk.stops.map(({ one, framed }) => ({ name: named(one), framed, tag: one.localName }));
 
   // The controls at which Tab did not stop; one stop is enough for a group traversed with the arrow keys.
