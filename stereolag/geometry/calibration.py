@@ -342,6 +342,8 @@ class Calibration:
                 raise ValueError(f"{name} is {value}; allowed are finite numbers.")
             if value is not None and abs(value) > MAX_CENTRE_PX:
                 raise ValueError(f"{name} is {value:g}; allowed are -{MAX_CENTRE_PX:g} to {MAX_CENTRE_PX:g} px.")
+        if self.turn not in (-1, 0, 1):
+            raise ValueError(f"turn is {self.turn}; allowed are -1, 0 and 1.")
         for name in ("width", "height", "num_disparities"):
             value = getattr(self, name)
             if value is not None and value < 1:

@@ -350,10 +350,12 @@ def kitti(left: int, right: int) -> Reader:
 
 def _rows(files: Sequence[Entries]) -> list[Parts]:
     """Read rows of numbers alone: two projections, or a camera matrix and a baseline (the learned matchers' K.txt)."""
-    values = np.concatenate([entry.numbers() for entry in together(files).values()])
+    every = together(files)
+    every.used.update(every)
+    values = np.concatenate([entry.numbers() for entry in every.values()])
     if values.size == 10:
         return [{"M1": numbers("the first row", values[:9].reshape(3, 3)), "baseline": numbers("the last", values[9:])}]
-    if values.size >= 24 and together(files)["row0"].numbers().size in (4, 12):
+    if values.size >= 24 and every["row0"].numbers().size in (4, 12):
         halves = values[:24].reshape(2, 3, 4)
         return [{f"P{side}": numbers(f"row{side}", one) for side, one in enumerate(halves, 1)}]
     raise ValueError(
@@ -421,7 +423,8 @@ def _cityscapes(files: Sequence[Entries]) -> list[Parts]:
 _OF_ONE_CAMERA = {
     "M": "k m a mtx mat cm matrix cammatrix intrinsic intrinsics intrinsicmatrix intrinsicsmatrix",
     "D": "d dist distortion distortions distcoeff distcoeffs distcoef distcoefs distcoefficients distvec "
-    "distortioncoeff distortioncoeffs distortioncoefficient distortioncoefficients distortionvector distortionmatrix",
+    "distortioncoeff distortioncoeffs distortioncoefficient distortioncoefficients coeffs "
+    "coefficients distortionvector distortionmatrix",
     "R": "r rect rectification rectificationmatrix rectmatrix rrect rectr rectificationrotation "
     "rectificationtransform recttrans rectifyrotation",
     "P": "p proj projection projectionmatrix projmatrix projmat projmtx prect",
@@ -569,7 +572,7 @@ def by_meaning(files: Sequence[Entries]) -> list[Parts]:
     Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
     in the given order. ROS and whoever gives poses as transforms write metres.
     """
-    found = [_parts_of(entries) for entries in files]
+    found = [_parts_of(entries) | _single_numbers(entries) for entries in files]
     lone = [n for n, parts in enumerate(found) if {"M0", "P0"} & set(parts) and not {"M1", "M2"} & set(parts)]
     if len(lone) > 2:
         raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
@@ -601,6 +604,18 @@ def by_meaning(files: Sequence[Entries]) -> list[Parts]:
     return [parts]
 
 
+def _single_numbers(entries: Entries) -> Parts:
+    """Return the cameras that a file gives as single numbers below its side's name: ``left.fx``."""
+    parts: Parts = {}
+    for side, names in (("1", "left|cam0|camera0|left_camera"), ("2", "right|cam1|camera1|right_camera")):
+        for name in names.split("|"):
+            for place in (name, f"{name}.intrinsics", f"{name}.intrinsic"):
+                for centre in (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy")):
+                    if all(entries.find(f"{place}.{one}") for one in centre):
+                        parts |= camera(entries, side, place, place, centre)
+    return parts
+
+
 def _complete_projections(parts: Parts, entries: Entries) -> None:
     """Derive the projection of the left camera if only that of the right one is given (ROS)."""
     if "P2" in parts and "P1" not in parts:
@@ -617,6 +632,10 @@ def _complete_projections(parts: Parts, entries: Entries) -> None:
         )
 
 
+MOST_COMPARED = 100
+"""Most names without effect that are compared with the known ones: a file of nothing but such takes seconds."""
+
+
 def unused(layout: Layout, files: Sequence[Entries]) -> list[str]:
     """Return the names in files that have no effect although nothing says so, the likely misspelt ones first."""
     known = [*_ONE, *_BOTH]
@@ -627,6 +646,8 @@ def unused(layout: Layout, files: Sequence[Entries]) -> list[str]:
         and _last_words(name) not in _WITHOUT_EFFECT.split()
         and not re.fullmatch(layout.ignored, name, re.IGNORECASE)
     ]
+    if len(left) > MOST_COMPARED:
+        return left
     return sorted(left, key=lambda name: not difflib.get_close_matches(_last_words(name), known, cutoff=0.85))
 
 

@@ -87,10 +87,12 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
         one.used = files[0].used
     layout = layout_of(files)
     lens = lens_of(files)
+    every = layout.read(files)
+    idle = unused(layout, files)
     modes, problem = [], None
-    for parts in layout.read(files):
+    for parts in every:
         try:
-            modes.append(_calibration(layout, files, parts, lens, length_unit_m))
+            modes.append(_calibration(layout, files, parts, lens, idle, length_unit_m))
         except ValueError as error:
             problem = problem or error
     if problem is not None and not modes:
@@ -104,12 +106,17 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
 
 
 def _calibration(
-    layout: Layout, files: Sequence[Entries], parts: Parts, lens: str, length_unit_m: float | None
+    layout: Layout,
+    files: Sequence[Entries],
+    parts: Parts,
+    lens: str,
+    idle: Sequence[str],
+    length_unit_m: float | None,
 ) -> Calibration:
     """Return the calibration from parts, with what was assumed."""
     stated = _stated_unit(layout, parts)
     unit = stated or length_unit_m or UNITS[layout.unit]
-    notes, idle = [], unused(layout, files)
+    notes = []
     if stated is None and length_unit_m is None:
         notes.append(f"The file does not state its unit of length: {_IN_WORDS[unit]} are assumed.")
     if idle:
@@ -245,7 +252,8 @@ def _image_size(parts: Parts) -> tuple[int | None, int | None]:
             return (rows, cols) if _fits_better(parts, rows, cols) else (cols, rows)
         if width is not None and height is not None:
             return width.counts(1)[0], height.counts(1)[0]
-    return None, None
+    alone = [parts[part].counts(1)[0] if part in parts else None for part in ("width0", "height0")]
+    return alone[0], alone[1]
 
 
 def _fits_better(parts: Parts, cols: int, rows: int) -> bool:

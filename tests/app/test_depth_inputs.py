@@ -190,6 +190,17 @@ def test_what_is_added_later_leaves_the_range_in_use(key: str, file: tuple[str, 
     assert disparities(app) == before
 
 
+def test_a_baseline_beyond_belief_is_doubted_and_the_unit_asked_for() -> None:
+    in_millimetres = RIG | {"T": (1000 * straight_and_raw.T).tolist()}
+    app = own(calibration=("rig.json", json.dumps(in_millimetres).encode()))
+    assert any(typeset("in millimetres, the baseline is 0.12 m") in one.value for one in app.warning)
+    unit = app.segmented_control(key="pairs.unit")
+    assert unit.label.startswith("Which unit are its lengths in?")
+    unit.set_value("mm").run()
+    assert typeset("baseline 0.12 m, 64 disparities reach from") in captions(app)
+    assert not any("millimetres" in one.value for one in app.warning)
+
+
 def test_two_typed_numbers_are_a_calibration() -> None:
     app = own()
     assert shown(app).calibration is None

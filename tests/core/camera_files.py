@@ -376,6 +376,16 @@ def _below(pairs) -> str:
 FISHEYE = np.array([[-0.02, 0.004, -0.003, 0.0005]])
 
 OF_MAKERS: dict[str, Callable[[], list[bytes]]] = {
+    "single numbers": lambda: [
+        as_json(
+            **{
+                side: dict(zip(("fx", "fy", "ppx", "ppy"), matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), strict=True))
+                | {"coeffs": lens}
+                for side, matrix, lens in (("left", M1, D1), ("right", M2, D2))
+            },
+            rotation=R, translation=T, image_size=np.array(SIZE),
+        )
+    ],
     "DepthAI": lambda: [depthai()],
     "MATLAB, a struct as JSON": lambda: [as_json(**matlab())],
     "MATLAB, a newer struct, inside another": lambda: [as_json(stereoParams=matlab(newer=True, unit="m"))],

@@ -20,7 +20,13 @@ def plain(**changes: object) -> bytes:
 
 
 def rig(camera: str = "500, 0, 160, 0, 500, 120, 0, 0, 1", **changes: str) -> bytes:
-    parts = {"D1": "0, 0, 0, 0", "R": ROTATION, "T": "-0.1, 0, 0", "image_size": "320, 240"} | changes
+    parts = {
+        "D1": "0, 0, 0, 0",
+        "D2": "0, 0, 0, 0",
+        "R": ROTATION,
+        "T": "-0.1, 0, 0",
+        "image_size": "320, 240",
+    } | changes
     cameras = "".join(f"{name}:\n  rows: 3\n  cols: 3\n  data: [{camera}]\n" for name in ("M1", "M2"))
     return ("%YAML:1.0\n---\n" + cameras + "".join(f"{name}: [{part}]\n" for name, part in parts.items())).encode()
 
@@ -165,7 +171,7 @@ def calibrations() -> dict[str, Case]:
         "principal point of 1e308": (lambda: plain(cx=1e308, cy=-1e308), far),
         "focal length of 1e-300": (lambda: plain(focal_px=1e-300), "allowed are 0.001 to 1e.07"),
         "focal length of 1e308": (lambda: plain(focal_px=1e308), far),
-        "focal length true": (lambda: plain(focal_px=True), "no focal_px|no known format"),
+        "focal length true": (lambda: plain(focal_px=True), "must hold numbers, not “True”"),
         "focal length of 9,000 digits": (lambda: plain().replace(b"700", b"7" * 9000), "finite numbers"),
         "baseline of 1e-308": (lambda: plain(baseline_m=1e-308), "allowed are 1e-09 to 1e.09"),
         "width of 1e9": (lambda: plain(width=1e9), "allowed are 1 to 100000"),

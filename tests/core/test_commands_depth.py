@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import camera_files
 import cv2
 import numpy as np
 import pytest
 from commanded import Command, assert_refused
 from ply_reader import read_ply
 from straight_and_raw import raw_pair
+from wall_pictures import wall_pictures
 
 import stereolag as sl
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
+from stereolag.geometry.rectification import mode_for
 from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
@@ -180,3 +183,38 @@ def test_what_cannot_be_is_refused_in_one_sentence(
 ) -> None:
     monkeypatch.chdir(folder)
     assert_refused(ran("depth", *arguments), "depth", code, said)
+
+
+@pytest.mark.parametrize(
+    "kind", ["ZED, VGA of three sizes, mm", "DepthAI, fisheye, cm", "OpenCV in mm, above", "below"]
+)
+def test_a_wall_at_6_m_is_6_m_away(kind: str, tmp_path: Path, ran: Command) -> None:
+    size, unit = camera_files.SIZE, "mm"
+    if kind.startswith("ZED"):
+        data, size = camera_files.zed(), (672, 376)
+    elif kind.startswith("DepthAI"):
+        data = camera_files.depthai(wide=True)
+    else:
+        above = 1 if kind == "below" else -1
+        upright = sl.read_calibration(camera_files.npz(**camera_files.BOTH_CAMERAS)).rig.turned(-above, size)
+        size = size[::-1]
+        data = camera_files.npz(
+            M1=upright.left_matrix, D1=upright.left_distortion, M2=upright.right_matrix, D2=upright.right_distortion,
+            R=upright.rotation, T=1000 * upright.translation, image_size=np.array(size),
+        )  # fmt: skip
+    (tmp_path / "camera").write_bytes(data)
+    known = mode_for(sl.read_calibration(tmp_path / "camera", length_unit_m=0.001), *size)
+    for name, picture in zip(("left.png", "right.png"), wall_pictures(known.rig, size), strict=True):
+        (tmp_path / name).write_bytes(image_png(picture))
+    pair = tmp_path / "left.png", tmp_path / "right.png"
+    arguments = ("--calibration", tmp_path / "camera", "--unit", unit, "--num-disparities", 32, "--out", tmp_path)
+    told = ran("depth", *pair, *arguments)
+    assert told.code == 0, told.err
+    assert "baseline 0.0834 m" in told.out
+    points = read_ply((tmp_path / "cloud.ply").read_bytes())
+    assert np.median(points["z"]) == pytest.approx(6.0, abs=0.06)
+    disparity = sl.read_disparity(tmp_path / "disparity.npy")
+    assert disparity.shape == size[::-1]
+    written = sl.read_calibration(tmp_path / "calibration.json")
+    assert np.nanmedian(written.depth(disparity)) == pytest.approx(6.0, abs=0.06)
+    assert abs(np.median(points["x"])) < 1 and abs(np.median(points["y"])) < 1
