@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.assess.diagnosis import Remedy, apply_remedy
+from stereolag.assess.layout import Layout, in_words, likely_layout, views
 from stereolag.assess.orientation import RowEvidence, row_evidence
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
@@ -35,11 +36,11 @@ from stereolag.geometry.rectification import (
     turned,
 )
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.guard import guarded
-from stereolag.io.images import StoredDisparity, read_disparity, read_image, read_stored_disparity
+from stereolag.io.guard import Door, guarded, unguarded
+from stereolag.io.images import StoredDisparity, read_disparity, read_frame, read_image, read_stored_disparity
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
-from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
+from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, read_archive, read_bytes
 from stereolag.samples import StereoExample
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import StereoSGBM
@@ -287,6 +288,44 @@ def no_memo(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
     return make()
 
 
+class OneView(ValueError):  # noqa: N818
+    """A picture in which only one view is seen."""
+
+
+def read_views(source: Source, layout: Layout | None = None, *, door: Door = unguarded) -> tuple[Image, Image, str]:
+    """Return the left and the right view of one picture, and a sentence about how it was divided.
+
+    Parameters
+    ----------
+    source
+        An MPO, or another file of two frames; or one picture with both views, such as JPS and PNS.
+    layout
+        How the views stand in it, the left one first; None: two frames, or found from the picture itself.
+    door
+        :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
+
+    Raises
+    ------
+    OneView
+        A picture in which only one view is seen.
+    ValueError
+        A file that is refused, or an anaglyph.
+    """
+    data = read_bytes(source, "image")
+    first = door(read_frame)(data, 1)
+    if first.count == 2 and layout is None:
+        return (
+            first.pixels,
+            door(read_frame)(data, 2).pixels,
+            "The image holds two frames: the left view, and the right.",
+        )
+    found = likely_layout(first.pixels) if layout is None else (layout, False)
+    if found is None:
+        raise OneView("The image holds one view, as far as is to be seen: give the other one too, or their layout.")
+    left, right = views(first.pixels, found[0], crossed=found[1])
+    return left, right, in_words(first.pixels, found[0], crossed=found[1])
+
+
 def assemble_pair(
     left: Image,
     right: Image,
@@ -354,8 +393,10 @@ AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
 divisors differ by a factor of two."""
 
 
-def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
-    """Return the divisor, one of :data:`DIVISORS`, that makes the stored values agree best with a quick map.
+def likely_divisor(
+    stored: npt.ArrayLike, left: Image, right: Image, divisors: Sequence[float] = DIVISORS, own: float | None = None
+) -> float:
+    """Return the divisor that makes the stored values agree best with a quick map.
 
     Parameters
     ----------
@@ -363,11 +404,16 @@ def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
         (H, W) values as stored in the file, NaN where unknown; the size of the left image.
     left, right
         The pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_alike` allows; its rows must match.
+    divisors
+        Those to choose from.
+    own
+        The divisor that the file itself speaks for, if it does: kept unless another agrees at half of the pixels, and
+        at twice as many as this one.
 
     Returns
     -------
     divisor
-        The divisor with the most agreeing pixels; the smallest if there is a tie or no agreement.
+        The divisor with the most agreeing pixels; if there is a tie or no agreement, `own` or the first.
     """
     left, right = cropped_alike(left, right)
     rows, cols = left.shape[:2]
@@ -378,20 +424,69 @@ def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
     try:
         found = StereoSGBM(num_disparities=max(16, reach // 16 * 16)).compute(*small).disparity
     except ValueError:  # too narrow for a search
-        return DIVISORS[0]
+        return divisors[0] if own is None else own
     known = np.isfinite(values) & np.isfinite(found)
     tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[known])
-    agreeing = [np.count_nonzero(np.abs(values[known] / divisor - found[known]) <= tolerance) for divisor in DIVISORS]
-    return DIVISORS[int(np.argmax(agreeing))]
+
+    def agreeing(divisor: float) -> int:
+        return int(np.count_nonzero(np.abs(values[known] / divisor - found[known]) <= tolerance))
+
+    best = max(divisors, key=agreeing)
+    if own is not None and agreeing(best) <= max(OTHERWISE * np.count_nonzero(known), 2 * agreeing(own)):
+        return own
+    return best
 
 
-def truth_in_px(stored: StoredDisparity, left: Image, right: Image) -> tuple[FloatMap, str]:
-    """Return the ground truth of a pair, px, and a sentence if its divisor is the one that fits the pair best."""
-    if stored.divisor is not None:
-        return stored.divided(stored.divisor), ""
-    divisor = float(likely_divisor(stored.divided(1.0), left, right))
-    said = f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."
-    return stored.divided(divisor), said
+OTHERWISE = 0.5
+"""Share of the pixels at which a divisor must agree to be taken in place of the one that the file speaks for."""
+
+OTHER_DIVISORS = tuple(sign * size for size in (1.0, 16.0, 64.0, 100.0, 128.0, 256.0) for sign in (1, -1))
+"""Divisors of files with more than 8 bits: OpenCV 16, KITTI and Spring 256, DrivingStereo 128 or 256; a stereo camera's
+own program may count with the other sign."""
+
+
+def fitting_divisor(stored: StoredDisparity, left: Image, right: Image) -> float:
+    """Return the divisor of a ground truth that fits the pair, which may be another than its file speaks for."""
+    values = stored.divided(1.0)
+    if values.shape != left.shape[:2]:
+        values = halved_truth(values, left.shape[:2])
+    if stored.divisor is None:
+        return likely_divisor(values, left, right)
+    if values.shape != left.shape[:2]:  # refused with the pair
+        return stored.divisor
+    return likely_divisor(values, left, right, OTHER_DIVISORS, stored.divisor)
+
+
+def halved_truth(truth: FloatMap, shape: tuple[int, ...]) -> FloatMap:
+    """Return every second row and column of a ground truth of twice the size of its pair, as Spring's; or unchanged."""
+    return truth[::2, ::2] if truth.shape == (2 * shape[0], 2 * shape[1]) else truth
+
+
+def divisor_in_words(stored: StoredDisparity, divisor: float) -> str:
+    """Return a sentence about a divisor that a quick map speaks for, against the file; "" if both agree."""
+    if stored.divisor is None:
+        return f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."
+    ratio = abs(divisor / stored.divisor)
+    if divisor == stored.divisor:
+        return ""
+    size = f"{max(ratio, 1 / ratio):.3g} times too {'large' if ratio > 1 else 'small'}" if ratio != 1 else ""
+    sign = "of the other sign" if divisor < 0 else ""
+    looks = " and ".join(filter(None, (size, sign)))
+    return f"The ground truth looks {looks} beside a quick map: it is read as ÷ {divisor:g}, not ÷ {stored.divisor:g}."
+
+
+def truth_in_px(
+    stored: StoredDisparity, left: Image, right: Image, divisor: float | None = None
+) -> tuple[FloatMap, str]:
+    """Return the ground truth of a pair, px, and a sentence if a quick map speaks for its divisor.
+
+    `divisor`, if given, is taken as it is.
+    """
+    said = ""
+    if divisor is None:
+        divisor = fitting_divisor(stored, left, right)
+        said = divisor_in_words(stored, divisor)
+    return halved_truth(stored.divided(divisor), left.shape[:2]), said
 
 
 @cache

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import stereolag as sl
+from stereolag.assess.layout import Layout
 from stereolag.commands.arguments import DONE, CommandParser, add_frames, read, read_frames, tell
 from stereolag.commands.pairs import (
     MatcherFlags,
@@ -25,7 +26,7 @@ from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_stor
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
-from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, truth_in_px, upright
+from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 WORDING = ("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
@@ -44,7 +45,7 @@ def run(arguments: Sequence[str]) -> int:
         "Match a rectified stereo pair; with the calibration of both cameras, a raw one too. Flags of single "
         "settings depend on the method: to see those of another one, give --help with its --preset, --method or "
         "--settings.",
-        "LEFT RIGHT [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
+        "LEFT [RIGHT] [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
     )
     _add_files(parser)
     flags = MatcherFlags(parser, arguments)
@@ -69,10 +70,28 @@ def run(arguments: Sequence[str]) -> int:
 def _add_files(parser: CommandParser) -> None:
     """Add the arguments for the files of a pair and the output of its map to a parser."""
     parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
-    parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
+    parser.add_argument(
+        "right",
+        metavar="RIGHT",
+        nargs="?",
+        help="the right image, of the same size; none if LEFT holds both views: an MPO, JPS or PNS, or any image with "
+        "one beside or above the other",
+    )
+    parser.add_argument(
+        "--layout",
+        choices=[*Layout],
+        type=Layout,
+        help="how both views stand in LEFT, the left one first (default: found from the picture)",
+    )
     add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
     files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
+    files.add_argument(
+        "--truth-divisor",
+        metavar="NUMBER",
+        type=float,
+        help="its stored values ÷ this are px, below 0 for the other sign (default: what fits a quick map)",
+    )
     add_calibration(files)
     files.add_argument(
         "--out",
@@ -92,10 +111,18 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
     OSError
         Files that cannot be opened.
     """
-    (left, right), _, lines = read_frames((options.left, options.right), options.frames)
+    if options.right is None and tuple(options.frames) == (1, 1):
+        left, right, divided = read(read_views, options.left, layout=options.layout)
+        lines: Sequence[str] = (divided,)
+    else:
+        if options.layout is not None:
+            raise ValueError("--layout is for one file with both views, without RIGHT and --frames.")
+        (left, right), _, lines = read_frames((options.left, options.right or options.left), options.frames)
     truth = None
     if options.truth is not None:
-        truth, _ = truth_in_px(read(read_stored_disparity, options.truth), left, right)
+        stored = read(read_stored_disparity, options.truth)
+        truth, about_truth = truth_in_px(stored, left, right, options.truth_divisor)
+        lines = (*lines, *filter(None, (about_truth,)))
     calibration = calibration_as_asked(options)
     pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
     pair, said = rectified_as_asked(pair, options, *WORDING)

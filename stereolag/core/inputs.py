@@ -9,16 +9,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap, Mask
 
 Image: TypeAlias = npt.NDArray[Any]
 """(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
 
 LARGEST_ORDINARY = 1e9
 """Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
-
-DEPTHS = (8, 10, 12, 14, 16)
-"""Bits used by cameras whose images are stored in 16."""
 
 OUTLIERS = 0.001
 """Share of the brightest and of the darkest pixels that are ignored for the range of an image."""
@@ -201,32 +198,61 @@ def as_images(
     return first, second
 
 
-def grey_level(left: Image, right: Image) -> float:
-    """Return one grey level of 255 in the units of two checked images of one type.
+FEWEST_LEVELS, MOST_LEVELS = 128, 256
+"""Levels in use that are taken for grey levels of 255 as they are; fewer or more are stretched."""
 
-    1 for uint8. For uint16, a 255th of the largest value of 8, 10, 12, 14 or 16 bits, the fewest that hold the images,
-    since cameras leave the upper bits empty. For floats, whose type implies no range, a 255th of the range in use. The
-    0.1 % brightest and, for floats, darkest pixels are ignored, so that a hot pixel has no influence.
+
+def grey_scale(left: Image, right: Image) -> tuple[float, float]:
+    """Return the value of black and that of one grey level of 255 above it, for two checked images of one type.
+
+    For uint8 they are 0 and 1. Other images use only a part of their type's range: cameras leave bits empty, and
+    sensors count from a pedestal. A level is a 255th of the range in use, or the step between their values if 128 to
+    256 evenly spaced ones are in use: 8 bits in another form. Both images share the scale, so that their exposures
+    stay as different as they are. The 0.1 % brightest and darkest pixels are ignored, so that a hot pixel has no
+    influence, and so is a mark for pixels without data: one value at an end, held by more than these, that is farther
+    from the others than they are from each other.
     """
     if left.dtype == np.uint8:
-        return 1.0
-    images = left, right
-    if left.dtype == np.uint16:
-        most, bits = OUTLIERS * (left.size + right.size), DEPTHS[-1]
-        # Most images use all 16 bits, so counting down usually ends after one pass over the pixels.
-        for fewer in reversed(DEPTHS[:-1]):
-            if sum(np.count_nonzero(one >= 2**fewer) for one in images) > most:
-                break
-            bits = fewer
-        return float(2**bits - 1) / 255
+        return 0.0, 1.0
     stride = max(1, math.isqrt(left.size // SAMPLED_PIXELS))
-    sample = np.sort(np.concatenate([one[::stride, ::stride].ravel() for one in images]))
-    sample = sample[np.isfinite(sample)]
-    beyond = int(OUTLIERS * sample.size)
-    span = float(sample[-1 - beyond]) - float(sample[beyond])
+    sample = np.concatenate([one[::stride, ::stride].ravel() for one in (left, right)])
+    values, counts = np.unique(sample[np.isfinite(sample)], return_counts=True)
+    if values.size == 0:
+        return 0.0, 1.0
+    values = values.astype(np.float64)
+    for end, rest in ((0, slice(1, None)), (-1, slice(None, -1))):
+        if values.size > DRAWN_LEVELS and counts[end] > OUTLIERS * sample.size:
+            others = _without_outliers(values[rest], counts[rest])
+            if np.abs(values[end] - others).min() > np.ptp(others) > 0:
+                values, counts = values[rest], counts[rest]
+    used = _without_outliers(values, counts)
+    black, span = float(used[0]), float(np.ptp(used))
+    if 0 < span < 2**53 and (used == np.rint(used)).all():
+        step = float(np.gcd.reduce(np.diff(used).astype(np.int64)))
+        unused = MOST_LEVELS - 1 - span / step
+        if 0 <= unused <= MOST_LEVELS - FEWEST_LEVELS:
+            return black - unused // 2 * step, step
     if span == 0:
-        span = max(float(one.max()) for one in images) - min(float(one.min()) for one in images)
-    return span / 255 or 1.0
+        black = min(float(np.nanmin(left)), float(np.nanmin(right)))
+        span = max(float(np.nanmax(left)), float(np.nanmax(right))) - black
+    return black, span / 255 or 1.0
+
+
+DRAWN_LEVELS = 16
+"""Images with no more levels than this are drawn: each of them is a level, and none is a mark."""
+
+
+def _without_outliers(values: DoubleMap, counts: npt.NDArray[np.intp]) -> DoubleMap:
+    """Return the sorted values without the outliers at either end."""
+    below = np.cumsum(counts)
+    beyond = int(OUTLIERS * below[-1])
+    first, last = np.searchsorted(below, (beyond, below[-1] - beyond - 1), side="right")
+    return values[first : last + 1]
+
+
+def grey_level(left: Image, right: Image) -> float:
+    """Return one grey level of 255 in the units of two checked images of one type: :func:`grey_scale`."""
+    return grey_scale(left, right)[1]
 
 
 def rescale_extreme_floats(left: Image, right: Image) -> tuple[Image, Image]:
@@ -245,15 +271,73 @@ def rescale_extreme_floats(left: Image, right: Image) -> tuple[Image, Image]:
 
 
 def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return both images as uint8: unchanged, or their common range, less 0.1 % at each end, stretched to 0..255."""
+    """Return both images in grey levels of 255 (:func:`grey_scale`), as uint8."""
     if left.dtype == np.uint8:
         return left, right
-    low, high = np.percentile(np.stack([left, right]), (100 * OUTLIERS, 100 - 100 * OUTLIERS))
-    scale = 255 / max(float(high) - float(low), 1e-30)
+    black, level = grey_scale(left, right)
     spread = [
-        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
+        np.clip(np.rint((image.astype(np.float64) - black) / level), 0, 255).astype(np.uint8) for image in (left, right)
     ]
     return spread[0], spread[1]
+
+
+def in_eight_bits(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return both images as uint8, without alpha, if they are 8 bits in 16; otherwise unchanged.
+
+    They are if all their values are among 256 evenly spaced ones, and their grey level (:func:`grey_scale`) is a whole
+    multiple of the step between these: 8 bits shifted up, spread over 16 bits, or counted from a pedestal.
+    """
+    if left.dtype != np.uint16:
+        return left, right
+    colours = [image if image.ndim == 2 else image[:, :, :3] for image in (left, right)]
+    step = grey_level(colours[0], colours[1])
+    lowest, highest = min(int(one.min()) for one in colours), max(int(one.max()) for one in colours)
+    if step != int(step) or highest - lowest > (MOST_LEVELS - 1) * step:
+        return left, right
+    whole = np.uint16(step)
+    black = np.uint16(0 if highest < MOST_LEVELS * step and lowest % step == 0 else lowest)
+    if any((np.remainder(one - black, whole) != 0).any() for one in colours):
+        return left, right
+    one, other = (((image - black) // whole).astype(np.uint8) for image in colours)
+    return one, other
+
+
+LEAST_BORDER = 64
+"""Fewest pixels of a black border; fewer are dark things at the rim of the picture."""
+
+
+def with_border_transparent(image: Image) -> Image:
+    """Return a checked image as RGBA whose alpha is 0 where it is black up to its rim; unchanged if it is not.
+
+    Rectification, turning and projection leave such borders, which no camera took. They are exactly 0: a dark place
+    that a camera took is not.
+    """
+    if image.ndim == 3 and image.shape[2] == 4:
+        return image
+    rim = (image[0], image[-1], image[:, 0], image[:, -1])
+    if not any((line.reshape(len(line), -1).max(axis=1) == 0).any() for line in rim):
+        return image
+    lightest = image if image.ndim == 2 else image.max(axis=2)
+    count, labels, sizes, _ = cv2.connectedComponentsWithStats((lightest == 0).astype(np.uint8), connectivity=8)
+    at_rim = np.zeros(count, np.bool_)
+    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        at_rim[line] = True
+    at_rim[0] = False  # all that is not black
+    at_rim &= sizes[:, cv2.CC_STAT_AREA] >= LEAST_BORDER
+    border = at_rim[labels]
+    if not border.any() or border.all():
+        return image
+    alpha = np.where(border, 0, np.iinfo(image.dtype).max if image.dtype.kind == "u" else 1).astype(image.dtype)
+    colours = [image] * 3 if image.ndim == 2 else [*np.moveaxis(image, 2, 0)]
+    return np.dstack([*colours, alpha])
+
+
+def transparent(image: Image) -> Mask | None:
+    """Return where a checked image has alpha 0, so that no camera took it; None if that is nowhere or everywhere."""
+    if image.ndim == 2 or image.shape[2] < 4:
+        return None
+    outside = np.asarray(image[:, :, 3] == 0)
+    return outside if outside.any() and not outside.all() else None
 
 
 def local_deviation(image: Image, size: int) -> DoubleMap:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -265,6 +266,12 @@ def _usable(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[int]:
     """Return the numbers of the pairs that can be used, of which there must be enough."""
     usable = [number for number, reason in enumerate(reasons) if reason is None]
     if len(usable) < FEWEST_PAIRS:
+        if LeftOut.OTHER_SIZE in reasons:
+            sizes = " and ".join(f"{width} × {height}" for width, height in sorted({*itertools.chain(*views.sizes)}))
+            raise ValueError(
+                f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs are of the size of most, and "
+                f"at least {FEWEST_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
+            )
         board = f"{views.board.columns} × {views.board.rows} inner corners"
         raise ValueError(
             f"{len(usable)} of {len(views)} pairs can be used, and at least {FEWEST_PAIRS} are needed, 8 or more for a "

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import DEPTHS, Image, as_image
+from stereolag.core.inputs import Image, as_image
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 
 Picture = TypeVar("Picture", bound=npt.NDArray[Any])
@@ -58,8 +58,9 @@ def rectify(
     calibration
         Calibration with a ``rig``, the two cameras before rectification.
     alpha
-        Content of the frame: 0 only pixels that the cameras took, 1 all of them, with black around. None rectifies as
-        the calibration's maker did (R1, R2, P1, P2), or as 0 if that is unknown.
+        Content of the frame: 0 only pixels that the cameras took, 1 all of them, with black around, which matchers
+        leave out: no pixel that was taken is exactly 0 then. None rectifies as the calibration's maker did (R1, R2, P1,
+        P2), or as 0 if that is unknown.
 
     Returns
     -------
@@ -119,7 +120,7 @@ def rectify(
     for name, image, camera in zip(("left", "right"), images, cameras, strict=True):
         maps: Any = to_maps(*camera, size, cv2.CV_32FC1)
         _check_what_is_left(name, maps[0], maps[1], float(camera[3][0, 0] / camera[0][0, 0]))
-        rectified.append(np.asarray(cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)))
+        rectified.append(_fetched(image, maps))
     return Rectified(rectified[0], rectified[1], _calibration(how, size))
 
 
@@ -142,6 +143,18 @@ def _check_what_is_left(name: str, cols: FloatMap, rows: FloatMap, magnified: fl
             f"{MOST_MAGNIFIED:g} times and from {LEAST_LEFT:.0%}. The cameras converge too much, or the calibration is "
             "of others."
         )
+
+
+def _fetched(image: Image, maps: tuple[Image, Image]) -> Image:
+    """Return the pixels of an image at places (x, y): black where the camera took nothing, and nowhere else."""
+    taken = np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR))
+    (x, y), (height, width) = maps, image.shape[:2]
+    inside = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
+    if not inside.all():
+        colours = taken if taken.ndim == 2 else taken[:, :, :3]
+        black = (colours if colours.ndim == 2 else colours.max(axis=2)) == 0
+        colours[black & inside] = 1 if image.dtype.kind == "u" else np.finfo(image.dtype).tiny
+    return taken
 
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
@@ -264,20 +277,6 @@ LARGEST_ASPECT_DIFFERENCE = 0.01
 MOST_PREVIEW_PIXELS = 1_000_000
 
 
-def halves(image: Image) -> tuple[Image, Image]:
-    """Return the left and right halves of a side-by-side image; if its width is odd, the middle column is left out.
-
-    Raises
-    ------
-    ValueError
-        An image with only one column.
-    """
-    half = image.shape[1] // 2
-    if half == 0:
-        raise ValueError("The side-by-side image is 1 pixel wide; at least 2 are needed.")
-    return image[:, :half], image[:, -half:]
-
-
 def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images cropped to the rows and columns they share, from the top left.
 
@@ -295,6 +294,10 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
         )
     rows, cols = (min(pair) for pair in sizes)
     return left[:rows, :cols], right[:rows, :cols]
+
+
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits used by cameras whose images are stored in 16."""
 
 
 def as_deep(left: Image, right: Image) -> tuple[Image, Image]:

@@ -26,6 +26,7 @@ from PIL.BmpImagePlugin import BmpImageFile
 from PIL.GifImagePlugin import GifImageFile
 from PIL.ImageFile import ImageFile
 from PIL.JpegImagePlugin import JpegImageFile
+from PIL.MpoImagePlugin import MpoImageFile
 from PIL.PngImagePlugin import PngImageFile
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from PIL.WebPImagePlugin import WebPImageFile
@@ -46,7 +47,7 @@ from stereolag.io.sources import (
 if TYPE_CHECKING:
     from stereolag.stereo.matcher import DisparityMap
 
-IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
+IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif", "mpo", "jps", "pns")
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
 WHAT = "image"
 
@@ -90,8 +91,8 @@ def read_image(source: Source, *, frame: int | None = None) -> Image:
     source
         A path, the bytes of the file, or a binary file object.
     frame
-        Which frame of a GIF, WEBP or animated PNG, or page of a TIFF: its number, from 1. None: the first, with a
-        warning if there are others.
+        Which frame of a GIF, WEBP or animated PNG, page of a TIFF or view of an MPO: its number, from 1. None: the
+        first, with a warning if there are others.
 
     Returns
     -------
@@ -157,12 +158,15 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     try:
         # Not by `PillowImage.open`, whose limit on pixels is one for the whole process.
         image = _DECODERS[kind][1](io.BytesIO(data))
+        views = _views_in_jpeg(data) if "mpoffset" in image.info else 1
+        if 1 < number <= views:
+            image = MpoImageFile(io.BytesIO(data))
         width, height = image.size
     except Exception as error:  # decoders raise all kinds of errors on broken files
         raise _undecodable(kind) from error
     check_pixels(width, height, WHAT)
     try:
-        count = len(pages) or getattr(image, "n_frames", 1)
+        count = views if kind == "JPEG" else len(pages) or getattr(image, "n_frames", 1)
         deep = image.mode in ("RGB", "RGBA") and ";16" in str(image.tile)
         if deep and number == 1:
             return _upright(_by_opencv(data, kind), image), count
@@ -185,6 +189,27 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
             "frame as a file of its own."
         )
     return pixels, count
+
+
+MOST_VIEWS = 4
+"""Most views of one scene that a stereo camera writes into a file."""
+
+
+def _views_in_jpeg(data: bytes) -> int:
+    """Return the number of pictures of one size at the beginning of an MPO, which is a JPEG with others behind it.
+
+    Other cameras and phones put smaller previews and maps of brightness there.
+    """
+    count = 1
+    with suppress(Exception):  # damaged tables raise all kinds of errors; the first picture is whole
+        image = MpoImageFile(io.BytesIO(data))
+        first = image.size
+        while count < min(image.n_frames, MOST_VIEWS):
+            image.seek(count)
+            if image.size != first:
+                break
+            count += 1
+    return count
 
 
 def _undecodable(kind: str) -> ValueError:
@@ -474,21 +499,23 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     source
         A path, the bytes of the file, or a binary file object.
     divisor
-        Divides the stored values to give px. The default is 256 for 16-bit integers (as in KITTI and in this project's
-        examples) and 1 for floats. It is required for 8-bit integers: the data sets that use them differ (Middlebury
-        2003: 4 for quarter size; Tsukuba: 16).
+        Divides the stored values to give px; below 0 for files that count disparities with the other sign. The default
+        is 256 for images of 16 bits (as in KITTI and in this project's examples), 16 for arrays of int16 (as OpenCV
+        returns them) and 1 for other numbers and for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required
+        for 8-bit integers: the data sets that use them differ (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
     -------
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
-        0 in an image of integers, infinite or NaN in floats.
+        0 in an image of integers, infinite or NaN in floats, one whole negative number among others from 0, and -9999
+        and the like.
 
     Raises
     ------
     ValueError
-        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
-        disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
+        An empty, damaged or unknown file, a colour image without colours, more megapixels than the limit in force, no
+        pixel with a disparity, 8-bit integers without a divisor, or a divisor of 0.
 
     Examples
     --------
@@ -504,7 +531,23 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     divisor = found.divisor if divisor is None else divisor
     if divisor is None:
         raise ValueError(f"The {MAP} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
-    return found.divided(divisor)
+    disparity = found.divided(divisor)
+    if divisor > 0 and np.nanmax(disparity) < 0:
+        said = f"All disparities of the {MAP} are below 0, behind infinity: divisor={-divisor:g} gives the other sign."
+        warnings.warn(UserWarning(said), stacklevel=2)
+    return disparity
+
+
+NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+"""Numbers that programs write where they have no data."""
+
+SINTEL = (4.0, 1 / 64, 1 / 16384)
+"""Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
+
+OPENCV_SCALE = 16
+"""OpenCV's matchers return int16, in units of 1/16 px."""
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 class StoredDisparity(NamedTuple):
@@ -516,13 +559,13 @@ class StoredDisparity(NamedTuple):
         (rows, cols) numbers of any type.
     divisor
         Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
-    zero_is_unknown
-        Whether it is an image of integers, in which 0 means unknown.
+    unknown
+        The stored numbers that mean unknown.
     """
 
     stored: npt.NDArray[Any]
     divisor: float | None
-    zero_is_unknown: bool
+    unknown: tuple[float, ...] = ()
 
     def divided(self, divisor: float) -> npt.NDArray[np.float32]:
         """Return the disparities for a divisor, px, as :func:`read_disparity` does.
@@ -530,17 +573,17 @@ class StoredDisparity(NamedTuple):
         Raises
         ------
         ValueError
-            A divisor that is not above 0, or no disparity at all.
+            A divisor of 0, or no disparity at all.
         """
-        if not (divisor > 0 and math.isfinite(divisor)):
-            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
+        if divisor == 0 or not math.isfinite(divisor):
+            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0, or below for the other sign.")
         disparity = np.empty(self.stored.shape, np.float32)
         step = max(1, _BAND_PIXELS // max(1, self.stored.shape[1]))
         for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
                 part = (band.astype(np.float64) / divisor).astype(np.float32)
-            unknown = ~np.isfinite(part) | (band == 0 if self.zero_is_unknown else False)
+            unknown = ~np.isfinite(part) | sum((band == mark for mark in self.unknown), np.False_)
             disparity[first : first + step] = np.where(unknown, np.float32(np.nan), part)
         if np.isnan(disparity).all():
             raise ValueError(f"The {MAP} holds no disparity at all: every pixel is marked as unknown.")
@@ -551,13 +594,34 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     data = read_bytes(source, MAP)
     kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
+    if data.startswith(HDF5):
+        raise ValueError(
+            f"The {MAP} is an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
+            "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])."
+        )
     stored = kind.read(data)
+    if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
+        stored, known = stored[:, :, :3] @ np.array(SINTEL), stored[:, :, :3].any(axis=2)
+        return StoredDisparity(np.where(known, stored, np.nan).astype(np.float32), 1.0)
     if stored.ndim != 2:
         raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     check_pixels(stored.shape[1], stored.shape[0], MAP)
-    if kind is not IMAGES or stored.dtype.kind != "u":
-        return StoredDisparity(stored, 1.0, False)
-    return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), True)
+    if kind is IMAGES and stored.dtype.kind == "u":
+        return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
+    divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
+    return StoredDisparity(stored, divisor, (*NO_DATA, *_one_negative_number(stored)))
+
+
+def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+    """Return the one negative number of a map, if it is whole and repeated: what programs write for no disparity."""
+    if stored.dtype.kind not in "if":
+        return ()
+    with np.errstate(invalid="ignore"):
+        below = stored[(stored < 0) & ~np.isin(stored, NO_DATA)]
+    if not 1 < below.size < stored.size:
+        return ()
+    mark = float(below[0])
+    return (mark,) if mark <= -1 and mark == np.rint(mark) and (below == mark).all() else ()
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:

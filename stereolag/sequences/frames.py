@@ -200,8 +200,7 @@ def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
 def read_back(file: Source) -> FloatMap:
     """Return the map in a file of a sequence; unlike a ground truth, it may have no disparity at all."""
     found = read_stored_disparity(file)
-    known = found.stored.any() if found.zero_is_unknown else np.isfinite(found.stored).any()
-    if not known:
+    if not (np.isfinite(found.stored) & ~np.isin(found.stored, found.unknown)).any():
         return np.full(found.stored.shape, np.nan, np.float32)
     return found.divided(found.divisor or 1.0)
 

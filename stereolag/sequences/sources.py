@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
@@ -178,10 +179,29 @@ def _read_two(left: VideoFile, right: VideoFile, number: int) -> StereoFrame:
     return StereoFrame(left.frame(number), right.frame(number))
 
 
-def _read_halves(video: VideoFile, number: int) -> StereoFrame:
-    both = video.frame(number)
-    middle = both.shape[1] // 2
-    return StereoFrame(np.ascontiguousarray(both[:, :middle]), np.ascontiguousarray(both[:, middle:]))
+def _read_halves(video: VideoFile, layout: Layout, crossed: bool, number: int) -> StereoFrame:
+    left, right = views(video.frame(number), layout, crossed=crossed)
+    return StereoFrame(np.ascontiguousarray(left), np.ascontiguousarray(right))
+
+
+def _layout_of(video: VideoFile) -> tuple[Layout, bool]:
+    """Return how both views stand in the frames of a video, from its first or its middle one; side by side if unseen.
+
+    Raises
+    ------
+    Anaglyph
+        A video whose views are in its colours.
+    """
+    for number in {0: None, len(video) // 2: None}:
+        try:
+            found = likely_layout(video.frame(number))
+        except Anaglyph:
+            raise
+        except (ValueError, OSError):  # a damaged frame
+            continue
+        if found is not None:
+            return found
+    return Layout.BESIDE, False
 
 
 _BEGINNING = 4
@@ -201,8 +221,8 @@ def open_sequence(
     ----------
     left, right
         Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; or `left` alone: a ZIP
-        archive of pictures whose folders or names show the side ("left/000.png"), or one video with both pictures side
-        by side. Archives and videos may also be given as bytes or binary file objects.
+        archive of pictures whose folders or names show the side ("left/000.png"), or one video with both pictures, side
+        by side or one above the other. Archives and videos may also be given as bytes or binary file objects.
     truth
         A folder or pattern of true disparities, with the names or in the order of the left pictures; an archive
         includes its own.
@@ -258,9 +278,10 @@ def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[Vi
         raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(_beginning(source)):
         both = video(source)
-        if both.width < 2 or both.width % 2:
+        layout, crossed = _layout_of(both)
+        if layout is Layout.BESIDE and (both.width < 2 or both.width % 2):
             raise ValueError(f"The video is {both.width} px wide; two pictures side by side have an even width.")
-        return _video_sequence(partial(_read_halves, both), len(both), frame_rate or both.frame_rate)
+        return _video_sequence(partial(_read_halves, both, layout, crossed), len(both), frame_rate or both.frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
     files = _frames_among(archive.names)
     if not files:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.inputs import Image, as_stereo_pair, in_eight_bits, transparent, with_border_transparent
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
 
@@ -121,7 +121,8 @@ class StereoMatcher(Settings):
         Parameters
         ----------
         left, right
-            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float. Where alpha is 0, or a
+            border is black, as rectification leaves it, nothing is measured.
         progress
             Called with the fraction done, 0..1.
 
@@ -142,7 +143,9 @@ class StereoMatcher(Settings):
         left_image, right_image = as_stereo_pair(left, right)
         check_memory(self.estimate(left_image.shape, left_image.dtype))
         start = time.perf_counter()
-        found = self.match(left_image, right_image, progress or silent)
+        left_image, right_image = with_border_transparent(left_image), with_border_transparent(right_image)
+        found = self.match(*in_eight_bits(left_image, right_image), progress or silent)
+        found = without_outside(found, left_image)
         return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)
 
     @abstractmethod
@@ -183,6 +186,27 @@ class StereoMatcher(Settings):
         first = min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST)
         count = min(-(-num_disparities // multiple) * multiple, LARGEST_COUNT)
         return changed(self, {"min_disparity": first, "num_disparities": count})
+
+
+def without_outside(found: PixelMatches, left: Image, right: Image | None = None) -> PixelMatches:
+    """Return matches without those of pixels that no camera took (alpha 0) or, with `right`, that lead to such."""
+    outside, beyond = transparent(left), None if right is None else transparent(right)
+    if beyond is not None:
+        rows, cols = np.ogrid[: beyond.shape[0], : beyond.shape[1]]
+        moved = np.rint(np.nan_to_num(cols - found.disparity)).astype(int).clip(0, beyond.shape[1] - 1)
+        if found.dy is not None:
+            rows = np.rint(np.nan_to_num(rows + found.dy)).astype(int).clip(0, beyond.shape[0] - 1)
+        leads_out = beyond[rows, moved] & np.isfinite(found.disparity)
+        outside = leads_out if outside is None else outside | leads_out
+    if outside is None:
+        return found
+    nothing = np.float32(np.nan)
+    return PixelMatches(
+        np.where(outside, nothing, found.disparity),
+        np.where(outside, np.uint8(Reason.OUT_OF_FRAME), found.reason),
+        None if found.score is None else np.where(outside, nothing, found.score),
+        None if found.dy is None else np.where(outside, nothing, found.dy),
+    )
 
 
 def grey_bytes(shape: tuple[int, ...], dtype: npt.DTypeLike) -> int:

@@ -103,7 +103,9 @@ def test_a_failure_leaves_the_file_that_was_there(tmp_path: Path, monkeypatch: p
 
 
 @given(
-    disparity=hnp.arrays(np.float32, shapes, elements=st.floats(width=32)).filter(lambda a: np.isfinite(a).any()),
+    disparity=hnp.arrays(np.float32, shapes, elements=st.floats(min_value=0, width=32)).filter(
+        lambda a: np.isfinite(a).any()
+    ),
     scale=st.sampled_from(["-1.0", "1.0", "-0.003922", "2e-3"]),
 )
 def test_a_pfm_is_read_in_both_byte_orders_whatever_its_scale(disparity, scale):
@@ -154,6 +156,7 @@ def test_special_files(data, divisor, expected):
         (b"words", {}, r"accepted are PFM, PNG or PGM of 16 bits \(÷ 256\) or 8 bits \(with a divisor\), and NPY\."),
         (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
+        (b"\x89HDF\r\n\x1a\n", {}, r"HDF5 file, as those of Spring \(.dsp5\)"),
         (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
         (png(np.ones((2, 2), np.uint16)), {"divisor": 0}, "divisor is 0"),
@@ -173,6 +176,13 @@ def test_bad_files_are_one_clear_sentence(data, options, message):
     with pytest.raises(ValueError, match=message) as caught:
         read_disparity(data, **options)
     assert "\n" not in str(caught.value)
+
+
+def test_disparities_that_are_all_behind_infinity_are_said_and_can_be_turned():
+    data = pfm_of(np.array([[-3.0, -4.5]]))
+    with pytest.warns(UserWarning, match="divisor=-1 gives the other sign"):
+        read_disparity(data)
+    np.testing.assert_array_equal(read_disparity(data, divisor=-1), [[3, 4.5]])
 
 
 def test_every_real_ground_truth(data_dir):

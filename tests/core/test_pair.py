@@ -8,6 +8,7 @@ import zipfile
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
@@ -15,8 +16,9 @@ from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
 import stereolag as sl
 from stereolag.assess.diagnosis import Remedy
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.images import StoredDisparity, image_png, pfm
+from stereolag.io.images import StoredDisparity, image_png, image_tiff, pfm, read_stored_disparity
 from stereolag.io.settings import settings_json
+from stereolag.io.sources import npy
 from stereolag.pair import (
     NO_PAIRS,
     ONE_DEPTH,
@@ -26,6 +28,7 @@ from stereolag.pair import (
     Preparation,
     Rows,
     assemble_pair,
+    halved_truth,
     prepare,
     read_bundle,
     resized,
@@ -97,10 +100,56 @@ def test_the_divisor_of_8_bits_is_found_from_the_pair_and_said() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (60, 108), dtype=np.uint8)
     left, right = noise[:, :-8], noise[:, 8:]
     stored = np.full(left.shape, 32, np.uint8)
-    truth, said = truth_in_px(StoredDisparity(stored, None, True), left, right)
+    truth, said = truth_in_px(StoredDisparity(stored, None, (0.0,)), left, right)
     assert np.unique(truth) == 8
     assert said == "The ground truth has 8 bits: ÷ 4 agrees best with a quick map."
-    assert np.unique(truth_in_px(StoredDisparity(stored, 2.0, True), left, right)[0]) == 16
+
+
+TRUE_PX = np.where(np.arange(60)[:, None] < 20, np.float32(12.25), np.float32(24.5)) + np.zeros((1, 160), np.float32)
+"""Px; the disparities of a board before a wall."""
+
+
+def opencv_png(disparity: np.ndarray) -> bytes:
+    return image_png(np.rint(disparity * 16).astype(np.uint16))
+
+
+def sintel_png(disparity: np.ndarray) -> bytes:
+    whole = np.rint(disparity * 16384).astype(np.int64)
+    return image_png(np.dstack([whole >> 16, whole >> 8 & 255, whole & 255]).astype(np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (npy(np.where(np.eye(60, 160) > 0, -1, TRUE_PX) * 16), "16 times too large"),
+        (npy((np.where(np.eye(60, 160) > 0, -1, TRUE_PX) * 16).astype(np.int16)), ""),
+        (opencv_png(TRUE_PX), "16 times too small"),
+        (image_png(np.rint(TRUE_PX * 64).astype(np.uint16)), "4 times too small"),
+        (image_png(np.rint(TRUE_PX * 100).astype(np.uint16)), "2.56 times too small"),
+        (image_png(np.rint(TRUE_PX * 256).astype(np.uint16)), ""),
+        (pfm(-TRUE_PX), "of the other sign"),
+        (pfm(np.where(np.eye(60, 160) > 0, -9999, TRUE_PX)), ""),
+        (npy(np.where(np.eye(60, 160) > 0, np.nan, TRUE_PX)), ""),
+        (image_tiff(np.where(np.eye(60, 160) > 0, -32768, TRUE_PX)), ""),
+        (sintel_png(TRUE_PX), ""),
+        (pfm(np.repeat(np.repeat(TRUE_PX, 2, axis=0), 2, axis=1)), ""),
+    ],
+)
+def test_the_ground_truth_of_other_programs_is_read_as_it_fits_the_pair(data: bytes, says: str) -> None:
+    noise = np.random.default_rng(1).integers(0, 255, (60, 220), dtype=np.uint8)
+    noise = cv2.GaussianBlur(noise, (0, 0), 0.8)
+    left = noise[:, :160]
+    right = np.where(np.arange(60)[:, None] < 20, noise[:, 12:172], noise[:, 24:184]).astype(np.uint8)
+    stored = read_stored_disparity(data)
+    truth, said = truth_in_px(stored, left, right)
+    known = np.isfinite(truth)
+    assert known.mean() > 0.98
+    np.testing.assert_allclose(truth[known], TRUE_PX[known], atol=0.04)
+    assert (says in said) if says else said == ""
+    assert stored.divisor is not None
+    own, said = truth_in_px(stored, left, right, stored.divisor)
+    assert said == ""
+    np.testing.assert_array_equal(own[known], halved_truth(stored.divided(stored.divisor), left.shape)[known])
 
 
 def test_size_divides_all_that_is_known_and_by_itself_leaves_a_megapixel() -> None:

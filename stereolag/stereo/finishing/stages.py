@@ -17,7 +17,7 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most
 from stereolag.stereo.finishing.filling import filled_from_behind
 from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
-from stereolag.stereo.matcher import PixelMatches, Reason
+from stereolag.stereo.matcher import PixelMatches, Reason, without_outside
 
 
 class LeftRightCheck(Settings):
@@ -549,6 +549,7 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
     settings
         The stages to run, and their settings.
     """
+    found = without_outside(found, left, right)
     if not is_finished(settings):
         return found
     disparity, reason = found.disparity, found.reason

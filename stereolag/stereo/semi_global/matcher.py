@@ -27,6 +27,7 @@ from stereolag.stereo.finishing.stages import (
 )
 from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, Reason, StereoMatcher, grey_bytes
 from stereolag.stereo.semi_global.cost import EightBit, MatchingCost, matching_cost
+from stereolag.stereo.semi_global.ends import peaks_at_end
 from stereolag.stereo.semi_global.optimisation import (
     PATHS,
     CheapestLags,
@@ -154,14 +155,23 @@ class SemiGlobalMatcher(StereoMatcher):
                 "the window must fit into them."
             )
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
-        found = self.cheapest_lags(*as_eight_bit(*grey), progress)
+        levels = as_eight_bit(*grey)
+        found = self.cheapest_lags(*levels, progress)
         highest = PATHS * self.cost.highest
         reason = self._reasons(found, highest)
+        offset = valley_offset(*found.around)
+        for end in {0, self.num_disparities - 1}:
+            at_end = found.lag == end
+            inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, at_end)
+            offset[at_end] = beside[at_end]
+            # Disparity 0 is infinity: a physical limit, not an edge of the search.
+            if end > 0 or self.min_disparity != 0:
+                reason[at_end & ~inside & (reason != Reason.OUT_OF_FRAME)] = Reason.AT_SEARCH_EDGE
         flat = least_texture(self.texture, *grey)
         reason[local_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
         disparity = np.where(
             reason == Reason.MEASURED,
-            found.lag + valley_offset(*found.around) + np.float32(self.min_disparity),
+            found.lag + offset + np.float32(self.min_disparity),
             np.float32(np.nan),
         )
         score = np.clip(1 - found.around[1] / np.float32(highest), 0, 1).astype(np.float32)
@@ -212,8 +222,6 @@ class SemiGlobalMatcher(StereoMatcher):
         if self.ambiguity is not None:
             lead = found.runner_up - found.around[1]
             reason[(found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))] = Reason.AMBIGUOUS
-        # Disparity 0 is infinity: a physical limit, not an edge of the search.
-        reason[(lag == self.num_disparities - 1) | ((lag == 0) & (first != 0))] = Reason.AT_SEARCH_EDGE
         match = np.arange(lag.shape[1], dtype=np.int32) + dx
         reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME
         return reason

@@ -12,11 +12,11 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
+from stereolag.assess.layout import Layout
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import halves
 from stereolag.io.calibration_layouts import UNITS
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
@@ -29,16 +29,20 @@ from stereolag.pair import (
     SIZES,
     Bundle,
     ChangeCode,
+    OneView,
     Pair,
     PairId,
     PairSet,
     Preparation,
     Rows,
     assemble_pair,
+    divisor_in_words,
     example_pair,
-    likely_divisor,
+    fitting_divisor,
+    halved_truth,
     prepare,
     read_bundle,
+    read_views,
     session_pair,
 )
 from stereolag.sequences import StereoFrame
@@ -217,7 +221,7 @@ def _keep_settings(pair: Pair) -> None:
 
 # The visitor’s own pair
 
-ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image", "several": "ZIP or several pairs"}
+ARRANGEMENTS = {"files": "Left and right files", "beside": "One image with both", "several": "ZIP or several pairs"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,76 +336,94 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
 
 
 def _ask_one_picture() -> Pictures | None:
-    def split(data: bytes, frame: int) -> tuple[Frame, Image, Image, str]:
-        both = guarded(read_frame)(data, frame)
-        width = both.pixels.shape[1]
-        odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-        return both, *halves(both.pixels), f"The image was split down the middle.{odd}"
+    layouts: dict[Layout | None, str] = {None: "As the picture shows"}
+    layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
+    layout = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **persistent(f"{PAIR}.layout"))
 
-    both = upload_part(
-        "Both images side by side",
+    def split(data: bytes) -> tuple[Image, Image, str]:
+        try:
+            return read_views(data, layout, door=guarded)
+        except OneView:
+            return read_views(data, Layout.BESIDE, door=guarded)
+
+    both = upload(
+        "Both images in one",
         split,
-        lambda content: frame_names(content[0]),
-        "Frame",
         key=f"{PAIR}.beside",
         types=PICTURE_TYPES,
-        note="The left image in the left half, as stereo cameras deliver them.",
+        note="One beside or above the other, or an MPO, as stereo cameras deliver them.",
+        variant=layout and f" {layout}",
     )
     if both is None:
         return None
-    _, left, right, note = both.content
+    left, right, note = both.content
     return Pictures(left, right, both.digest, (note,))
 
 
 def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
-    """Ask for the ground truth of the left image; the default divisor of 8-bit values is the one that fits the pair."""
+    """Ask for the ground truth of the left image; the default divisor is the one that fits the pair."""
     given = upload(
         "Ground truth (optional)",
         guarded(read_stored_disparity),
         key=f"{PAIR}.truth",
         types=DISPARITY_TYPES,
-        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is found from the pair.",
+        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s), of Sintel’s colours, or of 8 bits, whose divisor is "
+        "found from the pair.",
     )
     divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
     likely = None
-    if given is not None and given.content.divisor is None and pictures is not None and divisor is None:
+    if given is not None and pictures is not None and divisor is None:
         likely = _ask_divisor_of_truth(given, pictures)
     st.number_input(
         "Divisor of the ground truth" if likely is None else "Another divisor",
-        min_value=0.001,
         value=None,
         **persistent(f"{PAIR}.divisor"),
         placeholder="as the file says" if likely is None else "as chosen",
-        help="Stored value ÷ divisor = px.",
+        help="Stored value ÷ divisor = px; below 0 for the other sign.",
     )
     if given is None or pictures is None:
         return None
     divisor = divisor or likely or given.content.divisor or 1.0
     try:
-        return Upload(f"{given.digest} {divisor:g}", given.content.divided(divisor))
+        truth = halved_truth(given.content.divided(divisor), pictures.left.shape[:2])
+        return Upload(f"{given.digest} {divisor:g}", truth)
     except ValueError as error:
         show_refused(error)
         return None
 
 
-def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> float:
-    """Ask for the divisor of 8-bit values; the default is the one that agrees best with a quick map of the pair."""
+def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> float | None:
+    """Ask for the divisor of 8-bit values, or of values that do not fit the pair as the file has them; None if they do.
+
+    The default is the one that agrees best with a quick map of the pair.
+    """
     stored = truth.content
-    likely = computed(
-        "divisor",
-        lambda progress: np.array(likely_divisor(stored.divided(1.0), pictures.left, pictures.right)),
-        inputs=f"{pictures.digest} {truth.digest}",
-        settings="",
-        shared=False,
-        label="Comparing the ground truth with the pair …",
+    try:
+        likely = computed(
+            "divisor",
+            lambda progress: np.array(fitting_divisor(stored, pictures.left, pictures.right)),
+            inputs=f"{pictures.digest} {truth.digest}",
+            settings="",
+            shared=False,
+            label="Comparing the ground truth with the pair …",
+        )
+    except ValueError:  # refused with the pair, or empty
+        return None
+    if float(likely) == stored.divisor:
+        return None
+    asked = (
+        "8 bits per pixel: stored value ÷ divisor = px"
+        if stored.divisor is None
+        else (divisor_in_words(stored, float(likely)).split(":")[0] + f": read it as ÷ {float(likely):g}?")
     )
-    largest = int(stored.stored.max())
+    divisors = DIVISORS if stored.divisor is None else (float(likely), stored.divisor)
+    largest = float(np.nanmax(np.abs(stored.divided(1.0))))
     return float(
         st.segmented_control(
-            "8 bits per pixel: stored value ÷ divisor = px",
-            DIVISORS,
-            default=int(likely),
-            format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
+            asked,
+            divisors,
+            default=type(divisors[0])(likely),
+            format_func=lambda divisor: f"÷ {divisor:g}: up to {largest / abs(divisor):.4g} px",
             required=True,
             **persistent(f"{PAIR}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
             help="The preselected one agrees best with a quick map of the pair.",
