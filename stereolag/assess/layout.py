@@ -7,7 +7,7 @@ from enum import StrEnum
 import cv2
 import numpy as np
 
-from stereolag.core.inputs import Image, as_eight_bit, as_grey
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
 
@@ -59,8 +59,14 @@ LOOKED_AT = 240
 REACH = 48
 """Px of these, forwards and backwards; zero is in the middle of many pictures made for screens."""
 
+TEXTURE, LEAST_TEXTURED = 3.0, 0.05
+"""Standard deviation around a pixel, grey levels, from which on it tells something, and the least share of such."""
+
 LEAST_MATCHED = 0.45
-"""Share of the pixels that are matched in two views of one scene; 0.1 to 0.35 are by chance."""
+"""Share of these that are matched in two views of one scene; 0.1 to 0.35 are by chance."""
+
+WIDEST = 4.0
+"""Largest width over height of a view."""
 
 SQUEEZED = (0.84, 0.94), (2.6, 4.0)
 """Width over height of views that are half as wide, or half as high, as those of 16:9."""
@@ -84,7 +90,9 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     found = {}
     for layout in (Layout.BESIDE, Layout.OVER_UNDER):
         if min(image.shape[:2]) > 1:
-            found[layout] = _matched(*views(image, layout))
+            left, right = views(image, layout)
+            if left.shape[1] <= WIDEST * left.shape[0]:
+                found[layout] = _matched(left, right)
     layout = max(found, key=lambda one: found[one][0], default=Layout.BESIDE)
     share, middle = found.get(layout, (0.0, 0.0))
     if share < LEAST_MATCHED:
@@ -106,9 +114,12 @@ def _matched(left: Image, right: Image) -> tuple[float, float]:
     size = LOOKED_AT, max(16, round(LOOKED_AT * left.shape[0] / left.shape[1]))
     small = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in as_eight_bit(as_grey(left), as_grey(right))]
     matcher = StereoSGBM(min_disparity=-REACH, num_disparities=2 * REACH, block_size=7, uniqueness_ratio=10)
-    disparity = matcher.compute(*small).disparity[:, REACH:-REACH]
-    known = np.isfinite(disparity)
-    return float(known.mean()), float(np.median(disparity[known])) if known.any() else 0.0
+    seen = slice(REACH, -REACH)
+    disparity, textured = matcher.compute(*small).disparity[:, seen], local_deviation(small[0], 7)[:, seen] > TEXTURE
+    known = np.isfinite(disparity) & textured
+    if textured.mean() < LEAST_TEXTURED or not known.any():
+        return 0.0, 0.0
+    return float(known.sum() / textured.sum()), float(np.median(disparity[known]))
 
 
 def _is_anaglyph(image: Image) -> bool:
@@ -119,7 +130,7 @@ def _is_anaglyph(image: Image) -> bool:
     matcher = StereoSGBM(min_disparity=-REACH // 2, num_disparities=REACH, block_size=11, uniqueness_ratio=5)
     disparity = matcher.compute(*small).disparity[:, REACH // 2 : -REACH // 2]
     known = np.isfinite(disparity)
-    return bool(known.mean() > LEAST_MATCHED / 2 and (np.abs(disparity[known]) > DEEP).mean() > LEAST_DEEP)
+    return bool(known.mean() > LEAST_MATCHED and (np.abs(disparity[known]) > DEEP).mean() > LEAST_DEEP)
 
 
 def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:

@@ -544,6 +544,9 @@ NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
 SINTEL = (4.0, 1 / 64, 1 / 16384)
 """Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
 
+SINTEL_ALIKE = 0.6
+"""Correlation of red and green from which on a picture is a photograph."""
+
 OPENCV_SCALE = 16
 """OpenCV's matchers return int16, in units of 1/16 px."""
 
@@ -601,8 +604,13 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         )
     stored = kind.read(data)
     if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
-        stored, known = stored[:, :, :3] @ np.array(SINTEL), stored[:, :, :3].any(axis=2)
-        return StoredDisparity(np.where(known, stored, np.nan).astype(np.float32), 1.0)
+        colours = stored[:, :, :3]
+        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL), np.nan).astype(np.float32)
+        # Red is the coarse part, green the fraction: a photograph's colours rise and fall together, and are far more.
+        red, green = (np.ravel(colours[:, :, channel]).astype(np.float64) for channel in (0, 1))
+        together = np.abs(np.cov(red, green)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * green.std()))
+        if np.nanmax(disparity) < stored.shape[1] and not together:
+            return StoredDisparity(disparity, 1.0)
     if stored.ndim != 2:
         raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     check_pixels(stored.shape[1], stored.shape[0], MAP)

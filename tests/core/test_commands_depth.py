@@ -161,7 +161,7 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
     ("arguments", "code", "said"),
     [
         (["no.png", "right.png"], 1, "no.png: No such file or directory."),
-        (["left.png"], 2, "the following arguments are required: RIGHT."),
+        (["left.png"], 1, "left.png: The image holds one view"),
         (["left.png", "right.png", "third.png"], 2, "'third.png' is one argument too many."),
         ([".", "right.png"], 1, ".: Is a directory."),
         (["other.json", "right.png"], 1, "other.json: This is not an image that can be read"),
