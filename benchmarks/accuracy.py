@@ -94,6 +94,28 @@ def merit(figures: list[PairFigures], ratio: Callable[[PairFigures], float]) -> 
     return math.exp(math.fsum(means) / len(means))
 
 
+FORMS = {"× 16": (0, 16.0), "20,000 + 4 ×": (20_000, 4.0), "7,000 + 3.3 ×": (7_000, 3.3)}
+"""Pedestal and gain with which the pixels of 8 bits are counted in 16."""
+
+
+def worst_twins() -> dict[str, float]:
+    """Return the largest change of bad %, over all pairs and presets, of each form of 16 bits from its twin of 8."""
+    worst = dict.fromkeys(FORMS, 0.0)
+    for pair in true_pairs():
+        for name in PRESETS:
+            matcher = preset(name, pair.num_disparities)
+
+            def bad(left: npt.NDArray[np.generic], right: npt.NDArray[np.generic]) -> float:
+                found = matcher.compute(left, right).disparity  # noqa: B023
+                return evaluate(found, pair.truth, thresholds=(pair.threshold,)).bad[pair.threshold]  # noqa: B023
+
+            twin = bad(pair.left, pair.right)
+            for form, (pedestal, gain) in FORMS.items():
+                deep = (np.rint(pedestal + one * gain).astype(np.uint16) for one in (pair.left, pair.right))
+                worst[form] = max(worst[form], abs(bad(*deep) - twin))
+    return worst
+
+
 def accuracy_tables() -> tuple[str, dict[str, object]]:
     """Return the tables as Markdown, and their figures."""
     figures = [figures_of(pair) for pair in true_pairs()]
@@ -128,7 +150,11 @@ def accuracy_tables() -> tuple[str, dict[str, object]]:
             f"| {f.pair.name} | {f.pair.threshold:g} | {' | '.join(kind(f, title) for title in titles)} |"
             for f in figures
         ]
+    twins = worst_twins()
+    lines += ["", "Worst change of bad % in another form of the pixels, of all pairs and presets:", ""]
+    lines += ["| form | points | must |", "|---|---|---|", *(f"| {form} | {twins[form]:.2f} | ≤ 3 |" for form in twins)]
     values: dict[str, object] = {
+        "twins": twins,
         "merit": {name: value for name, (value, _, _) in merits.items()},
         "pairs": {
             f.pair.name: {
