@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.diagnosis import Remedy, apply_remedy
+from stereolag.assess.diagnosis import Remedy, apply_remedy, quarters_upright
 from stereolag.assess.layout import Layout, in_words, likely_layout, views
-from stereolag.assess.orientation import RowEvidence, row_evidence
+from stereolag.assess.orientation import RowEvidence, find_correspondences, row_evidence
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration, StereoRig
@@ -61,6 +61,8 @@ NO_PAIRS = (
     "right.png, im0.png and im1.png, or left/5.png and right/5.png."
 )
 REMEDIES_DONE = {
+    Remedy.MIRROR_RIGHT: "The right image was mirrored.",
+    Remedy.TURN_UPRIGHT: "Both images were turned by a quarter: cameras above each other now stand side by side.",
     Remedy.SWAP_SIDES: "Left and right were swapped.",
     Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
     Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
@@ -426,6 +428,8 @@ def likely_divisor(
     except ValueError:  # too narrow for a search
         return divisors[0] if own is None else own
     known = np.isfinite(values) & np.isfinite(found)
+    if own is not None:  # next to 0, the smallest of any divisors would agree
+        known &= np.abs(found) > TELLING_PX
     tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[known])
 
     def agreeing(divisor: float) -> int:
@@ -436,6 +440,9 @@ def likely_divisor(
         return own
     return best
 
+
+TELLING_PX = 3.0
+"""Disparities of the quick map from which on it may speak against a file."""
 
 OTHERWISE = 0.5
 """Share of the pixels at which a divisor must agree to be taken in place of the one that the file speaks for."""
@@ -793,6 +800,12 @@ def remedied(pair: Pair, remedy: Remedy, memo: Memo = no_memo) -> Pair:
 
 
 def _remedied(pair: Pair, remedy: Remedy) -> Pair:
+    treated = replace(pair.id, remedies=(*pair.id.remedies, remedy))
+    if remedy is Remedy.TURN_UPRIGHT:
+        quarters = quarters_upright(find_correspondences(pair.left, pair.right))
+        whole = _all_turned(pair, quarters)
+        said = REMEDIES_DONE[remedy]
+        return pair.after(remedy, said, **whole, id=treated, calibration=None, turn=pair.turn + quarters)
     left, right = apply_remedy(pair.left, pair.right, remedy)
     said, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
     if remedy in TRUTH_DROPPED:
@@ -803,7 +816,7 @@ def _remedied(pair: Pair, remedy: Remedy) -> Pair:
         said,
         left=left,
         right=right,
-        id=replace(pair.id, remedies=(*pair.id.remedies, remedy)),
+        id=treated,
         truth=truth,
         visible=visible,
         calibration=None if remedy in (Remedy.RECTIFY, Remedy.LEVEL) else pair.calibration,

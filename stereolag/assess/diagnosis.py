@@ -14,6 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # scipy.spatial is loaded on first use
 
+from stereolag.assess.arrangement import (
+    BORDER_SHARE,
+    Epipole,
+    empty_border,
+    find_views,
+    mirrored_matches,
+    repetition,
+)
 from stereolag.assess.orientation import (
     FEWEST_MATCHES,
     Correspondences,
@@ -26,9 +34,10 @@ from stereolag.assess.orientation import (
     row_spread,
     vertical_plane,
 )
-from stereolag.core.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap, FloatMap
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair, local_deviation
 from stereolag.core.jobs import COSTS, Estimate, check_memory
+from stereolag.geometry.rectification import turned
 from stereolag.stereo.opencv import StereoSGBM
 
 ROW_OFFSET_PX = 0.75
@@ -68,18 +77,26 @@ class FindingCode(StrEnum):
 
     MATCHES = "matches"
     IDENTICAL = "identical"
+    MIRRORED = "mirrored"
+    ABOVE_EACH_OTHER = "above_each_other"
+    ONE_MOVING_CAMERA = "one_moving_camera"
+    NOT_SAME_MOMENT = "not_same_moment"
     SWAPPED = "swapped"
     ROWS = "rows"
     ROTATION = "rotation"
     BENT_ROWS = "bent_rows"
     EXPOSURE = "exposure"
     TEXTURE = "texture"
+    EMPTY_BORDER = "empty_border"
     RANGE = "range"
 
 
 class Remedy(StrEnum):
     """The fix for a finding: a corrected pair (:func:`apply_remedy`), or another search range."""
 
+    MIRROR_RIGHT = "mirror_right"
+    TURN_UPRIGHT = "turn_upright"
+    """Turn both images by a quarter, so that cameras above each other stand side by side."""
     SWAP_SIDES = "swap_sides"
     ALIGN_ROWS = "align_rows"
     LEVEL = "level"
@@ -109,6 +126,10 @@ class Finding:
         MATCHES    ``count`` of features matched between the images, ``needed`` to judge the geometry
         IDENTICAL  ``difference``: mean pixel difference, as a share of the grey-level range;
                    ``moved_px``: 95th percentile of the displacement of matched features, if there are enough
+        MIRRORED   ``count`` of features that agree with the right image once it is mirrored, 0 if not tried
+        ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
+                   ``quarters`` of a turn, counter-clockwise; ``x``, ``y`` of the epipole, if it is near, in widths and
+                   heights of the left image
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
                    an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
         ROWS       ``offset_px``, ``spread_px``: median and robust standard deviation of dy, right minus left
@@ -118,10 +139,13 @@ class Finding:
                    there is a remedy, ``rectified_px``: the spread after it, for matches it was not fitted to, and its
                    ``lens`` coefficient, 0 if none helps
         EXPOSURE   ``gain``, ``offset`` in grey levels: ``right ≈ gain * left + offset``
-        TEXTURE    ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1
+        TEXTURE    ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1, the sky aside
+        EMPTY_BORDER
+                   ``left_share``, ``right_share``: share of the pixels of each image in black borders, 0..1
         RANGE      ``lowest_px``, ``highest_px``: disparities seen; ``min_disparity``, ``num_disparities``: searched;
                    ``missing_px``: how far the disparities seen extend beyond those searched, 0 if they do not;
-                   ``suggested_min_disparity``, ``suggested_num_disparities``
+                   ``suggested_min_disparity``, ``suggested_num_disparities``; ``repeats_px``: distance at which the
+                   picture repeats along its rows, 0 if it does not
         =========  =========================================================================================
     remedy
         The fix; None if there is nothing to fix, or no fix.
@@ -160,6 +184,26 @@ def judge_identical(difference: float, moved: float | None, scale: float) -> Fin
     same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
     numbers = {} if moved is None else {"moved_px": moved}
     return _found(FindingCode.IDENTICAL, same, None, difference=difference, **numbers)
+
+
+def judge_mirrored(count: int) -> Finding:
+    """Judge the number of features that agree once the right image is mirrored; 0 unless far more than as given."""
+    return _found(FindingCode.MIRRORED, count > 0, Remedy.MIRROR_RIGHT, count=count)
+
+
+def judge_above(quarters: int) -> Finding:
+    """Judge the quarters of a turn, counter-clockwise, that bring cameras side by side; 0 if they are so already."""
+    return _found(FindingCode.ABOVE_EACH_OTHER, quarters != 0, Remedy.TURN_UPRIGHT, quarters=quarters)
+
+
+def judge_moments(epipole: Epipole | None) -> tuple[Finding, Finding]:
+    """Judge whether one moving camera took both images, and whether they are of one moment, by an epipole near them."""
+    place = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
+    inside = epipole is not None and epipole.inside
+    return (
+        _found(FindingCode.ONE_MOVING_CAMERA, inside, None, **place),
+        _found(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **place),
+    )
 
 
 def judge_sides(lowest: float, highest: float) -> Finding:
@@ -227,7 +271,15 @@ def judge_texture(flat_share: float) -> Finding:
     return _found(FindingCode.TEXTURE, flat_share > FLAT_SHARE, None, flat_share=flat_share)
 
 
-def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggested: tuple[int, int]) -> Finding:
+def judge_border(left_share: float, right_share: float) -> Finding:
+    """Judge the shares of the images in black borders, where nothing was seen."""
+    empty = max(left_share, right_share) > BORDER_SHARE
+    return _found(FindingCode.EMPTY_BORDER, empty, None, left_share=left_share, right_share=right_share)
+
+
+def judge_searched(
+    seen: tuple[float, float], searched: tuple[int, int], suggested: tuple[int, int], repeats: float = 0.0
+) -> Finding:
     """Judge a search range.
 
     Parameters
@@ -236,12 +288,14 @@ def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggest
         Lowest and highest disparity in the pair, px.
     searched, suggested
         First disparity, px, and number of disparities.
+    repeats
+        Distance at which the picture repeats along its rows, px; 0 if it does not.
     """
     (lowest, highest), (first, count) = seen, searched
     missing = max(0.0, first - INFINITY_SLACK_PX - lowest, highest - (first + count))
     return _found(
         FindingCode.RANGE,
-        missing > 0 or count >= 2 * suggested[1],
+        missing > 0 or count >= 2 * suggested[1] or 0 < repeats < count,
         Remedy.SET_RANGE,
         lowest_px=lowest,
         highest_px=highest,
@@ -250,6 +304,7 @@ def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggest
         missing_px=missing,
         suggested_min_disparity=suggested[0],
         suggested_num_disparities=suggested[1],
+        repeats_px=repeats,
     )
 
 
@@ -265,14 +320,18 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features. Geometry and range are omitted for identical pictures, and the range
-        also if the sides are swapped or it cannot be determined.
+        is omitted with too few matched features. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are
+        omitted for identical pictures; geometry and range also for an arrangement that is ill, and the range if the
+        sides are swapped or it cannot be determined.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
     suggested_range
         First disparity and number of disparities, a multiple of 16, of a search that covers them with a modest margin;
         None if it cannot be determined.
+    repeats_px
+        Distance at which the left image repeats along its rows, px; 0 if it does not. A wider search finds each point
+        more than once.
 
     Examples
     --------
@@ -289,15 +348,27 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     disparities: tuple[float, float] | None
     suggested_range: tuple[int, int] | None
+    repeats_px: float = 0.0
 
     @property
     def healthy(self) -> bool:
         """Return whether every finding is healthy."""
-        return all(finding.healthy for finding in self.findings)
+        return not self.ill
+
+    @property
+    def ill(self) -> tuple[Finding, ...]:
+        """Return the findings that are not healthy."""
+        return tuple(finding for finding in self.findings if not finding.healthy)
 
     def finding(self, code: FindingCode) -> Finding | None:
         """Return the finding on one question; None if it could not be judged."""
         return next((finding for finding in self.findings if finding.code == code), None)
+
+    def over(self, searched: tuple[int, int] | None) -> Diagnosis:
+        """Return the diagnosis with another search range judged: first disparity and their number, px; None: none."""
+        rest = tuple(finding for finding in self.findings if finding.code != FindingCode.RANGE)
+        judged = None if searched is None else judge_range(self, *searched)
+        return replace(self, findings=rest if judged is None else (*rest, judged))
 
 
 def diagnose(
@@ -353,19 +424,62 @@ def diagnose(
     difference = float(np.mean(np.abs(other.astype(np.float32) - grey.astype(np.float32)))) / range_of_greys
     moved = None if points is None else float(np.percentile(np.hypot(points.dx, points.dy), 95))
     identical = judge_identical(difference, moved, found.scale)
-    geometry = _judge_geometry(points) if points is not None and identical.healthy else ()
+    arrangement = _judge_arrangement(images, found) if identical.healthy else ()
+    upright = identical.healthy and all(finding.healthy for finding in arrangement)
+    geometry = _judge_geometry(points) if points is not None and upright else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
-    seen = _disparities_seen(images[0], exposed_alike(*images), points) if identical.healthy and sides_known else None
+    coarse = _coarse_range(images[0], exposed_alike(*images), points) if upright and sides_known else None
+    seen = None if coarse is None or (points is None and coarse.share < LEAST_WITHOUT_FEATURES) else coarse.ends
+    exposure = judge_exposure(*_exposure(*images, points), range_of_greys)
     findings = (
         judge_matches(len(found)),
         identical,
+        *arrangement,
         *geometry,
-        judge_exposure(*_exposure(*images, points), range_of_greys),
-        judge_texture(float(np.mean(local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))),
+        # Of pictures that show nothing in common, no remedy leads to a map.
+        exposure if seen is not None else replace(exposure, remedy=None),
+        judge_texture(_flat_share(grey, range_of_greys)),
+        judge_border(*(float(empty_border(image).mean()) for image in images)),
     )
-    examined = Diagnosis(findings, seen, None if seen is None else _range_for(*seen))
-    searched = judge_range(examined, min_disparity, num_disparities)
-    return examined if searched is None else replace(examined, findings=(*findings, searched))
+    repeats = repetition(images[0]) if seen is not None else 0.0
+    width = images[0].shape[1]
+    examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen, width, repeats), repeats)
+    return examined.over((min_disparity, num_disparities))
+
+
+def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
+    """Judge whether the pictures are of two cameras side by side, at one moment, and the same way round."""
+    mirrored = judge_mirrored(mirrored_matches(*images, len(found)))
+    if not mirrored.healthy:
+        return (mirrored,)
+    views = find_views(found)
+    if views is None:
+        return mirrored, judge_above(0), *judge_moments(None)
+    above = views.above_each_other
+    quarters = quarters_upright(found) if above else 0
+    return mirrored, judge_above(quarters), *judge_moments(None if above else views.epipole)
+
+
+def quarters_upright(found: Correspondences) -> int:
+    """Return the quarters of a turn, counter-clockwise, that bring cameras above each other side by side.
+
+    The upper camera sees points lower in its picture, and is to become the left one.
+    """
+    views = find_views(found)
+    return 1 if views is None or float(np.median(views.points.dy)) < 0 else -1
+
+
+def _flat_share(grey: Image, range_of_greys: float) -> float:
+    """Return the share of the pixels in surroundings with hardly any texture, a sky aside.
+
+    A sky is flat, touches the upper edge and lies in the upper half: it is far away whatever is measured there.
+    """
+    flat = local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys
+    _, parts = cv2.connectedComponents(flat.astype(np.uint8), connectivity=4)
+    sky = np.isin(parts, np.unique(parts[0][parts[0] > 0]))
+    sky[flat.shape[0] // 2 :] = False
+    ground = flat.size - int(np.count_nonzero(sky))
+    return float(np.count_nonzero(flat & ~sky)) / max(1, ground)
 
 
 def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
@@ -396,7 +510,8 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     """
     if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
-    return judge_searched(diagnosis.disparities, (min_disparity, num_disparities), diagnosis.suggested_range)
+    searched = min_disparity, num_disparities
+    return judge_searched(diagnosis.disparities, searched, diagnosis.suggested_range, diagnosis.repeats_px)
 
 
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
@@ -442,6 +557,12 @@ LEAST_TAIL, FAR_TAIL, NEAR_TAIL = 0.5, 10.0, 5.0
 """Least percentage of disparities trimmed at each end, and how it grows at the far and near ends with the share not
 measured: the less can be matched, the more matches are wrong. Missing near objects hurts more."""
 
+LEAST_WITHOUT_FEATURES = 0.4
+"""Share of coarse pixels that must be measured if features do not tell that the images show one scene."""
+
+GROUND_SHARE, GROUND_PERCENTILE = 0.12, 90.0
+"""Lower share of the rows that show the nearest ground, and the percentile of its disparities that is searched."""
+
 FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
 """Percentage of features trimmed at each end, and their least number."""
 
@@ -455,8 +576,16 @@ RANGE_MARGIN = 0.15
 """Margin of the suggested range beyond the disparities seen, as a share of their span."""
 
 
-def _disparities_seen(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float] | None:
-    """Return the range of disparities in a pair, px; None if neither pixels nor features reveal it.
+@dataclass(frozen=True)
+class _CoarseRange:
+    """The range of disparities in a pair, px, and the share of the pixels that a coarse search measured."""
+
+    ends: tuple[float, float]
+    share: float
+
+
+def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> _CoarseRange | None:
+    """Return the range of disparities in a pair; None if neither pixels nor features reveal it.
 
     Combines a coarse semi-global search, far wider than any pair should need, with the matched features. Features alone
     would miss near objects, which fill few but important pixels; they help if the search is too narrow or rows are too
@@ -488,11 +617,22 @@ def _disparities_seen(left: Image, right: Image, points: Correspondences | None)
     )
     found = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
     seen = found[np.isfinite(found)]
-    if seen.size >= FEWEST_MEASURED * found.size:
-        far, near = (max(LEAST_TAIL, tail * (1 - seen.size / found.size)) for tail in (FAR_TAIL, NEAR_TAIL))
+    share = seen.size / found.size
+    if share >= FEWEST_MEASURED:
+        far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
         low, high = np.percentile(seen, (far, 100 - near)) / scale
-        ends.append((float(low), float(high)))
-    return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
+        ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
+    return _CoarseRange((min(low for low, _ in ends), max(high for _, high in ends)), share) if ends else None
+
+
+def _nearest_ground(found: FloatMap) -> float:
+    """Return the disparity of the ground at the lower edge, px; 0 if too little of it is measured.
+
+    A bland road is measured at few pixels, so the nearest of it would be taken for wrong matches.
+    """
+    foot = found[-max(1, round(GROUND_SHARE * found.shape[0])) :]
+    seen = foot[np.isfinite(foot)]
+    return float(np.percentile(seen, GROUND_PERCENTILE)) if seen.size >= FEWEST_MEASURED * foot.size else 0.0
 
 
 def _disparities_of(points: Correspondences) -> tuple[float, float]:
@@ -513,12 +653,18 @@ def _disparities_of(points: Correspondences) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _range_for(low: float, high: float) -> tuple[int, int]:
-    """Return the search range for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
+def range_for(low: float, high: float, width: int, repeats: float = 0.0) -> tuple[int, int]:
+    """Return the search range for the disparities seen, with a margin; from 0 (infinity) if they begin near it.
+
+    It is never wider than the picture, nor, where the picture repeats, than one repetition.
+    """
+    if repeats:
+        # All repetitions fit; of a rectified pair only disparities from 0 on are possible.
+        return 0, 16 * math.ceil(min(width - 15, repeats) / 16)
     margin = RANGE_MARGIN * max(high - low, 8.0)
     first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
     count = int(np.ceil(high + margin)) - first + 1
-    return first, max(16, 16 * -(-count // 16))
+    return first, max(16, 16 * min(-(-count // 16), width // 16))
 
 
 def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
@@ -546,8 +692,8 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     """Apply one remedy to a pair.
 
     The left image is unchanged, so that everything known about its pixels remains valid, except that swapping exchanges
-    the images and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make depth relative, as the cameras are
-    unknown.
+    the images, ``Remedy.TURN_UPRIGHT`` turns both, and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make
+    depth relative, as the cameras are unknown.
 
     Parameters
     ----------
@@ -559,7 +705,7 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     Returns
     -------
     left, right
-        The corrected images, of the same size and type.
+        The corrected images, of the same size and type; turned ones have their sides exchanged.
 
     Raises
     ------
@@ -570,11 +716,16 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     left, right = as_stereo_pair(left, right)
     if remedy is Remedy.SWAP_SIDES:
         return right, left
+    if remedy is Remedy.MIRROR_RIGHT:
+        return left, np.ascontiguousarray(right[:, ::-1])
     if remedy is Remedy.MATCH_EXPOSURE:
         return left, exposed_alike(left, right)
     if remedy is Remedy.SET_RANGE:
         raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
     points = find_correspondences(left, right)
+    if remedy is Remedy.TURN_UPRIGHT:
+        quarters = quarters_upright(points)
+        return turned(left, quarters), turned(right, quarters)
     if len(points) < FEWEST_MATCHES:
         raise ValueError(
             f"{len(points)} features were matched between the images; at least {FEWEST_MATCHES} are needed to align "

@@ -53,12 +53,15 @@ class Correspondences:
         (rows, cols) of the images.
     scale
         Factor by which the images were reduced before features were matched, at most 1; it limits the precision.
+    candidates
+        The distinctive matches of which these agree; None if nearly all of them do.
     """
 
     left: Points
     right: Points
     shape: tuple[int, int]
     scale: float = 1.0
+    candidates: Correspondences | None = None
 
     @property
     def dx(self) -> Points:
@@ -338,11 +341,15 @@ def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedR
 
 
 def _cost(errors: DoubleMap, noise: float, parameters: DoubleMap) -> float:
-    return float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
+    with np.errstate(all="ignore"):
+        total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
+    return total if np.isfinite(total) else np.inf
 
 
 def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
-    left, right = _rectified(parameters, points.shape, points.left, points.right)
+    # A step of the fit may try impossible cameras; their cost is infinite.
+    with np.errstate(all="ignore"):
+        left, right = _rectified(parameters, points.shape, points.left, points.right)
     return np.asarray(right[:, 1] - left[:, 1])
 
 
@@ -578,7 +585,8 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     if len(easy) >= ENOUGH:
         return _followed(quick.points, easy) if np.std(bend_of(easy)) * scale > UNBENT_PX else easy
     thorough = match_features(views, shape, scale, binary=False)
-    every, distinct = quick.points.joined(thorough.points), quick.distinctive().joined(thorough.distinctive())
+    distinct = quick.distinctive().joined(thorough.distinctive())
+    every = replace(quick.points.joined(thorough.points), candidates=distinct)
     seeds = (_epipolar(distinct), _on_a_plane(distinct)) if len(distinct) >= FEWEST_FITTED else ()
     models = [model for seed in seeds if (model := _settled(distinct, seed)) is not None]
     best = min(models, key=lambda model: robust_cost(model, distinct), default=None)

@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 S = TypeVar("S", bound=Settings)
 
-DONE, FAILED, WRONG_USAGE, NOT_FOUND, DAMAGED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+DONE, WRONG_USAGE, DOUBTFUL, FAILED, INTERRUPTED = 0, 2, 3, 4, 130
 """The exit codes of a command."""
 
 CODES = (
-    f"exit codes: {DONE} done; {FAILED} an input is refused, or a file cannot be read or written, said in one "
-    f"sentence; {WRONG_USAGE} wrong usage, or a setting that is not allowed"
+    f"exit codes: {DONE} done; {WRONG_USAGE} wrong usage, or a setting that is not allowed; {FAILED} an input is "
+    "refused, or a file cannot be read or written, said in one sentence"
 )
 
 

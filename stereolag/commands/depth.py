@@ -10,11 +10,13 @@ from typing import Any
 
 import stereolag as sl
 from stereolag.assess.layout import Layout
-from stereolag.commands.arguments import DONE, CommandParser, add_frames, read, read_frames, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, read, read_frames, tell
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration,
+    add_trust,
     calibration_as_asked,
+    findings_as_figures,
     rectified_as_asked,
     said_of_calibration,
 )
@@ -46,6 +48,7 @@ def run(arguments: Sequence[str]) -> int:
         "settings depend on the method: to see those of another one, give --help with its --preset, --method or "
         "--settings.",
         "LEFT [RIGHT] [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
+        f"; {DOUBTFUL} done, but something is wrong with the pair: the findings say what",
     )
     _add_files(parser)
     flags = MatcherFlags(parser, arguments)
@@ -54,17 +57,23 @@ def run(arguments: Sequence[str]) -> int:
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
     pair, said = _read_pair(options)
-    matcher = flags.over_known_range(matcher, options, pair.calibration)
+    diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
+    known = None if diagnosis is None else diagnosis.suggested_range
+    if pair.num_disparities is not None:
+        known = pair.min_disparity, pair.num_disparities
+    matcher = flags.over_known_range(matcher, options, known)
+    if diagnosis is not None:
+        diagnosis = diagnosis.over(matcher.search_range())
 
     _load_loops(matcher, pair)
     pair, result = upright(pair, matcher.compute(pair.left, pair.right))
-    figures = _figures(pair, result)
+    figures = _figures(pair, result) | {"findings": findings_as_figures(diagnosis)}
     if options.out is not None:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
         files, left_out = _written(Path(options.out), wanted)
         figures |= {"out": options.out, "files": files, "left_out": left_out}
     tell(figures, "\n".join([*said, *_in_words(figures, pair)]), as_json=options.json)
-    return DONE
+    return DOUBTFUL if figures["findings"] else DONE
 
 
 def _add_files(parser: CommandParser) -> None:
@@ -93,6 +102,7 @@ def _add_files(parser: CommandParser) -> None:
         help="its stored values ÷ this are px, below 0 for the other sign (default: what fits a quick map)",
     )
     add_calibration(files)
+    add_trust(files)
     files.add_argument(
         "--out",
         metavar="DIR",
@@ -151,8 +161,8 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
         "rectified_here": _rectified_here(pair),
-        "coverage": result.coverage,
-        "measured": float((result.valid & ~result.filled).mean()),
+        "coverage": float((result.valid & ~result.filled).mean()),
+        "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
     }
     if pair.truth is not None:
@@ -168,7 +178,8 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
         searched = f", {first} to {first + count - 1} px searched"
     lines = [
         f"{figures['method']} on {figures['width']} × {figures['height']} px{searched}: {figures['elapsed_s']:.3g} s",
-        f"disparity for {figures['coverage']:.1%} of the pixels, measured for {figures['measured']:.1%}",
+        f"disparity measured for {figures['coverage']:.1%} of the pixels, filled in for {figures['filled']:.1%}",
+        *(f"doubtful: {finding['sentence']}" for finding in figures["findings"]),
     ]
     if pair.truth is not None:
         lines.append(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import stereolag as sl
 from stereolag.commands.arguments import (
     DONE,
-    NOT_FOUND,
+    DOUBTFUL,
     CommandParser,
     SettingsFlags,
     add_frames,
@@ -25,7 +25,7 @@ def run(arguments: Sequence[str]) -> int:
         "Find a template in an image: row and column of its top-left pixel, best first. It is found where every part "
         "of it agrees with the image, in whatever light. Transparent pixels of the template do not count.",
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
-        f"; {NOT_FOUND} nothing is found",
+        f"; {DOUBTFUL} nothing is found",
     )
     parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
@@ -43,7 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}
     tell(figures, "\n".join([*_told(result, query), *_left_out(result), *lines]), as_json=options.json)
-    return DONE if result.found else NOT_FOUND
+    return DONE if result.found else DOUBTFUL
 
 
 def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:

@@ -1,10 +1,14 @@
-"""The arguments shared by the commands that match pairs: calibration, rectification, and the initial settings."""
+"""What the commands that match pairs share: calibration, rectification, the input doctor, and the initial settings."""
 
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
+from typing import Any
 
+from stereolag.assess.diagnosis import Diagnosis, FindingCode
+from stereolag.assess.sentences import finding_in_words
 from stereolag.commands.arguments import CommandParser, SettingsFlags, read
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibration_layouts import UNITS
@@ -60,6 +64,32 @@ def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
 def said_of_calibration(calibration: Calibration | None) -> tuple[str, ...]:
     """Return sentences about a calibration: what it means in metres, and what was assumed."""
     return () if calibration is None else (calibration.in_words(), *calibration.notes)
+
+
+def add_trust(files: argparse._ArgumentGroup) -> None:
+    """Add the flag that skips the input doctor."""
+    files.add_argument(
+        "--trust",
+        action="store_true",
+        help="take the pair as good: no look at it beforehand, no range found for it, no finding",
+    )
+
+
+def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
+    """Return the findings that are ill, for JSON; none of a pair that was not examined.
+
+    A search wider than needed only takes longer.
+    """
+    return [
+        {
+            "code": finding.code.value,
+            "numbers": {name: value if math.isfinite(value) else None for name, value in finding.numbers.items()},
+            "remedy": finding.remedy,
+            "sentence": finding_in_words(finding),
+        }
+        for finding in (() if diagnosis is None else diagnosis.ill)
+        if finding.code != FindingCode.RANGE or finding.numbers["missing_px"] > 0 or finding.numbers["repeats_px"] > 0
+    ]
 
 
 def rectified_as_asked(
@@ -127,21 +157,20 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         super().__init__(parser, start, SHORTCUTS if "search" in type(start).model_fields else {}, _elsewhere)
 
     def over_known_range(
-        self, matcher: StereoMatcher, options: argparse.Namespace, calibration: Calibration | None
+        self, matcher: StereoMatcher, options: argparse.Namespace, known: tuple[int, int] | None
     ) -> StereoMatcher:
-        """Return a matcher that searches the range stated by the calibration, unless flags or a settings file set it.
+        """Return a matcher that searches a known range, unless flags or a settings file set another.
 
         Parameters
         ----------
         matcher, options
             The settings and arguments that were parsed.
-        calibration
-            None if unknown.
+        known
+            First disparity and number of disparities, px; None if unknown.
         """
-        known = calibration and calibration.num_disparities
-        if known and options.settings is None and matcher.search_range() == self.settings.search_range():
-            return matcher.with_search_range(0, known)
-        return matcher
+        initial = self.settings.search_range()
+        chosen = initial is None or options.settings is not None or matcher.search_range() != initial
+        return matcher if chosen or known is None else matcher.with_search_range(*known)
 
 
 def _add_choice(parser: CommandParser, otherwise: PresetName) -> None:

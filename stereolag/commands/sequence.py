@@ -10,8 +10,8 @@ from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.arguments import (
-    DAMAGED,
     DONE,
+    DOUBTFUL,
     INTERRUPTED,
     CommandParser,
     SettingsFlags,
@@ -21,7 +21,9 @@ from stereolag.commands.arguments import (
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration,
+    add_trust,
     calibration_as_asked,
+    findings_as_figures,
     rectified_as_asked,
     said_of_calibration,
 )
@@ -55,7 +57,8 @@ def run(arguments: Sequence[str]) -> int:
         "one, give --help with its --preset, --method or --settings.",
         "LEFT [RIGHT] --out DIR [--preset NAME] [--calibration FILE] [--video FILE.mp4] [--scheduler ADDRESS|local] "
         "[--json] [settings]",
-        f"; {DAMAGED} done, except for damaged frames; {INTERRUPTED} stopped by Ctrl-C",
+        f"; {DOUBTFUL} done, but for damaged frames, or something is wrong with the pairs: the findings say what; "
+        f"{INTERRUPTED} stopped by Ctrl-C",
     )
     _add_frames(parser)
     _add_job(parser)
@@ -65,10 +68,16 @@ def run(arguments: Sequence[str]) -> int:
     beyond = over_frames.parsed(arguments)[1]
 
     # Imported only now, so that --help does not wait for them.
-    from stereolag.sequences import run_sequence
+    from stereolag.sequences import diagnose_sequence, run_sequence
 
     sequence, calibration, said = _read_sequence(options)
-    matchers = _matchers(flags.over_known_range(matcher, options, calibration), options)
+    diagnosis = None if options.trust else diagnose_sequence(sequence)
+    known = None if diagnosis is None else diagnosis.suggested_range
+    if calibration is not None and calibration.num_disparities is not None:
+        known = 0, calibration.num_disparities
+    matcher = flags.over_known_range(matcher, options, known)
+    findings = findings_as_figures(None if diagnosis is None else diagnosis.over(matcher.search_range()))
+    matchers = _matchers(matcher, options)
     try:
         with closing(_Bar(hidden=options.json or not sys.stderr.isatty())) as bar:
             result = run_sequence(
@@ -99,11 +108,12 @@ def run(arguments: Sequence[str]) -> int:
         "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
         "out": options.out,
         "video": options.video,
+        "findings": findings,
     }
     tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)
     for name, problem in result.damaged.items():
         print(f"stereolag sequence: {name}: {one_line(problem)}", file=sys.stderr)
-    return DAMAGED if result.damaged else DONE
+    return DOUBTFUL if result.damaged or findings else DONE
 
 
 def _add_frames(parser: CommandParser) -> None:
@@ -136,6 +146,7 @@ def _add_frames(parser: CommandParser) -> None:
     )
     files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
     add_calibration(files, "; gives the nearest obstacle in metres")
+    add_trust(files)
     files.add_argument(
         "--frame-rate", type=float, metavar="HZ", help="frames a second (default: that of the video; 10 for pictures)"
     )
@@ -245,4 +256,5 @@ def _in_words(figures: dict[str, Any]) -> list[str]:
     if figures["damaged"]:
         said += f"; {len(figures['damaged']):,} are damaged"
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
-    return [said, f"written to {to}"]
+    doubts = [f"doubtful: {finding['sentence']}" for finding in figures["findings"]]
+    return [said, f"written to {to}", *doubts]

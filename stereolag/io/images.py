@@ -545,7 +545,7 @@ SINTEL = (4.0, 1 / 64, 1 / 16384)
 """Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
 
 SINTEL_ALIKE = 0.6
-"""Correlation of red and green from which on a picture is a photograph."""
+"""Correlation of red with green and with blue from which on a picture is a photograph."""
 
 OPENCV_SCALE = 16
 """OpenCV's matchers return int16, in units of 1/16 px."""
@@ -606,9 +606,11 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
         colours = stored[:, :, :3]
         disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL), np.nan).astype(np.float32)
-        # Red is the coarse part, green the fraction: a photograph's colours rise and fall together, and are far more.
-        red, green = (np.ravel(colours[:, :, channel]).astype(np.float64) for channel in (0, 1))
-        together = np.abs(np.cov(red, green)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * green.std()))
+        # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
+        red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
+        together = all(
+            np.abs(np.cov(red, one)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * one.std())) for one in fractions
+        )
         if np.nanmax(disparity) < stored.shape[1] and not together:
             return StoredDisparity(disparity, 1.0)
     if stored.ndim != 2:

@@ -1,5 +1,6 @@
-"""Frame sequences of stereo cameras: their sources, the job over all frames, and the video of its maps."""
+"""Frame sequences of stereo cameras: sources, doctor, the job over all frames, and the video of its maps."""
 
+from stereolag.sequences.examination import diagnose_sequence
 from stereolag.sequences.frames import SequenceMemory, SequenceTarget
 from stereolag.sequences.motion import SequenceMotion, SequenceSettings, Steadiness
 from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
@@ -23,6 +24,7 @@ __all__ = [
     "Steadiness",
     "StereoFrame",
     "StereoSequence",
+    "diagnose_sequence",
     "example_sequence",
     "open_sequence",
     "rectified_sequence",

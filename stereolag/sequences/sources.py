@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -316,17 +317,30 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
 
 
 def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[str | None]:
-    """Return the partner of each file: the one with its name, or the one at its position if no names agree."""
-    by_name = {Path(other).stem: other for other in others}
-    found = [by_name.get(Path(name).stem) for name in names]
+    """Return the partner of each file: the one with its name, with its number, or at its position if neither agree."""
+    by_name = {_stem(other): other for other in others}
+    found = [by_name.get(_stem(name)) for name in names]
     if any(found):
         return found
+    mine, by_number = [_number(name) for name in names], {_number(other): other for other in others}
+    if len({*mine}) == len(names) and len(by_number) == len(others) and any(one in by_number for one in mine):
+        return [by_number.get(one) for one in mine]
     if len(names) != len(others):
         raise ValueError(
             f"There are {len(names):,} left pictures and {len(others):,} {what}, with other names; either their names "
             "or their number must match."
         )
     return list(others)
+
+
+def _stem(name: str) -> str:
+    return Path(name).stem
+
+
+def _number(name: str) -> int | None:
+    """Return the last number in the name of a file; a lost frame must not shift the others."""
+    numbers = re.findall(r"\d+", _stem(name))
+    return int(numbers[-1]) if numbers else None
 
 
 def _ending(path: Path) -> str:

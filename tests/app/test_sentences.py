@@ -13,14 +13,19 @@ import numpy as np
 from pairs import shifted_pair
 
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
+from stereolag.assess.arrangement import Epipole
 from stereolag.assess.diagnosis import (
     Finding,
     FindingCode,
     Remedy,
+    judge_above,
     judge_bent_rows,
+    judge_border,
     judge_exposure,
     judge_identical,
     judge_matches,
+    judge_mirrored,
+    judge_moments,
     judge_raw_sides,
     judge_rotation,
     judge_rows,
@@ -31,6 +36,7 @@ from stereolag.assess.diagnosis import (
 from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.orientation import RowEvidence
+from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.searches import TemplateQuery
@@ -55,7 +61,6 @@ from stereolag.ui.depth.sentences import (
     HIDDEN_FROM_RIGHT,
     HOVER_WORDS,
     NO_EXAMPLE,
-    finding_in_words,
     match_in_words,
     match_verdict,
     problems_in_words,
@@ -346,6 +351,10 @@ HEALTHY = (
     judge_rotation(0.02, 1.001),
     judge_exposure(1.0, 2.0, 200.0),
     judge_texture(0.06),
+    judge_border(0.0, 0.004),
+    judge_mirrored(0),
+    judge_above(0),
+    *judge_moments(None),
     judge_searched((2.0, 50.0), (0, 64), (0, 64)),
 )
 ILL = (
@@ -363,7 +372,12 @@ ILL = (
     judge_rotation(-1.0, 0.98),
     judge_exposure(0.6, -5.0, 200.0),
     judge_texture(0.4),
+    judge_border(0.031, 0.12),
+    judge_mirrored(240),
+    judge_above(1),
+    *judge_moments(Epipole(0.58, 0.46)),
     judge_searched((2.0, 50.0), (0, 16), (0, 64)),
+    judge_searched((2.0, 15.0), (0, 48), (0, 16), 24.0),
     judge_searched((2.0, 2.4), (-3, 256), (-3, 16)),
 )
 

@@ -138,7 +138,7 @@ def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clo
             pytest.approx(0, abs=2),
         )
     refused = ran("lag", "whole.wav", "other.wav", "--aligned", "none.wav")
-    assert (refused.code, (folder / "none.wav").exists()) == (1, False)
+    assert (refused.code, (folder / "none.wav").exists()) == (4, False)
     assert "The lag is 'nothing' (chance), and only one that is sure is undone" in refused.err
 
 
@@ -325,28 +325,28 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["lag", "first.wav"], 1, "channel 2 is asked for, and first.wav has channel 1"),
+        (["lag", "first.wav"], 4, "channel 2 is asked for, and first.wav has channel 1"),
         (
             ["lag", "first.wav", "second.wav", "--channels", "1", "0"],
-            1,
+            4,
             "channel 0 is asked for, and second.wav has channel 1",
         ),
-        (["lag", "first.wav", "silence.wav"], 1, "silence.wav"),
-        (["lag", "first.wav", "none.wav"], 1, "none.wav: No such file or directory."),
+        (["lag", "first.wav", "silence.wav"], 4, "silence.wav"),
+        (["lag", "first.wav", "none.wav"], 4, "none.wav: No such file or directory."),
         (["lag", "first.wav", "second.wav", "--aligned", "out.mp3"], 2, "--aligned is out.mp3; its name ends in .wav"),
         (["lag", "first.wav", "second.wav", "--speed", "0"], 2, "speed is 0; allowed are numbers above 0."),
         (
             ["lag", "first.wav", "second.wav", "--max-lag", "4000"],
-            1,
+            4,
             "max_lag is 4000; allowed are whole samples from 0",
         ),
-        (["find", "template.png", "image.png"], 1, "template is 120 × 100 pixels"),
+        (["find", "template.png", "image.png"], 4, "template is 120 × 100 pixels"),
         (
             ["find", "image.png", "template.png", "--min-score", "2"],
             2,
             "min_score is 2; allowed are numbers from 0 to 1.",
         ),
-        (["find", "image.png", "template.png", "--mask", "image.png"], 1, "mask"),
+        (["find", "image.png", "template.png", "--mask", "image.png"], 4, "mask"),
         (["find", "image.png"], 2, "TEMPLATE"),
         (["calibrate", "flat"], 2, "--square"),
         (["calibrate", "flat", "--square", "3cm"], 2, "'3cm' is not a length; allowed are metres above 0"),
@@ -354,16 +354,16 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         (["calibrate", "flat", "--square", "nan"], 2, "'nan' is not a length"),
         (["calibrate", "flat", "--square", "1", "--board", "6-4"], 2, "'6-4' is not a board"),
         (["calibrate", "flat", "--square", "1", "--board", "1x4"], 2, "allowed are 2 to 50 inner corners"),
-        (["calibrate", "flat/left1.png", "flat/right1.png", "--square", "1", "--board", "6x4"], 1, "pairs"),
-        (["calibrate", "none", "--square", "1"], 1, "none: there is no such file or folder."),
-        (["calibrate", "text.txt", "--square", "1"], 1, "text.txt is one file but not a ZIP"),
-        (["calibrate", "flat/left*.png", "flat/x*.png", "--square", "1"], 1, "flat/x*.png: no file matches."),
+        (["calibrate", "flat/left1.png", "flat/right1.png", "--square", "1", "--board", "6x4"], 4, "pairs"),
+        (["calibrate", "none", "--square", "1"], 4, "none: there is no such file or folder."),
+        (["calibrate", "text.txt", "--square", "1"], 4, "text.txt is one file but not a ZIP"),
+        (["calibrate", "flat/left*.png", "flat/x*.png", "--square", "1"], 4, "flat/x*.png: no file matches."),
         (
             ["calibrate", "flat/left*.png", "flat/right1*.png", "--square", "1"],
-            1,
+            4,
             "matches 11 files and flat/right1*.png 2",
         ),
-        (["calibrate", "sides/left", "--square", "1"], 1, "No left and right pictures match by name"),
+        (["calibrate", "sides/left", "--square", "1"], 4, "No left and right pictures match by name"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(arguments: list[str], code: int, said: str, ran: Command) -> None:
@@ -379,7 +379,7 @@ def by_console(*arguments: object, script: str = "") -> subprocess.CompletedProc
 
 def test_a_process_that_refuses_ends_with_the_code_and_depth_brings_in_no_screen(folder: Path, tmp_path: Path) -> None:
     refused = by_console("find", folder / "image.png", folder / "none.png")
-    assert (refused.returncode, refused.stdout) == (1, "")
+    assert (refused.returncode, refused.stdout) == (4, "")
     assert "Traceback" not in refused.stderr
     noise = np.random.default_rng(0).integers(0, 255, (60, 127, 3), dtype=np.uint8)
     pair = tmp_path / "left.png", tmp_path / "right.png"

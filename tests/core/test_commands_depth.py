@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import camera_files
@@ -15,6 +16,8 @@ from straight_and_raw import raw_pair
 from wall_pictures import wall_pictures
 
 import stereolag as sl
+from stereolag import samples
+from stereolag.core.inputs import Image
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.geometry.rectification import mode_for
@@ -22,6 +25,8 @@ from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy
+
+Change = Callable[[Image, Image], tuple[Image, Image]]
 
 SHIFT = 7
 MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "disparity_kitti.png", "settings.json"]
@@ -42,14 +47,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_figures_are_those_of_the_library(folder: Path, ran: Command) -> None:
     truth = folder / "truth.pfm"
-    arguments = (folder / "left.png", folder / "right.png", "--preset", "fast", "--num-disparities", 16)
+    arguments = (folder / "left.png", folder / "right.png", "--trust", "--preset", "fast", "--num-disparities", 16)
     told = ran("depth", *arguments, "--truth", truth, "--json")
     assert (told.code, told.err) == (0, "")
     matcher = sl.preset("fast", num_disparities=16)
     result = matcher.compute(sl.read_image(folder / "left.png"), sl.read_image(folder / "right.png"))
     judged = figures_of(sl.evaluate(result.disparity, sl.read_disparity(truth)))
     figures = told.figures
-    assert figures["coverage"] == result.coverage
+    assert figures["coverage"] == float((result.valid & ~result.filled).mean())
+    assert figures["coverage"] + figures["filled"] == pytest.approx(result.coverage)
+    assert figures["findings"] == []
     assert (figures["width"], figures["height"], figures["range_px"]) == (120, 60, [0, 16])
     assert figures["bad_2_percent"] == judged["bad_2_percent"] < 10
     assert figures["epe_px"] == judged["epe_px"]
@@ -64,7 +71,9 @@ def test_the_files_are_those_of_the_page(folder: Path, preset: str, tmp_path: Pa
     out = tmp_path / "new" / "folder"
     calibration = folder / "calibration.json"
     pair = folder / "left.png", folder / "right.png"
-    told = ran("depth", *pair, "--preset", preset, "--calibration", calibration, "--out", out, "--json").figures
+    told = ran(
+        "depth", *pair, "--trust", "--preset", preset, "--calibration", calibration, "--out", out, "--json"
+    ).figures
     left, right = map(sl.read_image, pair)
     result = sl.preset(preset).compute(left, right)  # type: ignore[arg-type]
     disparity, palette = result.disparity, VIRIDIS[::-1] if preset == "report" else VIRIDIS
@@ -83,7 +92,7 @@ def test_the_files_are_those_of_the_page(folder: Path, preset: str, tmp_path: Pa
 
 
 def test_a_format_that_cannot_hold_the_map_is_left_out_and_said(folder: Path, tmp_path: Path, ran: Command) -> None:
-    exchanged = folder / "right.png", folder / "left.png", "--min-disparity", -16, "--out", tmp_path
+    exchanged = folder / "right.png", folder / "left.png", "--trust", "--min-disparity", -16, "--out", tmp_path
     told = ran("depth", *exchanged)
     assert told.code == 0
     assert "disparity_kitti.png is left out: disparity reaches from -" in told.out
@@ -94,9 +103,9 @@ def test_without_a_folder_nothing_is_written_and_without_a_calibration_no_cloud(
     folder: Path, tmp_path: Path, ran: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert ran("depth", folder / "left.png", folder / "right.png").code == 0
+    assert ran("depth", folder / "left.png", folder / "right.png", "--trust").code == 0
     assert not list(tmp_path.iterdir())
-    assert ran("depth", folder / "left.png", folder / "right.png", "--out", ".").code == 0
+    assert ran("depth", folder / "left.png", folder / "right.png", "--trust", "--out", ".").code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == MAP_FILES
 
 
@@ -104,7 +113,7 @@ def test_without_a_folder_nothing_is_written_and_without_a_calibration_no_cloud(
 def test_settings_that_were_written_make_the_same_map_and_a_flag_goes_on_top(
     folder: Path, start: str, tmp_path: Path, ran: Command
 ) -> None:
-    pair = folder / "left.png", folder / "right.png"
+    pair = folder / "left.png", folder / "right.png", "--trust"
     choice = "--preset" if start in ("fast", "accurate") else "--method"
     assert ran("depth", *pair, choice, start, "--num-disparities", 32, "--out", tmp_path / "a").code == 0
     written = tmp_path / "a" / "settings.json"
@@ -152,30 +161,30 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
 ) -> None:
     monkeypatch.chdir(rig)
     pair = "straight/left/0.png", "straight/right/0.png", "--truth", "truth/0.png", "--calibration", "rig.json"
-    told = ran("depth", *pair, "--method", "bm", "--rectify", rectify)
-    assert told.code == (1 if rectify == "yes" else 0)
+    told = ran("depth", *pair, "--trust", "--method", "bm", "--rectify", rectify)
+    assert told.code == (4 if rectify == "yes" else 0)
     assert said in told.err + told.out
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["no.png", "right.png"], 1, "no.png: No such file or directory."),
-        (["left.png"], 1, "left.png: The image holds one view"),
+        (["no.png", "right.png"], 4, "no.png: No such file or directory."),
+        (["left.png"], 4, "left.png: The image holds one view"),
         (["left.png", "right.png", "third.png"], 2, "'third.png' is one argument too many."),
-        ([".", "right.png"], 1, ".: Is a directory."),
-        (["other.json", "right.png"], 1, "other.json: This is not an image that can be read"),
-        (["truth.pfm", "right.png"], 1, "left holds float32 and right uint8 pixels"),
-        (["left.png", "right.png", "--truth", "left.png"], 1, "left.png: The disparity map has shape (60, 120, 3)"),
-        (["left.png", "right.png", "--calibration", "left.png"], 1, "left.png: The calibration"),
-        (["left.png", "right.png", "--calibration", "other.json"], 1, "The calibration is for 50 × 50 pixels"),
-        (["left.png", "right.png", "--rectify", "yes", "--calibration", "calibration.json"], 1, "holds no cameras"),
-        (["left.png", "right.png", "--settings", "truth.pfm"], 1, "truth.pfm: The settings file is not JSON"),
+        ([".", "right.png"], 4, ".: Is a directory."),
+        (["other.json", "right.png"], 4, "other.json: This is not an image that can be read"),
+        (["truth.pfm", "right.png"], 4, "left holds float32 and right uint8 pixels"),
+        (["left.png", "right.png", "--truth", "left.png"], 4, "left.png: The disparity map has shape (60, 120, 3)"),
+        (["left.png", "right.png", "--calibration", "left.png"], 4, "left.png: The calibration"),
+        (["left.png", "right.png", "--calibration", "other.json"], 4, "The calibration is for 50 × 50 pixels"),
+        (["left.png", "right.png", "--rectify", "yes", "--calibration", "calibration.json"], 4, "holds no cameras"),
+        (["left.png", "right.png", "--settings", "truth.pfm"], 4, "truth.pfm: The settings file is not JSON"),
         (["left.png", "right.png", "--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
         (["left.png", "right.png", "--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
         (["left.png", "right.png", "--block-size", "9"], 2, "There is one with --method bm or sgbm."),
-        (["left.png", "right.png", "--method", "bm", "--block-size", "61"], 1, "block_size is 61 px and the images"),
-        (["left.png", "right.png", "--out", "truth.pfm"], 1, "truth.pfm: File exists."),
+        (["left.png", "right.png", "--method", "bm", "--block-size", "61"], 4, "block_size is 61 px and the images"),
+        (["left.png", "right.png", "--out", "truth.pfm"], 4, "truth.pfm: File exists."),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(
@@ -218,3 +227,41 @@ def test_a_wall_at_6_m_is_6_m_away(kind: str, tmp_path: Path, ran: Command) -> N
     written = sl.read_calibration(tmp_path / "calibration.json")
     assert np.nanmedian(written.depth(disparity)) == pytest.approx(6.0, abs=0.06)
     assert abs(np.median(points["x"])) < 1 and abs(np.median(points["y"])) < 1
+
+
+def seen(name: str) -> tuple[Image, Image]:
+    """Return a bundled pair at half its size."""
+    example = samples.stereo_pairs()[name]
+    left, right = (cv2.resize(sl.read_image(side), None, fx=0.5, fy=0.5) for side in (example.left, example.right))
+    return left, right
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda left, right: (left, right), None),
+        (lambda left, right: (right, left), "swapped"),
+        (lambda left, right: (left, left), "identical"),
+        (lambda left, right: (left, right[:, ::-1]), "mirrored"),
+        (lambda left, right: (np.rot90(left, -1), np.rot90(right, -1)), "above_each_other"),
+        (lambda left, right: (left, np.roll(right, 4, axis=0)), "rows"),
+        (lambda left, right: (left, np.pad(right[:-40], ((0, 40), (0, 0), (0, 0)))), "empty_border"),
+    ],
+)
+def test_an_ill_pair_is_told_and_the_range_is_that_of_the_pair(
+    change: Change, code: str | None, tmp_path: Path, ran: Command
+) -> None:
+    for side, image in zip(("left", "right"), change(*seen("cube")), strict=True):
+        (tmp_path / f"{side}.png").write_bytes(image_png(np.ascontiguousarray(image)))
+    pair = tmp_path / "left.png", tmp_path / "right.png", "--method", "bm"
+    told = ran("depth", *pair, "--out", tmp_path / "out", "--json")
+    codes = [finding["code"] for finding in told.figures["findings"]]
+    assert (told.code, codes) == ((0, []) if code is None else (3, [code]))
+    assert (tmp_path / "out" / "disparity.pfm").exists()
+    if code is None:
+        assert tuple(told.figures["range_px"]) == sl.diagnose(*seen("cube")).suggested_range
+    else:
+        sentence = told.figures["findings"][0]["sentence"]
+        assert f"doubtful: {sentence}" in ran("depth", *pair).out.splitlines()
+    trusted = ran("depth", *pair, "--trust", "--json")
+    assert (trusted.code, trusted.figures["findings"], trusted.figures["range_px"]) == (0, [], [0, 64])

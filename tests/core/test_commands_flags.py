@@ -127,7 +127,7 @@ def test_a_flag_reaches_the_matcher_and_changes_nothing_else(
 ) -> None:
     file = tmp_path / "settings.json"
     write_matcher(file, start)
-    assert ran("depth", *images, "--settings", file, *flag_of(name, value)).code == 0
+    assert ran("depth", *images, "--trust", "--settings", file, *flag_of(name, value)).code == 0
     assert expected != start
     assert computed[-1] == expected
 
@@ -210,4 +210,4 @@ def test_help_tells_every_setting_with_its_bounds_and_what_holds(choice: list[st
             assert f"from {bounds.low} to {bounds.high}." in said or f"from {bounds.low} to {bounds.high} or" in said
     side = next(value for value in dict(start).values() if isinstance(value, int))
     assert f"(default: {side})" in said
-    assert "exit codes: 0 done; 1 an input is refused" in said
+    assert "exit codes: 0 done; 2 wrong usage" in said and "4 an input is refused" in said

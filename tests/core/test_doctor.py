@@ -110,6 +110,82 @@ def test_a_fault_is_measured_and_fixed(name: str, damage: Any, code: FindingCode
     assert (mended[1].shape, mended[1].dtype) == (right.shape, right.dtype)
 
 
+def seen_from_ahead(name: str) -> Pair:
+    """Return a pair whose right picture was taken from farther ahead: points move away from its middle, near ones more.
+
+    The nearest move by a twelfth of their distance from it.
+    """
+    left, right, truth = bundled(name)
+    near = cv2.blur(np.nan_to_num(truth, nan=float(np.nanmedian(truth))), (31, 31)) / np.nanmax(truth)
+    rows, cols = np.indices(truth.shape, dtype=np.float32)
+    middle = (np.array(truth.shape) - 1) / 2
+    grown = (1 + near / 12).astype(np.float32)
+    sources = [(place - at) / grown + at for place, at in zip((cols, rows), middle[::-1], strict=True)]
+    return left, cv2.remap(right, *(one.astype(np.float32) for one in sources), cv2.INTER_LINEAR)
+
+
+@pytest.mark.parametrize("upper_first", [True, False])
+def test_cameras_above_each_other_are_told_and_turned(upper_first: bool) -> None:
+    left, right, _ = bundled("road")
+    upper, lower = (np.rot90(view, -1) for view in (left, right))
+    diagnosis = diagnose(*((upper, lower) if upper_first else (lower, upper)))
+    finding = found(diagnosis, FindingCode.ABOVE_EACH_OTHER)
+    assert amber(diagnosis) & {*GEOMETRY, FindingCode.ABOVE_EACH_OTHER} == {FindingCode.ABOVE_EACH_OTHER}
+    assert finding.remedy is Remedy.TURN_UPRIGHT and finding.numbers["quarters"] == (1 if upper_first else -1)
+    assert diagnosis.suggested_range is None
+    mended = apply_remedy(*((upper, lower) if upper_first else (lower, upper)), Remedy.TURN_UPRIGHT)
+    turned_by = 0 if upper_first else 2
+    for view, as_seen in zip(mended, (left, right) if upper_first else (right, left), strict=True):
+        np.testing.assert_array_equal(view, np.rot90(as_seen, turned_by))
+    assert not amber(diagnose(*mended)) & {*GEOMETRY, FindingCode.ABOVE_EACH_OTHER}
+
+
+@PAIRS
+def test_a_mirrored_picture_is_told_and_mirrored_back(name: str) -> None:
+    left, right, _ = bundled(name)
+    diagnosis = diagnose(left, right[:, ::-1])
+    finding = found(diagnosis, FindingCode.MIRRORED)
+    assert not finding.healthy and finding.remedy is Remedy.MIRROR_RIGHT and diagnosis.suggested_range is None
+    np.testing.assert_array_equal(apply_remedy(left, right[:, ::-1], Remedy.MIRROR_RIGHT)[1], right)
+
+
+def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None:
+    diagnosis = diagnose(*seen_from_ahead("road"))
+    assert FindingCode.NOT_SAME_MOMENT in amber(diagnosis) and diagnosis.suggested_range is None
+    assert all(finding.remedy is None for finding in diagnosis.ill)
+
+
+def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
+    diagnosis = diagnose(bundled("road")[0][:400, :600], bundled("cube")[1][:400, :600])
+    assert FindingCode.MATCHES in amber(diagnosis)
+    assert diagnosis.suggested_range is None and all(finding.remedy is None for finding in diagnosis.ill)
+
+
+@pytest.mark.parametrize("period", [24, 40])
+def test_a_picture_that_repeats_is_searched_over_one_repetition(period: int) -> None:
+    random = np.random.default_rng(period)
+    tile = cv2.GaussianBlur(random.integers(0, 255, (240, period), dtype=np.uint8), (0, 0), 1)
+    wall = np.tile(tile, 480 // period + 1)[:, :480]
+    left, right = (
+        np.clip(np.roll(wall, -shift, axis=1) + random.normal(0, 3, wall.shape), 0, 255).astype(np.uint8)
+        for shift in (0, 9)
+    )
+    diagnosis = diagnose(left, right, num_disparities=96)
+    finding = found(diagnosis, FindingCode.RANGE)
+    assert not finding.healthy and finding.numbers["repeats_px"] == pytest.approx(period, abs=2)
+    assert diagnosis.suggested_range == (0, 16 * -(-period // 16))
+
+
+def test_black_borders_are_told() -> None:
+    left, right, _ = bundled("cube")
+    right = right.copy()
+    right[np.tril_indices(len(right), -440)] = 0  # a corner, as rectification leaves it
+    right[:, -30:] = 0
+    finding = found(diagnose(left, right), FindingCode.EMPTY_BORDER)
+    assert not finding.healthy and finding.numbers["left_share"] == 0
+    assert finding.numbers["right_share"] == pytest.approx(np.mean(right.max(axis=2) == 0), abs=0.002)
+
+
 def test_a_remedy_that_cannot_be_applied_is_refused() -> None:
     left, right, _ = bundled("cube")
     with pytest.raises(ValueError, match="remedy is 'set_range', which changes the search range of a matcher"):

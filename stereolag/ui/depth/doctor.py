@@ -19,13 +19,14 @@ from stereolag.assess.diagnosis import (
     estimate_diagnosis,
     judge_range,
 )
+from stereolag.assess.sentences import finding_in_words
 from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import DepthView, kept_for
-from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, finding_in_words, problems_in_words, remedy_in_words
+from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, problems_in_words, remedy_in_words
 from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
