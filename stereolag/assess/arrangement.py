@@ -15,6 +15,7 @@ from stereolag.assess.orientation import (
     FEWEST_MATCHES,
     Correspondences,
     find_correspondences,
+    fundamental_matrix,
     row_spread,
     vertical_plane,
 )
@@ -128,16 +129,11 @@ def find_views(found: Correspondences) -> Views | None:
     points = found if found.candidates is None else found.candidates
     if len(points) < FEWEST_MATCHES:
         return None
-    try:
-        fundamental, agreeing = cv2.findFundamentalMat(
-            points.left, points.right, cv2.USAC_MAGSAC, EPIPOLE_PX / points.scale, 0.999, EPIPOLE_TRIALS
-        )
-    except cv2.error:  # of points on one line, for one, it finds no model and fails
+    lines = fundamental_matrix(points, EPIPOLE_PX, EPIPOLE_TRIALS)
+    if lines is None or lines[1].mean() < AGREEING_SHARE or lines[1].sum() < FEWEST_MATCHES:
         return None
-    if fundamental is None or agreeing.mean() < AGREEING_SHARE or agreeing.sum() < FEWEST_MATCHES:
-        return None
-    chosen = points.chosen(agreeing.ravel() == 1)
-    column, row, depth = np.linalg.svd(fundamental)[2][2]
+    chosen = points.chosen(lines[1])
+    column, row, depth = np.linalg.svd(lines[0])[2][2]
     height, width = points.shape
     if row_spread(vertical_plane(chosen)[1]) * points.scale < EPIPOLE_ROWS_PX or abs(depth) < 1e-12:
         return Views(chosen, None)

@@ -536,6 +536,9 @@ def best_rectification(points: Correspondences) -> UncalibratedRectification | N
 EPIPOLAR_PX = 1.0
 """Largest distance of a match from its epipolar line, px at the size at which it was matched."""
 
+MOST_TRIALS = 5000
+"""Samples of matches drawn at most to find the epipolar lines."""
+
 ENOUGH, EASY_SHARE, EVEN_PX = 100, 0.4, 0.4
 """Thresholds for an easy pair: number of agreeing matches, their share of all matches, scatter of their rows (px)."""
 
@@ -595,11 +598,26 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     return _followed(every, every.chosen(best.agrees(every, TOLERANCES_PX[-1])))
 
 
+def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> tuple[DoubleMap, Chosen] | None:
+    """Return the (3, 3) fundamental matrix on whose lines most matches are, and which; None if there is none.
+
+    A match is on a line up to `pixels` from it, at the size at which features were matched. At most `trials` samples of
+    matches are drawn (MAGSAC++, Barath et al. 2020).
+    """
+    tolerance = pixels / points.scale
+    try:
+        matrix, found = cv2.findFundamentalMat(points.left, points.right, cv2.USAC_MAGSAC, tolerance, 0.999, trials)
+    except cv2.error:  # of points on one line, for one, it finds no model and fails
+        return None
+    if matrix is None or found is None:
+        return None
+    return np.asarray(matrix, dtype=np.float64), np.asarray(found.ravel() == 1)
+
+
 def _epipolar(points: Correspondences) -> Chosen:
     """Return the mask of matches on the epipolar lines of the best fundamental matrix."""
-    tolerance = EPIPOLAR_PX / points.scale
-    _, found = cv2.findFundamentalMat(points.left, points.right, cv2.USAC_MAGSAC, tolerance, 0.999, 5000)
-    return np.zeros(len(points), np.bool_) if found is None else np.asarray(found.ravel() == 1)
+    found = fundamental_matrix(points, EPIPOLAR_PX, MOST_TRIALS)
+    return np.zeros(len(points), np.bool_) if found is None else found[1]
 
 
 def _nearly_rectified(points: Correspondences) -> Correspondences:
