@@ -42,7 +42,7 @@ from stereolag.stereo.opencv import StereoSGBM
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15
-SCALE_DIFFERENCE = 0.004
+SCALE_DIFFERENCE = 0.006
 BENT_PX = 0.5
 """Beyond noise, at the size at which features were matched, which limits the precision."""
 SAME_GREYS = 0.002
@@ -52,7 +52,7 @@ SAME_PLACE_PX = 0.35
 GAIN_DIFFERENCE = 0.10
 OFFSET_SHARE = 0.04
 """Share of the image's grey-level range."""
-FLAT_SHARE = 0.25
+FLAT_SHARE = 0.4
 """Share of the pixels."""
 
 SURE_SHARE, UNSURE_SHARE = 0.7, 0.1

@@ -371,7 +371,7 @@ ILL = (
     judge_rows(-3.04, 0.2),
     judge_rotation(-1.0, 0.98),
     judge_exposure(0.6, -5.0, 200.0),
-    judge_texture(0.4),
+    judge_texture(0.5),
     judge_border(0.031, 0.12),
     judge_mirrored(240),
     judge_above(1),
