@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import cv2
@@ -16,6 +17,7 @@ from stereolag.assess.orientation import Correspondences, best_rectification, fi
 from stereolag.core.inputs import as_grey
 from stereolag.io.images import read_disparity, read_image
 from stereolag.samples import stereo_pairs
+from stereolag.sequences import StereoFrame, StereoSequence, diagnose_sequence
 
 Array = npt.NDArray[Any]
 
@@ -27,7 +29,13 @@ CORNER = 0.4
 
 def doctor_tables() -> tuple[str, dict[str, object]]:
     """Return the tables as Markdown, and their figures."""
-    tables = {"Raw pairs of a chessboard": raw_rows(), "Pairs": pair_rows(), "Synthetic lenses": lens_rows()}
+    tables = {
+        "Raw pairs of a chessboard": raw_rows(),
+        "Pairs": pair_rows(),
+        "Disturbances": disturbance_rows(),
+        "Frames that are late": late_rows(),
+        "Synthetic lenses": lens_rows(),
+    }
     body, values = [], {}
     for heading, found in tables.items():
         rows = list(found)
@@ -64,6 +72,96 @@ def pair_rows() -> Iterator[dict[str, object]]:
         row["range / truth's"] = f"{count / (np.ceil(known.max()) - np.floor(known.min()) + 1):.2f}"
         row["range / 0 to truth's end"] = f"{count / (np.ceil(known.max()) + 1):.2f}"
         yield row
+
+
+Views = tuple[Array, Array]
+
+
+def _rolled(left: Array, right: Array) -> Views:
+    return left, np.roll(right, 4, axis=0)
+
+
+def _tilted(left: Array, right: Array) -> Views:
+    turn = cv2.getRotationMatrix2D(((right.shape[1] - 1) / 2, (right.shape[0] - 1) / 2), 1.0, 1.0)
+    return left, np.asarray(cv2.warpAffine(right, turn, right.shape[1::-1], borderMode=cv2.BORDER_REFLECT))
+
+
+def _framed(left: Array, right: Array) -> Views:
+    black = right.copy()
+    black[-right.shape[0] // 10 :] = 0
+    return left, black
+
+
+def _blank(left: Array, right: Array) -> Views:
+    views = left.copy(), right.copy()
+    for view in views:
+        view[view.shape[0] // 3 :] = 128
+    return views
+
+
+DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
+    "none": (lambda left, right: (left, right), ""),
+    "sides exchanged": (lambda left, right: (right, left), "swapped"),
+    "one file twice": (lambda left, right: (left, left), "identical"),
+    "right mirrored": (lambda left, right: (left, right[:, ::-1]), "mirrored"),
+    "left mirrored": (lambda left, right: (left[:, ::-1], right), "mirrored"),
+    "both mirrored": (lambda left, right: (left[:, ::-1], right[:, ::-1]), "swapped"),
+    "the left above": (lambda left, right: (np.rot90(left, -1), np.rot90(right, -1)), "above_each_other"),
+    "the right above": (lambda left, right: (np.rot90(left), np.rot90(right)), "above_each_other"),
+    "rows 4 px apart": (_rolled, "rows"),
+    "turned by 1 degree": (_tilted, "rotation"),
+    "barrel lenses": (lambda left, right: (through_lens(left, -0.3), through_lens(right, -0.3)), "bent_rows"),
+    "darker": (lambda left, right: (left, np.rint(right * 0.6).astype(right.dtype)), "exposure"),
+    "a tenth black": (_framed, "empty_border"),
+    "two thirds blank": (_blank, "texture"),
+    "another scene": (lambda left, right: (left, right), "matches"),
+}
+"""Functions that disturb a pair, and the finding that names it."""
+
+
+def disturbance_rows() -> Iterator[dict[str, object]]:
+    """Yield how many of the rectified pairs are told the fault they have, and what else is told of them."""
+    pairs = [(left, right) for _, left, right, _ in rectified_pairs()]
+    scenes = pairs[1:] + pairs[:1]
+    for name, (disturb, code) in DISTURBANCES.items():
+        told, also, offered = 0, dict[str, int](), 0
+        for (left, right), (other, _) in zip(pairs, scenes, strict=True):
+            second = cv2.resize(other, right.shape[1::-1]) if code == "matches" else right
+            views = (left, second) if code == "matches" else disturb(left, second)
+            if left.ndim != views[1].ndim:
+                views = as_grey(views[0]), as_grey(views[1])
+            ill = [one for one in diagnose(*map(np.ascontiguousarray, views)).ill if one.code != FindingCode.RANGE]
+            told += any(one.code == code for one in ill)
+            offered += any(one.remedy is not None for one in ill if one.code != code)
+            for one in ill:
+                if one.code != code:
+                    also[one.code] = also.get(one.code, 0) + 1
+        yield {
+            "disturbance": name,
+            "told": "" if not code else f"{code}: {told} of {len(pairs)}",
+            "also told": ", ".join(f"{one} {count}" for one, count in also.items()) or "nothing",
+            "other remedies offered": offered,
+        }
+
+
+def late_rows() -> Iterator[dict[str, object]]:
+    """Yield how many pairs of frames of which the right one is late are told so, and the frames found to fit."""
+    folder = DATA / "sequences" / "kitti_seq1"
+    views = [[read_image(path) for path in sorted((folder / side).iterdir())] for side in ("left", "right")]
+    for late in range(6):
+        pairs = list(zip(views[0][: len(views[0]) - late : 5], views[1][late::5], strict=False))
+        told = [diagnose(*pair).finding(FindingCode.NOT_SAME_MOMENT) for pair in pairs]
+        count = sum(one is not None and not one.healthy for one in told)
+        found = diagnose_sequence(drive_of(views[0][: len(views[0]) - late], views[1][late:]))
+        moment = None if found is None else found.finding(FindingCode.NOT_SAME_MOMENT)
+        fits = 0 if moment is None else moment.numbers.get("frames", 0)
+        yield {"frames late": late, "told": f"{count} of {len(pairs)}", "frames that fit, by the drive": f"{fits:+.0f}"}
+
+
+def drive_of(left: list[Array], right: list[Array]) -> StereoSequence:
+    """Return a drive of these pictures."""
+    names = tuple(map(str, range(len(left))))
+    return StereoSequence(names, 10.0, lambda number: partial(StereoFrame, left[number], right[number]))
 
 
 def lens_rows() -> Iterator[dict[str, object]]:
