@@ -6,7 +6,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, get_args, get_origin
 
+import numpy as np
+
 import stereolag
+from stereolag.core.inputs import Image, as_grey, grey_scale, in_eight_bits
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Settings
 from stereolag.stereo.matcher import StereoMatcher
@@ -40,20 +43,22 @@ print(f"{{result.coverage:.1%}} of the pixels have a disparity; it took {{result
 
 _OPENCV = """
 
+def eight_bits(image):  # OpenCV matches 8 bits: the values in use, spread over 0..255
+    black, level = {black}, {level}
+    return np.clip(np.rint((image.astype(np.float64) - black) / level), 0, 255).astype(np.uint8)
+
+
 def grey_image(name):
     image = cv2.imread(str(FOLDER / name), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise SystemExit(f"{{name}} is not beside this file, or it is no image.")
+    image = {colours}
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
 
 
 left, right = grey_image({left}), grey_image({right})
-if left.dtype != np.uint8:  # OpenCV matches 8 bits: the common range, less 0.1 % at each end, spread over 0..255
-    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
-    scale = 255 / max(float(high) - float(low), 1e-30)
-    left, right = (
-        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
-    )
+if left.dtype != np.uint8:
+    left, right = eight_bits(left), eight_bits(right)
 
 {matcher}
 raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity - 1) * {subpixel} where there is none
@@ -115,7 +120,9 @@ def script(matcher: StereoMatcher, left_name: str, right_name: str) -> str:
     )
 
 
-def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str:
+def opencv_script(
+    matcher: BlockMatcher, left_name: str, right_name: str, images: tuple[Image, Image] | None = None
+) -> str:
     """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
 
     The program reads the two images beside it, and writes ``disparity.npy`` there.
@@ -126,7 +133,18 @@ def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str
         StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
     left_name, right_name
         The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
+    images
+        What they hold, which decides how they become 8 bits; needed unless they have 8.
     """
+    black, level, colours = 0.0, 1.0, "image"
+    if images is not None:
+        eight = in_eight_bits(*images)
+        if eight[0].dtype == images[0].dtype:
+            black, level = grey_scale(as_grey(images[0]), as_grey(images[1]))
+        else:  # 8 bits in 16 are matched as they are, so each channel is converted
+            seen = [np.unique(one if one.ndim == 2 else one[:, :, :3]) for one in (images[0], eight[0])]
+            level = float(np.ptp(seen[0])) / float(np.ptp(seen[1]))
+            black, colours = float(seen[0][0]) - level * float(seen[1][0]), "eight_bits(image)"
     if isinstance(matcher, StereoSGBM):
         arguments = matcher.opencv_arguments() | {"mode": f"cv2.{matcher.opencv_mode}"}
         lines = ["matcher = cv2.StereoSGBM.create(", *(f"    {name}={arguments[name]}," for name in arguments), ")"]
@@ -144,6 +162,9 @@ def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str
         _OPENCV.format(
             left=_file_literal(left_name),
             right=_file_literal(right_name),
+            black=repr(black),
+            level=repr(level),
+            colours=colours,
             matcher="\n".join(lines),
             none=(matcher.min_disparity - 1) * SUBPIXEL,
             subpixel=SUBPIXEL,

@@ -116,10 +116,11 @@ def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(
     pair = [str(tmp_path / f"{side}.png") for side in ("left", "right")]
     for name in pair:
         cv2.imwrite(name, image)
-    assert main(["depth", *pair, "--method", "madeup", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
+    flags = "--trust", "--method", "madeup", "--side", "7", "--strict"
+    assert main(["depth", *pair, *flags, "--out", str(tmp_path)]) == 0
     matcher = MadeUp(side=7, strict=True)
     assert read_matcher(tmp_path / "settings.json") == matcher
-    assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
+    assert main(["depth", *pair, "--trust", "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
     assert '"method": "MadeUp"' in capsys.readouterr().out
     (tmp_path / "disparity.npy").unlink()
     program = tmp_path / "reproduce.py"

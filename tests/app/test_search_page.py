@@ -160,7 +160,7 @@ def test_images_of_two_types_are_damaged_too_and_none_without_a_place(open_page:
     assert ["cannot search" in text for text in cards(app)] == [False, True, False]
     app = with_files(open_page, SCENE, OTHER, template__see_why="Damage it")
     assert not [slider for slider in app.slider if slider.key and slider.key.startswith("degrade.")]
-    assert "no place to damage" in app.caption[-1].value
+    assert "none to damage" in app.caption[-1].value
 
 
 def test_large_offsets_lead_opencv_astray() -> None:

@@ -161,16 +161,17 @@ def test_imports_name_each_class_once_and_none_of_the_public_ones():
         ),
         (sl.StereoSGBM(num_disparities=16, min_disparity=2, disp12_max_diff=-1), "transparent"),
         (sl.StereoSGBM(num_disparities=16, mode="hh", p1=8, p2=90, pre_filter_cap=31), "deep"),
+        (sl.StereoSGBM(num_disparities=16, mode="hh"), "raw"),
         (sl.StereoSGBM(num_disparities=16, mode="sgbm_3way"), "float"),
     ],
-    ids=["BM", "BM all set", "SGBM unchecked", "HH", "3WAY"],
+    ids=["BM", "BM all set", "SGBM unchecked", "HH", "12 bits", "3WAY"],
 )
 def test_the_program_of_opencv_alone_measures_the_same(matcher: BlockMatcher, kind: str, tmp_path: Path) -> None:
     left, right = (made_of(image, kind) for image in shifted_pair(80, 120, 0, -5.3))
     ending, written = ("tif", image_tiff) if kind == "float" else ("png", image_png)
     for side, image in (("left", left), ("right", right)):
         (tmp_path / f"{side}.{ending}").write_bytes(written(image))
-    program = opencv_script(matcher, f"left.{ending}", f"right.{ending}")
+    program = opencv_script(matcher, f"left.{ending}", f"right.{ending}", (left, right))
     assert "import stereolag" not in program
     assert max(map(len, program.splitlines())) <= 120
     (tmp_path / "opencv.py").write_text(program, encoding="utf-8")
@@ -194,6 +195,8 @@ def made_of(image: np.ndarray, kind: str) -> np.ndarray:
             return np.concatenate([colour, np.full((*image.shape, 1), 200, np.uint8)], axis=-1)
         case "deep":
             return colour.astype(np.uint16) * 14 + 1000
+        case "raw":
+            return np.asarray(colour.astype(np.uint16) ** 2 // 16 + 300, dtype=np.uint16)
         case "float":
             return image.astype(np.float32) * 0.37
     return image

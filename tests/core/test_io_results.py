@@ -290,7 +290,7 @@ def test_the_find_program_finds_it_again_or_says_why_not(pictures: Path) -> None
     score = found(TemplateQuery(**query)).matches[0].score  # type: ignore[arg-type]
     assert first.startswith(f"row 20, column 30, score {score:.3f}")
     assert second.startswith("row 60, column 70, score ")
-    assert said(None, **query) == ["Not found: differs"]
+    assert said(None, **query) == ["Not found: look_alikes"]
     nothing = said("mask.png", min_scale=0.95, max_rotation=2.0, max_matches=1)
     assert nothing == ["Not found: look_alikes"]
 

@@ -54,7 +54,7 @@ def test_an_archive_as_a_path_as_bytes_and_as_a_file(tmp_path: Path) -> None:
     assert len(pickle.dumps(open_sequence(path).reader(0))) < 2000
 
 
-def test_numbers_are_in_their_order_and_other_names_match_by_place(tmp_path: Path) -> None:
+def test_frames_are_in_their_order_and_other_names_match_by_number_or_by_place(tmp_path: Path) -> None:
     left, right, _ = write_folders(tmp_path)
     for number in range(6):
         (left / f"{number:03d}.png").rename(left / f"cam_l_{number + 7}.png")
@@ -63,6 +63,12 @@ def test_numbers_are_in_their_order_and_other_names_match_by_place(tmp_path: Pat
     assert sequence.names == tuple(f"cam_l_{number}" for number in range(7, 13))
     assert_holds_the_pairs(sequence)
     (right / "cam_r_9.png").unlink()
+    lossy = open_sequence(left, right)
+    np.testing.assert_array_equal(lossy.frame(5).right, sequence.frame(5).right)
+    with pytest.raises(ValueError, match="right"):
+        lossy.frame(2)
+    for number in range(7, 13):
+        (left / f"cam_l_{number}.png").rename(left / f"cam_l_{'abcdef'[number - 7]}.png")
     with pytest.raises(ValueError, match="6 left pictures and 5 right pictures, with other names"):
         open_sequence(left, right)
 

@@ -439,7 +439,7 @@ EXPORTS: list[Export] = [
     Export(
         "OpenCV script",
         "reproduce_opencv.py",
-        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it)),
+        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it), (it.pair.left, it.pair.right)),
         "Reproduces the map from these images with OpenCV alone.",
         lambda it: it.settings_refusal,
         lambda it: isinstance(it.shown.settings, BlockMatcher),
