@@ -1,4 +1,4 @@
-"""How the two pictures of a pair are arranged: mirrored, above each other, of two moments, repeating, with borders.
+"""How the two pictures of a pair are arranged: mirrored, above each other, of two moments, repeating.
 
 All of it is seen in the pictures themselves, before anything is matched densely.
 """
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.assess.orientation import (
     FEWEST_MATCHES,
@@ -50,9 +49,6 @@ SAME_TOP = 0.9
 
 REPEATS_WIDTH = 320
 """Width to which a picture is reduced before repetition is looked for, px."""
-
-BORDER_SHARE = 0.01
-"""Share of the pixels from which on a black border counts."""
 
 
 @dataclass(frozen=True)
@@ -171,13 +167,3 @@ def repetition(image: Image) -> float:
     end = int(np.append(np.flatnonzero(np.diff(high) > 1), high.size - 1)[0])
     first = high[: end + 1]
     return float((low[0] + first[np.argmax(later[first])]) / scale) if later.max() >= REPEATS else 0.0
-
-
-def empty_border(image: Image) -> npt.NDArray[np.bool_]:
-    """Return (H, W): the exactly black pixels that are connected with the frame, as rectification leaves them."""
-    black = (image[..., :3] if image.ndim == 3 else image[..., None]).max(axis=2) == 0
-    if not black.any():
-        return np.asarray(black)
-    _, parts = cv2.connectedComponents(black.astype(np.uint8), connectivity=4)
-    edges = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
-    return np.asarray(black & np.isin(parts, edges[edges > 0]))

@@ -15,9 +15,7 @@ import numpy.typing as npt
 import scipy  # scipy.spatial is loaded on first use
 
 from stereolag.assess.arrangement import (
-    BORDER_SHARE,
     Epipole,
-    empty_border,
     find_views,
     mirrored_matches,
     repetition,
@@ -35,7 +33,14 @@ from stereolag.assess.orientation import (
     vertical_plane,
 )
 from stereolag.core.arrays import DoubleMap, FloatMap
-from stereolag.core.inputs import Image, as_grey, as_stereo_pair, local_deviation
+from stereolag.core.inputs import (
+    Image,
+    as_grey,
+    as_stereo_pair,
+    local_deviation,
+    transparent,
+    with_border_transparent,
+)
 from stereolag.core.jobs import COSTS, Estimate, check_memory
 from stereolag.geometry.rectification import turned
 from stereolag.stereo.opencv import StereoSGBM
@@ -54,6 +59,9 @@ OFFSET_SHARE = 0.04
 """Share of the image's grey-level range."""
 FLAT_SHARE = 0.4
 """Share of the pixels."""
+
+BORDER_SHARE = 0.01
+"""Share of the pixels from which on borders that no camera took count."""
 
 SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
 """The sides of a raw pair are known if more than the first share of its features agree and less than the second
@@ -439,7 +447,7 @@ def diagnose(
         # Of pictures that show nothing in common, no remedy leads to a map.
         exposure if seen is not None else replace(exposure, remedy=None),
         judge_texture(_flat_share(grey, range_of_greys)),
-        judge_border(*(float(empty_border(image).mean()) for image in images)),
+        judge_border(*map(_border_share, images)),
     )
     repeats = repetition(images[0]) if seen is not None else 0.0
     width = images[0].shape[1]
@@ -467,6 +475,12 @@ def quarters_upright(found: Correspondences) -> int:
     """
     views = find_views(found)
     return 1 if views is None or float(np.median(views.points.dy)) < 0 else -1
+
+
+def _border_share(image: Image) -> float:
+    """Return the share of the pixels that no camera took, as for the matchers: transparent, or black up to the rim."""
+    outside = transparent(with_border_transparent(image))
+    return 0.0 if outside is None else float(outside.mean())
 
 
 def _flat_share(grey: Image, range_of_greys: float) -> float:
