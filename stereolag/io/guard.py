@@ -239,13 +239,15 @@ class _Guard:
         return worker
 
     def note_use(self, of: GuardedObject[Any]) -> None:
-        """Note that an object is in use; of too many, close the one that was not used for longest."""
+        """Note that an object is in use; of too many, close those that were not used for longest."""
         with self._lock:
             self._in_use[id(of)] = weakref.ref(of)
             self._in_use.move_to_end(id(of))
-            oldest = self._in_use.popitem(last=False)[1]() if len(self._in_use) > KEPT_OPEN else None
-        if oldest is not None:
-            oldest.close()
+            beyond = max(0, len(self._in_use) - KEPT_OPEN)
+            oldest = [self._in_use.popitem(last=False)[1]() for _ in range(beyond)]
+        for one in oldest:
+            if one is not None:
+                one.close()
 
 
 _guard = _Guard()
