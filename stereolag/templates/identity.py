@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image
-from stereolag.templates.patterns import Pattern, pattern_of
+from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, edges
 
 Plane: TypeAlias = npt.NDArray[np.float32]
 Matrix: TypeAlias = npt.NDArray[np.float64]
@@ -63,13 +63,16 @@ STEADY, MOST = 0.01, 0.3
 """Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
 the template's variance."""
 
-SHAPE_DIFFERENT = 0.45
-"""The same for a shape of one colour, beside which anything may be seen.
+EDGE, ALIKE = 0.2, 0.6
+"""Least energy of the edges of a shape of one colour in a block that can disagree, as a share of the most in a block;
+and the least correlation there with the edges seen, whatever is beside them.
 
-Measured: up to 0.36 on photographs where the shape is, from 0.61 where another one in the same ring is."""
+Measured: from 0.75 on photographs where the shape is, up to 0.41 in the worst block of another one in the same ring.
+"""
 
-INK = 4.0
-"""Differences within a shape count so many times: whatever is beside it, its own colour is the same."""
+OWN, AS_NEAR, MORE = 12.0, 0.05, 0.2
+"""Farthest a shape may be from its colour, grey levels of 255, that is not mixed with what is behind; by how much less
+of it, as a logarithm, makes no difference; and the share of a block outside a shape that may be of its colour."""
 
 RECOLOURED = 0.037
 """Least squared difference of other colours, as a share of the template's variance, from any gains of the channels.
@@ -139,29 +142,54 @@ def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool 
     posed
         Whether size and angle are refined too.
     """
-    shape = pattern.silhouette
-    if shape:  # the map that is highest where the image has its colour
-        image, pattern = image[:, :, 2:], pattern_of(pattern.colours, pattern.weights)
+    if pattern.silhouette:
+        return _identity_of_shape(image, pattern, row, col)
     fit = _Fit(image, pattern, row, col, posed)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
-    inside = fit.averaged(None)
-    counts = inside > COUNTED
-    displaced = fit.differences()
-    if shape:
-        left = fit.averaged(displaced * np.where(pattern.colours[:, :, 0] > 0.5, INK, 1.0))
-        noise = min(float(np.median(left[counts])), SHAPE_DIFFERENT) if counts.any() else 0.0
-        disagrees = (left > SHAPE_DIFFERENT + noise) & counts
-    else:
-        disagrees = fit.disagrees(counts) & (fit.averaged(displaced) > DISPLACED)
+    counts = fit.averaged(None) > COUNTED
+    disagrees = fit.disagrees(counts) & (fit.averaged(fit.differences()) > DISPLACED)
     structure = fit.structure()
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
     kind = _kind(fit, disagrees, seen, outside=not agrees[~disagrees].all())
-    if shape and kind in ("lower_contrast", "higher_contrast"):  # of a colour with itself there is none
-        kind = "same"
-    blocks = tuple(tuple(bool(one) for one in line) for line in agrees)
-    return Identity(kind, fit.contrast, fit.gain, fit.explained, blocks)
+    return Identity(kind, fit.contrast, fit.gain, fit.explained, _rows_of(agrees))
+
+
+def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
+    """Return what the image shows at a place of a silhouette: the edges in every block, and none of its colour beside.
+
+    The last channel of the image is highest where it has the silhouette's colour, the others are its edges.
+    """
+    height, width = pattern.shape
+    part = np.nan_to_num(image[row : row + height, col : col + width])
+    alpha, seen, near = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2]
+    own, grid = edges(pattern.colours), _grid(pattern.shape)
+    on = np.square(own).sum(axis=2)
+    there, common, here = (
+        _averaged(one, grid)
+        for one in (on, (own * seen).sum(axis=2), np.square(seen).sum(axis=2) * (on > EDGE**2 * on.max()))
+    )
+    edged = there > EDGE * there.max()
+    agrees = ~edged | (common > ALIKE * np.sqrt(there * here))
+    inside = near[alpha >= alpha.max() * FULL_WEIGHT]
+    if np.median(inside) > -math.log(CLOSE + OWN):
+        beside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
+        agrees &= _averaged(beside & (near > np.quantile(inside, 0.1) - AS_NEAR), grid) <= MORE
+    explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0
+    shown = float(there[agrees].sum() / there.sum())
+    kind: Kind = "same" if agrees.all() else "differs" if shown >= DIFFERS else "not_there"
+    return Identity(kind, 1.0, (1.0,), explained, _rows_of(agrees))
+
+
+def _rows_of(agrees: npt.NDArray[np.bool_]) -> tuple[tuple[bool, ...], ...]:
+    return tuple(tuple(bool(one) for one in line) for line in agrees)
+
+
+def _grid(shape: tuple[int, int]) -> tuple[int, int]:
+    """Return rows and columns of the blocks of a template."""
+    side = max(LEAST_BLOCK, math.sqrt(shape[0] * shape[1]) / BLOCKS)
+    return max(1, round(shape[0] / side)), max(1, round(shape[1] / side))
 
 
 class _Fit:
@@ -249,18 +277,12 @@ class _Fit:
         least = np.minimum(_beyond(seen, predicted), _beyond(predicted, seen))
         return np.asarray(np.square(least).sum(axis=2) * (self.weights >= COUNTS))
 
-    @property
-    def grid(self) -> tuple[int, int]:
-        """Rows and columns of the blocks."""
-        side = max(LEAST_BLOCK, math.sqrt(self.shape[0] * self.shape[1]) / BLOCKS)
-        return max(1, round(self.shape[0] / side)), max(1, round(self.shape[1] / side))
-
     def averaged(self, plane: Plane | None) -> Plane:
         """Return the mean over each block of what counts, as a share of the variance; None: the share that counts."""
-        inside = _averaged(self.weights >= COUNTS, self.grid)
+        inside = _averaged(self.weights >= COUNTS, _grid(self.shape))
         if plane is None:
             return inside
-        total = _averaged(plane * (self.weights >= COUNTS), self.grid)
+        total = _averaged(plane * (self.weights >= COUNTS), _grid(self.shape))
         return np.asarray(total / np.maximum(inside, 1e-6) / self.variance, dtype=np.float32)
 
     def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -276,9 +298,9 @@ class _Fit:
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""
         weights = self.own_weights[:, :, np.newaxis]
-        share = _averaged(self.own_weights, self.grid)
+        share = _averaged(self.own_weights, _grid(self.shape))
         means, squares = (
-            [_averaged(one, self.grid) / np.maximum(share, 1e-6) for one in np.moveaxis(weights * power, 2, 0)]
+            [_averaged(one, _grid(self.shape)) / np.maximum(share, 1e-6) for one in np.moveaxis(weights * power, 2, 0)]
             for power in (self.template, np.square(self.template))
         )
         energy = np.sum(squares, axis=0) - np.square(means).sum(axis=0)
