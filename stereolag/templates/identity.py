@@ -74,6 +74,14 @@ OWN, AS_NEAR, MORE = 12.0, 0.05, 0.2
 """Farthest a shape may be from its colour, grey levels of 255, that is not mixed with what is behind; by how much less
 of it, as a logarithm, makes no difference; and the share of a block outside a shape that may be of its colour."""
 
+SLACK, SLACK_OF_SPREAD, CANNOT, AS_BRIGHT = 6.0, 0.25, 0.02, 1.12
+"""A pixel can be the template over something behind it if it is beyond the values of that by at most so many grey
+levels of 255, and this share of the template's standard deviation; of the pixels of a block so many may not; and the
+gains of the channels are 1 up to the last.
+
+Measured: all pixels and gains from 0.96 to 1.10 at glows drawn over photographs; elsewhere from 4 % and 0.3 to 4.
+"""
+
 RECOLOURED = 0.037
 """Least squared difference of other colours, as a share of the template's variance, from any gains of the channels.
 
@@ -144,6 +152,14 @@ def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool 
     """
     if pattern.silhouette:
         return _identity_of_shape(image, pattern, row, col)
+    over = None
+    if pattern.most_opaque and image.dtype.kind == "u":  # accurate to a pixel: a slope behind it moves the best score
+        near = ((down, right) for down in (0, -1, 1) for right in (0, -1, 1))
+        tried = (_gain_over_something(image, pattern, row + down, col + right) for down, right in near)
+        over = next((one for one in tried if one is not None), None)
+    if over is not None:
+        gain, explained = over
+        return Identity("same", 1.0, gain, explained, _rows_of(np.ones(_grid(pattern.shape), dtype=np.bool_)))
     fit = _Fit(image, pattern, row, col, posed)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
@@ -180,6 +196,41 @@ def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Id
     shown = float(there[agrees].sum() / there.sum())
     kind: Kind = "same" if agrees.all() else "differs" if shown >= DIFFERS else "not_there"
     return Identity(kind, 1.0, (1.0,), explained, _rows_of(agrees))
+
+
+def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> tuple[tuple[float, ...], float] | None:
+    """Return gains and explained share if the place can be the template over something behind it; else None.
+
+    What is behind is any of the values that a pixel can have; to tell the gains, it is taken for a slope.
+    """
+    height, width = pattern.shape
+    part = image[max(row, 0) : max(row + height, 0), max(col, 0) : max(col + width, 0)].astype(np.float64)
+    if part.shape[:2] != pattern.shape:
+        return None
+    top = float(np.iinfo(image.dtype).max)
+    alpha = pattern.most_opaque * np.cbrt(pattern.weights)[:, :, np.newaxis]
+    over, through = alpha * pattern.colours, 1 - alpha
+    spread = float(np.sqrt((pattern.weights * np.square(pattern.deviations).sum(axis=0)).sum() / pattern.count))
+    slack = min(SLACK * top / 255, SLACK_OF_SPREAD * spread)
+    cannot = ((part < over - slack) | (part > over + through * top + slack)).any(axis=2) & (pattern.weights > 0)
+    if _averaged(cannot, _grid(pattern.shape)).max() > CANNOT:
+        return None
+    on = pattern.weights > 0
+    weights = np.sqrt(pattern.weights[on])
+    rows, cols = (at[:, np.newaxis] / max(on.shape) for at in np.nonzero(on))
+    gains, left, varies = [], 0.0, 0.0
+    for channel in range(part.shape[2]):
+        seen, shown, behind = part[:, :, channel][on], over[:, :, channel][on], through[on]
+        terms = np.column_stack([shown, behind, behind * rows, behind * cols])
+        weighted = terms * weights[:, np.newaxis]
+        ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([1e-9 + 1e-9 * float(shown @ shown), 0, 0, 0])
+        fitted = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen)
+        gains.append(float(fitted[0]))
+        left += float(weights @ np.square(seen - terms @ fitted))
+        varies += float(weights @ np.square(seen - np.average(seen, weights=weights)))
+    if not all(1 / AS_BRIGHT <= gain <= AS_BRIGHT for gain in gains):
+        return None
+    return tuple(gains), max(0.0, 1 - left / varies) if varies > 0 else 0.0
 
 
 def _rows_of(agrees: npt.NDArray[np.bool_]) -> tuple[tuple[bool, ...], ...]:

@@ -37,12 +37,15 @@ class Pattern:
     silhouette
         Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`. The image has
         the map from which its edges come as one more channel.
+    most_opaque
+        Largest alpha, 0..1, with which `colours` lie over whatever is behind; 0 if they have none that is known.
     """
 
     colours: Image
     weights: Weights
     deviations: npt.NDArray[np.float64]
     silhouette: bool = False
+    most_opaque: float = 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -72,10 +75,16 @@ class Pattern:
     def mirrored(self) -> Pattern:
         """Return the mirror image, left and right exchanged."""
         colours, weights = (np.ascontiguousarray(side[:, ::-1]) for side in (self.colours, self.weights))
-        return pattern_of(colours, weights, silhouette=self.silhouette)
+        return pattern_of(colours, weights, silhouette=self.silhouette, most_opaque=self.most_opaque)
 
 
-def pattern_of(colours: Image, weights: npt.NDArray[np.float64] | Mask, *, silhouette: bool = False) -> Pattern:
+def pattern_of(
+    colours: Image,
+    weights: npt.NDArray[np.float64] | Mask,
+    *,
+    silhouette: bool = False,
+    most_opaque: float = 0.0,
+) -> Pattern:
     """Return the pattern of a template from its (height, width, channels) colours and the weights of its pixels.
 
     Raises
@@ -97,7 +106,7 @@ def pattern_of(colours: Image, weights: npt.NDArray[np.float64] | Mask, *, silho
     relative = pixels.astype(np.float64) - pixels[0].astype(np.float64)
     deviations = np.zeros((pixels.shape[1], *weights.shape))
     deviations[:, counts] = (relative - np.average(relative, axis=0, weights=weights[counts])).T
-    return Pattern(colours, weights.astype(np.float64), deviations, silhouette)
+    return Pattern(colours, weights.astype(np.float64), deviations, silhouette, most_opaque)
 
 
 def opacity(template: Image, mask: Image | None) -> Weights:
@@ -179,7 +188,9 @@ def compared(image: Image, template: Image, mask: Image | None, *, exact: bool =
             return np.dstack([edges(near), near.astype(np.float32)]), pattern_of(
                 shape, np.ones(shares.shape), silhouette=True
             )
-    return large, pattern_of(colours, weights)
+    has_alpha = mask is None and template.ndim == 3 and template.shape[2] == 4 and template.dtype.kind == "u"
+    most = float(template[:, :, 3].max()) / np.iinfo(template.dtype).max if has_alpha else 0.0
+    return large, pattern_of(colours, weights, most_opaque=most)
 
 
 def edges(plane: Image) -> npt.NDArray[np.float32]:
@@ -230,7 +241,7 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
         weights[(layers[:, :, -1] < LEAST_WARPED) | (weights < LEAST_WEIGHT)] = 0
         colours = layers[:, :, :-2] / np.maximum(layers[:, :, -2:-1], LEAST_WEIGHT)
     try:
-        return pattern_of(colours, weights, silhouette=pattern.silhouette)
+        return pattern_of(colours, weights, silhouette=pattern.silhouette, most_opaque=pattern.most_opaque)
     except ValueError:
         return None
 

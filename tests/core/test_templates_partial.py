@@ -72,10 +72,12 @@ def test_a_glow_is_found_by_its_bright_centre(seed: int) -> None:
     inner, outer = np.array([255, 255, 200]), np.array([255, random.integers(0, 120), 0])
     colours = inner * np.maximum(1 - away, 0) + outer * np.minimum(away, 1)
     sprite = np.rint(np.dstack([colours, 255 * np.maximum(1 - away, 0)])).astype(np.uint8)
-    best = match_template(shown(photograph(seed), sprite, 61, 90), sprite).best
-    assert best is not None
-    assert np.hypot(best.row - 61, best.col - 90) <= 1
-    assert best.score > 0.6
+    picture = shown(photograph(seed), sprite, 61, 90)
+    search = match_template(picture, sprite)
+    assert search.reason == "clear"
+    assert np.hypot(search.matches[0].row - 61, search.matches[0].col - 90) <= 1
+    other = sprite[:, :, [2, 1, 0, 3]]
+    assert not match_template(picture, other).found
 
 
 def test_an_alpha_of_254_but_for_one_pixel_is_opaque() -> None:
