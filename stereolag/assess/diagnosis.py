@@ -12,7 +12,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy  # scipy.spatial is loaded on first use
 
 from stereolag.assess.arrangement import (
     Epipole,
@@ -28,6 +27,7 @@ from stereolag.assess.orientation import (
     centre_of,
     find_correspondences,
     match_noise,
+    nearest_neighbours,
     robust_fit,
     row_spread,
     vertical_plane,
@@ -656,8 +656,7 @@ def _disparities_of(points: Correspondences) -> tuple[float, float]:
     same row as the right one, but can have any disparity.
     """
     disparities = -points.dx
-    _, found = scipy.spatial.cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
-    near = np.asarray(found)[:, 1:]  # the first is the feature itself
+    near = nearest_neighbours(points.left, points.left, NEIGHBOURS + 1)[:, 1:]  # the first is the feature itself
     apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
     known = disparities[(apart <= ALIKE * points.shape[1]).sum(axis=1) >= LEAST_ALIKE]
     if known.size < FEWEST_MATCHES:

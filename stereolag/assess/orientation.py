@@ -9,7 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy  # scipy.spatial is loaded on first use
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.inputs import Image, as_grey
@@ -36,6 +35,9 @@ repeating pattern, where it may be one repetition off, it is not."""
 
 APART_PX = 5.0
 """Features closer together than this show the same point."""
+
+EXACT_TREE: dict[str, bool | int | float | str] = {"algorithm": 4, "leaf_max_size": 10}
+"""FLANN's tree for places of two coordinates, whose search is exact (``KDTREE_SINGLE``, Muja and Lowe 2009)."""
 
 PATCH, FARTHEST_REFINED_PX = 15, 3
 """Side of the optical-flow window that refines a match, and how far it may move a match, px."""
@@ -497,12 +499,19 @@ def bend_of(points: Correspondences) -> DoubleMap:
     left = np.column_stack([x.ravel(), y.ravel()])
     if gain.sum() < EVIDENCE:
         return np.zeros(len(left))
-    _, near = scipy.spatial.cKDTree(points.left).query(left, k=min(GRID_NEIGHBOURS, len(points)))
+    near = nearest_neighbours(points.left, left, GRID_NEIGHBOURS)
     right = left + np.column_stack([np.median(points.dx[near], axis=1), np.zeros(len(left))])
     there = row_terms(Correspondences(left.astype(np.float32), right.astype(np.float32), points.shape))
     bend = there @ bent
     plane, *_ = np.linalg.lstsq(there[:, :3], bend, rcond=None)
     return np.asarray(bend - there[:, :3] @ plane)
+
+
+def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], most: int) -> npt.NDArray[np.intp]:
+    """Return the indices of the places nearest to each of some points, at most `most` of them, the nearest first."""
+    tree = cv2.flann.Index(np.ascontiguousarray(places, dtype=np.float32), EXACT_TREE)
+    found, _ = tree.knnSearch(np.ascontiguousarray(points, dtype=np.float32), min(most, len(places)), params={})
+    return found.astype(np.intp)
 
 
 def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
@@ -512,7 +521,7 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
     if len(cells) <= NEIGHBOURS:
         return 0.0
     places, left = points.left[cells], residuals[cells]
-    near = np.asarray(scipy.spatial.cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])
+    near = nearest_neighbours(places, places, NEIGHBOURS + 1)
     return row_spread((left[near[:, 1:]] - left[:, None]).ravel() / np.sqrt(2))
 
 

@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Set
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -108,6 +109,22 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
         return numba.njit(nogil=True, cache=kept, error_model="numpy", fastmath=set(fastmath))(function)
     finally:
         CONFIG.CACHE_LOCATOR_CLASSES = others
+
+
+def load_lightly() -> None:
+    """Keep Numba from loading `scipy.linalg` and `cffi`, which no loop here needs: a sixth of a command's time.
+
+    For processes that are ours alone, such as a command: other code of the process that compiles products of matrices,
+    or calls of C functions, would be refused. To be called before the first loop.
+    """
+    unneeded = {"scipy.linalg.cython_blas", "cffi"} - sys.modules.keys()
+    sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type]  # None: it cannot be imported
+    try:
+        for user in ("numba.np.arraymath", "numba.core.typing.cffi_utils"):
+            import_module(user)
+    finally:
+        for name in unneeded:
+            del sys.modules[name]
 
 
 def folder_name() -> str:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy.fft
+import scipy  # scipy.fft is loaded on first use: windows of sums never need it
 
 from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image, flat_energy
