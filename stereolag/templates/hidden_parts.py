@@ -9,24 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from stereolag.core.arrays import Mask
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.templates.patterns import Pattern, grey_pattern, pattern_of, reduced, warped
-from stereolag.templates.score_maps import (
-    Places,
-    Plane,
-    ScoreMap,
-    Scores,
-    in_threads,
-    peaks,
-    score_at,
-)
+from stereolag.templates.score_maps import Places, Plane, fft_score_map, in_threads, peaks, score_at
 
 ALONG = 4
 """Blocks along each side of the template."""
@@ -40,11 +33,14 @@ SIDE = 36
 LEAST_SIDE = 20
 """Templates with a shorter side have too little in a block, px."""
 
-LIKELY = 12
-"""Places looked at in the full image."""
+EVENED, STEADY = 1.5, 0.02
+"""Spread, px, of what every pixel is compared with, and the least contrast there as a share of the template's."""
 
-ROWS_AT_ONCE = 256
-"""Rows of the map of all blocks computed at a time."""
+MIDDLE, FULL = 128, 40
+"""What no difference is, and what a difference as large as the contrast around it adds to that, in 8 bits."""
+
+LIKELY = 12
+"""Places looked at, in the reduced image and then in the full one."""
 
 AGREES = 0.6
 """Least score of a block that shows its part of the template."""
@@ -52,13 +48,14 @@ AGREES = 0.6
 LEAST_AGREEING = 0.25
 """Least share of the blocks that agree: half of them do where the most that the verdict allows is hidden."""
 
-LEAST_LIKELY = 0.5
-"""Least mean score in the reduced image: from 0.8 at places that are the template."""
+LEAST_LIKELY, BELOW = 0.5, 0.3
+"""Least mean score of the best blocks in the reduced image, from 0.8 at places that are the template, and how far below
+the best place's it may be."""
 
 FLAT = 20 * float(np.finfo(np.float32).eps)
 """A block is flat up to this energy, as a share of its sum of squares."""
 
-VALUES_AT_ONCE = 300_000
+VALUES_AT_ONCE = 100_000
 """Pixel values of windows multiplied at a time: they stay in the cache."""
 
 NOWHERE = Places(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0), (0, 0))
@@ -86,40 +83,56 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
     factor = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / SIDE)
     grey = grey_pattern(pattern) or pattern
     flat = as_grey(image)[:, :, np.newaxis] if image.shape[2] == 3 and grey is not pattern else image
-    little = reduced(flat, factor)
+    if factor >= 2:  # in two steps, the first an exact half, which takes far less time
+        little = reduced(reduced(flat[: flat.shape[0] // 2 * 2, : flat.shape[1] // 2 * 2], 2), factor / 2)
+    else:
+        little = reduced(flat, factor)
     small = warped(grey, 1 / factor, 0.0)
     if small is not None and (grey.weights == 1).all():  # only the rim counts less, from what is beyond it
         small = pattern_of(small.colours, small.weights > 0)
-    if small is None or min(small.shape) < ALONG or not (_blocks(small) and _blocks(pattern)):
+    if small is None or min(small.shape) < ALONG:
         return NOWHERE
-    scores, margin = _block_scores(little, small, progress)
-    found = peaks(scores, small.shape)
+    coarse, fine = _Blocks(small), _Blocks(pattern)
+    if not (coarse.varying.any() and fine.varying.any()):
+        return NOWHERE
     down, across = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
-    blocks = _Blocks(pattern)
+    likely = in_threads(
+        [partial(coarse.best_near, little, row, col, 1) for row, col in _roughly(little, small, progress)],
+        lambda done: progress(0.4 + 0.2 * done),
+    )
+    least = max([LEAST_LIKELY, *(place.score - BELOW for place in likely)])
     refined = in_threads(
         [
             partial(
-                _refined,
+                fine.best_near,
                 image,
-                pattern,
-                blocks,
-                round((found.rows[one] - margin[0] + small.shape[0] / 2) * down - pattern.shape[0] / 2),
-                round((found.cols[one] - margin[1] + small.shape[1] / 2) * across - pattern.shape[1] / 2),
+                round((place.row + small.shape[0] / 2) * down - pattern.shape[0] / 2),
+                round((place.col + small.shape[1] / 2) * across - pattern.shape[1] / 2),
                 math.ceil(factor / 2) + 1,
             )
-            for one in found.best(LIKELY, share=0.5)
+            for place in likely
+            if place.score >= least
         ],
-        lambda done: progress(0.7 + 0.3 * done),
+        lambda done: progress(0.6 + 0.4 * done),
     )
-    seen = [place for place in refined if place is not None]
+    seen = [place for place in refined if place.agree.mean() >= LEAST_AGREEING]
     if not seen:
         return NOWHERE
-    rows, cols, told = (np.array([place[side] for place in seen]) for side in range(3))
-    return Places(rows.astype(np.intp), cols.astype(np.intp), told, pattern.shape)
+    rows, cols = (np.array([place[side] for place in seen], dtype=np.intp) for side in range(2))
+    return Places(rows, cols, np.array([_seen_score(image, pattern, fine, place) for place in seen]), pattern.shape)
+
+
+class _Place(NamedTuple):
+    """A place, the mean score of the best of its blocks, and which of those that vary agree."""
+
+    row: int
+    col: int
+    score: float
+    agree: Mask
 
 
 class _Blocks:
-    """The blocks of a template in which something varies, each in a window of the size of the largest.
+    """The blocks of a template.
 
     Parameters
     ----------
@@ -128,56 +141,102 @@ class _Blocks:
 
     Attributes
     ----------
-    tops, lefts
-        First row and column of each window in the template.
-    weights
-        (blocks, height, width), the weights of the pixels of each block.
+    varying
+        (blocks down, blocks across), those in which something varies.
     """
 
     def __init__(self, pattern: Pattern) -> None:
-        blocks, whole = _blocks(pattern), pattern.shape
-        height, width = (max(block.shape[axis] for _, _, block in blocks) for axis in range(2))
-        channels = len(pattern.deviations)
-        self.tops = [min(row, whole[0] - height) for row, _, _ in blocks]
-        self.lefts = [min(col, whole[1] - width) for _, col, _ in blocks]
-        self.weights = np.zeros((len(blocks), height, width), dtype=np.float32)
-        self._kernels = np.zeros((len(blocks), channels, height, width), dtype=np.float32)
-        for number, (row, col, block) in enumerate(blocks):
-            down, right = row - self.tops[number], col - self.lefts[number]
-            inside = np.s_[..., down : down + block.shape[0], right : right + block.shape[1]]
-            self.weights[number][inside] = block.weights
-            self._kernels[number][inside] = block.weights * block.deviations / block.norm
+        self._edges = [np.linspace(0, side, ALONG + 1).round().astype(int) for side in pattern.shape]
+        self._down, self._across = (
+            np.repeat(np.eye(ALONG, dtype=np.float32), np.diff(edges), axis=1) for edges in self._edges
+        )
+        self._weights = pattern.weights.astype(np.float32)
+        self._alike = bool((self._weights == 1).all())
+        self._counts = self._summed(self._weights)
+        planes = pattern.deviations.astype(np.float32)
+        means = self._summed(planes * self._weights) / np.maximum(self._counts, 1e-6)
+        centred = planes - np.stack([self.spread(mean) for mean in means])
+        self._kernels = centred * self._weights
+        energy, squares = (self._summed(self._weights * np.square(one)).sum(axis=0) for one in (centred, planes))
+        self.varying = energy > FLAT * squares
+        self._norms = np.sqrt(np.where(self.varying, energy, np.inf))
 
-    def scores(self, planes: Plane, some: slice = slice(None)) -> ScoreMap:
-        """Return the score of some of the blocks wherever their window fits into planes (channels, rows, cols).
+    def _summed(self, planes: Plane) -> Plane:
+        """Return the sum over each block of planes (..., rows, cols)."""
+        return np.asarray(self._down @ planes @ self._across.T)
 
-        It is 0 where the block is flat or holds a pixel without data. Every place is a column of one matrix product:
-        for windows this small that takes less time than transforms.
-        """
-        kernels, weights = self._kernels[some], self.weights[some]
-        channels, height, width = kernels.shape[1:]
+    def spread(self, blocks: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.floating[Any]]:
+        """Return a plane of the template's size with the value of its block at every pixel."""
+        return np.asarray(blocks.repeat(np.diff(self._edges[0]), axis=0).repeat(np.diff(self._edges[1]), axis=1))
+
+    def best_near(self, image: Image, row: int, col: int, reach: int) -> _Place:
+        """Return the best place within `reach` px of one."""
+        (height, width), (top, left) = self._weights.shape, (row - reach, col - reach)
+        planes = _surrounded(image, top, left, row + height + reach, col + width + reach)
+        gaps = np.isnan(planes).any(axis=0)
+        planes[:, gaps] = 0
         windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
-        rows, cols = windows.shape[1:3]
-        kernels = kernels.reshape(len(kernels), -1)
-        # Most blocks weigh all their pixels alike: what only depends on the weights is computed once.
-        unlike = {one.tobytes(): one.ravel() for one in weights}
-        which = [list(unlike).index(one.tobytes()) for one in weights]
-        weights = np.stack(list(unlike.values()))
-        counts = weights.sum(axis=1)[:, np.newaxis]
-        scores = np.empty((len(kernels), rows, cols), dtype=np.float32)
-        step = max(1, VALUES_AT_ONCE // (channels * height * width * cols))
-        for first in range(0, rows, step):
-            part = windows[:, first : first + step].transpose(0, 3, 4, 1, 2)
-            matrix = part.reshape(channels, height * width, -1)
-            out = scores[:, first : first + step]
-            products = kernels @ matrix.reshape(-1, matrix.shape[2])
-            means = np.square(weights @ matrix).sum(axis=0) / counts
-            squares = (weights @ np.square(matrix, out=matrix)).sum(axis=0)
-            spread = squares - means
-            spread[~(spread > FLAT * squares)] = np.inf  # NaN too
-            products /= np.sqrt(spread)[which]
-            out[:] = np.nan_to_num(products, copy=False, nan=0.0).reshape(out.shape)
-        return scores
+        hidden = np.lib.stride_tricks.sliding_window_view(gaps, (height, width))
+        rows, cols = np.indices(hidden.shape[:2]).reshape(2, -1)
+        step = max(1, VALUES_AT_ONCE // self._kernels.size)
+        scores = np.concatenate(
+            [
+                self._scores(windows[:, rows[some], cols[some]], hidden[rows[some], cols[some]])
+                for some in (slice(first, first + step) for first in range(0, len(rows), step))
+            ]
+        )[:, self.varying]
+        best = np.sort(scores, axis=1)[:, -max(1, round(AGREEING * scores.shape[1])) :].clip(0).mean(axis=1)
+        one = int(best.argmax())
+        return _Place(top + int(rows[one]), left + int(cols[one]), float(best[one]), scores[one] >= AGREES)
+
+    def _scores(self, windows: Plane, gaps: Mask) -> Plane:
+        """Return the scores of the blocks in windows (channels, windows, rows, cols), 0 if flat or without data."""
+        weighted = windows if self._alike else windows * self._weights
+        sums, squares = self._summed(weighted), self._summed(weighted * windows).sum(axis=0)
+        spread = squares - np.square(sums).sum(axis=0) / np.maximum(self._counts, 1e-6)
+        spread[~(spread > FLAT * squares)] = np.inf
+        if gaps.any():
+            spread[self._summed(self._weights * gaps) > 0] = np.inf
+        products = self._summed(windows * self._kernels[:, np.newaxis]).sum(axis=0)
+        return np.asarray(products / (self._norms * np.sqrt(spread)))
+
+
+def _roughly(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[int, int]]:
+    """Return the likeliest places in the reduced image.
+
+    By the score of what is left when every part varies alike: then what covers one part cannot drown the others.
+    """
+    down, right = (side // 2 for side in pattern.shape)
+    least = STEADY * pattern.norm / math.sqrt(pattern.count)
+    plane = np.moveaxis(_surrounded(image, 0, 0, *image.shape[:2]), 0, 2)
+    gaps = np.isnan(plane).any(axis=2) if image.dtype.kind == "f" else np.zeros(0, dtype=bool)
+    plane[gaps] = 0
+    evened = _evened(plane, np.asarray(~gaps, dtype=np.float32) if gaps.any() else None, least)
+    around = cv2.copyMakeBorder(evened, down, down, right, right, cv2.BORDER_CONSTANT, value=(MIDDLE,) * 4)
+    try:
+        small = pattern_of(_evened(pattern.colours, pattern.weights.astype(np.float32), least), pattern.weights)
+    except ValueError:
+        return []
+    scores = fft_score_map(np.atleast_3d(around), small, lambda done: progress(0.4 * done))
+    found = peaks(scores, pattern.shape)
+    return [(int(found.rows[one]) - down, int(found.cols[one]) - right) for one in found.best(LIKELY, share=0.5)]
+
+
+def _evened(image: Image, weights: Plane | None, least: float) -> Image:
+    """Return each pixel's difference from the mean around it over the contrast there, :data:`MIDDLE` for none."""
+
+    def blurred(plane: Plane) -> Plane:
+        border = cv2.BORDER_REFLECT if weights is None else cv2.BORDER_CONSTANT
+        spread = cv2.GaussianBlur(plane, (7, 7), EVENED, borderType=border)
+        return np.asarray(spread, dtype=np.float32).reshape(plane.shape)
+
+    counts: Plane | float = 1.0 if weights is None else weights[:, :, np.newaxis]
+    share = np.maximum(blurred(np.asarray(counts)), 1e-3) if weights is not None else 1.0
+    away = image.astype(np.float32)
+    away -= blurred(away * counts) / share
+    squares = blurred(np.square(away).sum(axis=2, keepdims=True) * counts) / share + least**2
+    away *= (FULL / np.sqrt(squares, out=squares)) * (np.asarray(counts) > 0)
+    return np.asarray(cv2.add(away, np.array([MIDDLE] * 4, dtype=np.float64), dtype=cv2.CV_8U)).reshape(image.shape)
 
 
 class HiddenAmounts(NamedTuple):
@@ -198,67 +257,13 @@ def hidden_amounts(
         return HiddenAmounts(0, 0)
     factor, threads, score = max(1.0, math.sqrt(height * width) / SIDE), max(1, cv2.getNumThreads()), 4
     rows, cols = ((length + side) / factor for length, side in zip(image_shape, template_shape[:2], strict=False))
-    bands = min(threads, math.ceil(rows / ROWS_AT_ONCE))
-    band = min(rows, ROWS_AT_ONCE) * cols
     places = rows * cols
-    # The luminance and the reduced image; the means; in every thread the maps of all blocks, half of them sorted, and
-    # the transforms of one.
-    maps = (pixels * (channels > 1) + places) * itemsize + 2 * score * places
-    maps += bands * band * (score * (1.5 * ALONG**2 + 2) + 32)
-    around = (2 * math.ceil(factor / 2) + 3) ** 2
-    gathered = min(VALUES_AT_ONCE + channels * height * width / ALONG**2, around * channels * height * width / ALONG**2)
-    scored = LIKELY * around * channels * height * width
-    return HiddenAmounts(max(maps, threads * 40 * gathered), scored + 10 * ALONG**2 * places)
-
-
-def _blocks(pattern: Pattern) -> list[tuple[int, int, Pattern]]:
-    """Return row, column and pattern of the blocks of a template in which something varies."""
-    found = []
-    rows, cols = (pairwise(np.linspace(0, side, ALONG + 1).round().astype(int).tolist()) for side in pattern.shape)
-    for (top, bottom), (left, right) in product(rows, cols):
-        part = np.s_[top:bottom, left:right]
-        try:
-            found.append((top, left, pattern_of(pattern.colours[part], pattern.weights[part])))
-        except ValueError:
-            continue
-    return found
-
-
-def _mean_of_best(scores: Scores) -> Scores:
-    """Return the mean of the best blocks (blocks, ...), sorting them in their memory."""
-    least = len(scores) - max(1, round(AGREEING * len(scores)))
-    scores.partition(least, axis=0)
-    return np.asarray(np.maximum(scores[least:], 0).mean(axis=0))
-
-
-def _block_scores(image: Image, pattern: Pattern, progress: Progress) -> tuple[ScoreMap, tuple[int, int]]:
-    """Return the mean score of the blocks that agree best, and how many rows and columns lie before the image.
-
-    NaN where they cannot reach :data:`LEAST_LIKELY`.
-    """
-    (height, width), blocks = pattern.shape, _Blocks(pattern)
-    margin = height // 2, width // 2
-    planes = _surrounded(image, *(-side for side in margin), *(image.shape[axis] + margin[axis] for axis in range(2)))
-    rows, cols = planes.shape[1] - height + 1, planes.shape[2] - width + 1
-    means = np.full((rows, cols), np.nan, dtype=np.float32)
-    best = max(1, round(AGREEING * len(blocks.tops)))
-
-    def band(first: int) -> None:
-        """Write the means of some rows, so that the maps of all blocks never take the memory of all rows."""
-        part = means[first : first + ROWS_AT_ONCE]
-        maps = blocks.scores(planes[:, first : first + len(part) + height - 1])
-        moved = [
-            one[top : top + len(part), left : left + cols]
-            for one, top, left in zip(maps, blocks.tops, blocks.lefts, strict=True)
-        ]
-        total = np.zeros(part.shape, dtype=np.float32)
-        for one in moved:
-            total += np.maximum(one, 0, out=one)
-        likely = np.nonzero(total >= best * LEAST_LIKELY)
-        part[likely] = _mean_of_best(np.stack([one[likely] for one in moved]))
-
-    in_threads([partial(band, first) for first in range(0, rows, ROWS_AT_ONCE)], lambda done: progress(0.7 * done))
-    return means, margin
+    reach = math.ceil(factor / 2) + 1
+    around = (2 * reach + 1) ** 2
+    # The luminance and the reduced image; what is left of it and its squares; in every thread a window, its products.
+    maps = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
+    windows = threads * 5 * score * channels * (height + 2 * reach) * (width + 2 * reach)
+    return HiddenAmounts(max(maps, windows), LIKELY * around * channels * height * width + 40 * places)
 
 
 def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> Plane:
@@ -266,39 +271,20 @@ def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> P
     part = np.full((image.shape[2], bottom - top, right - left), np.nan, dtype=np.float32)
     inside = image[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
     if inside.size:
-        first = inside.reshape(-1, image.shape[2])
-        middle = np.nan_to_num(np.nanmean(first.astype(np.float64), axis=0)) if np.isfinite(first).any() else 0.0
+        values = inside.reshape(-1, image.shape[2])
+        if image.dtype.kind == "f":
+            values = values[np.isfinite(values).all(axis=1)]
+        middle = values.mean(axis=0) if len(values) else 0.0
         rows, cols = (max(-side, 0) for side in (top, left))
         part[:, rows : rows + inside.shape[0], cols : cols + inside.shape[1]] = np.moveaxis(inside - middle, 2, 0)
     return part
 
 
-def _refined(
-    image: Image, pattern: Pattern, blocks: _Blocks, row: int, col: int, reach: int
-) -> tuple[int, int, float] | None:
-    """Return the best place within `reach` px of one, and its score over the blocks that agree; None if too few do."""
-    top, left = row - reach, col - reach
-    planes = _surrounded(image, top, left, row + pattern.shape[0] + reach, col + pattern.shape[1] + reach)
-    height, width = blocks.weights.shape[1:]
-    scores = np.concatenate(
-        [
-            blocks.scores(
-                planes[:, down : down + height + 2 * reach, right : right + width + 2 * reach],
-                slice(number, number + 1),
-            )
-            for number, (down, right) in enumerate(zip(blocks.tops, blocks.lefts, strict=True))
-        ]
-    )
-    best = np.unravel_index(int(np.argmax(_mean_of_best(scores.copy()))), scores.shape[1:])
-    row, col = top + int(best[0]), left + int(best[1])
-    agree = scores[:, best[0], best[1]] >= AGREES
-    if agree.mean() < LEAST_AGREEING:
-        return None
-    weights = np.zeros(pattern.shape)
-    for number in np.flatnonzero(agree):
-        down, right = blocks.tops[number], blocks.lefts[number]
-        weights[down : down + height, right : right + width][blocks.weights[number] > 0] = 1
-    weights *= pattern.weights
+def _seen_score(image: Image, pattern: Pattern, blocks: _Blocks, place: _Place) -> float:
+    """Return the score of a place over the blocks that agree."""
+    agree = np.zeros(blocks.varying.shape)
+    agree[blocks.varying] = place.agree
+    weights = blocks.spread(agree) * pattern.weights
     (top, bottom), (left, right) = ((int(side.min()), int(side.max()) + 1) for side in np.nonzero(weights))
     seen = pattern_of(pattern.colours[top:bottom, left:right], weights[top:bottom, left:right])
-    return row, col, score_at(image, seen.deviations, seen.weights, row + top, col + left)
+    return score_at(image, seen.deviations, seen.weights, place.row + top, place.col + left)

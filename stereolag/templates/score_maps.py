@@ -81,8 +81,7 @@ def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: 
             spread[energy[rows] <= tolerance] = np.nan
         spread *= norm**2
         np.divide(products[rows], np.sqrt(spread, out=spread), out=scores[rows], casting="same_kind")
-        np.maximum(scores[rows], -1.0, out=scores[rows])
-        np.minimum(scores[rows], 1.0, out=scores[rows])
+        np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
     return scores
 
 
@@ -130,8 +129,8 @@ class WindowEnergy:
         return energy
 
     def _sums(self, table: npt.NDArray[Any], rows: slice) -> npt.NDArray[Any]:
-        down = table[rows.start + self._height : rows.stop + self._height] - table[rows]
-        return np.asarray(down[:, self._width :] - down[:, : -self._width])
+        down = cv2.subtract(table[rows.start + self._height : rows.stop + self._height], table[rows])
+        return np.asarray(cv2.subtract(down[:, self._width :], down[:, : -self._width]))
 
 
 VALUES_AT_ONCE = 1_000_000

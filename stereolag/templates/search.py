@@ -258,8 +258,8 @@ def match_template(
     judge = partial(judged, image=searched, pattern=pattern, max_matches=max_matches, min_score=min_score)
     search = judge(places, score_map=score_map, candidates=candidates)
     if parts and not search.found:
-        hidden = judge(hidden_places(searched, pattern, second), score_map=score_map, candidates=candidates)
-        search = hidden if hidden.found else search
+        hidden = hidden_places(searched, pattern, second)
+        search = judge(hidden, score_map=score_map, candidates=candidates, otherwise=search)
     report(1.0)
     gaps = with_gaps(searched, pattern.shape)
     left_out = 0.0 if gaps is None or not gaps.size else float(gaps.mean())

@@ -185,6 +185,7 @@ def judged(
     *,
     score_map: npt.NDArray[np.float32] | None,
     candidates: int,
+    otherwise: TemplateSearch | None = None,
 ) -> TemplateSearch:
     """Return the result of a search.
 
@@ -198,6 +199,8 @@ def judged(
         As for :func:`~stereolag.templates.match_template`.
     score_map, candidates
         Passed on to the result, whose `elapsed_s` is left at 0.
+    otherwise
+        The result instead if none of the places is the template.
     """
     looked = _LookedAt(places, image, pattern)
     enough = np.flatnonzero(places.scores >= min_score)
@@ -216,9 +219,11 @@ def judged(
         else:
             tried += 1
     found = _reliable([(one, looked.identity(one)) for one in copies], max_matches)
+    if otherwise is not None and not found:
+        return otherwise
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
     rivals = places.best(MOST_RIVALS, taken=found or best)
-    for one in rivals[:1]:
+    for one in rivals[:1] if kept else ():
         looked.identity(one)
     others = [one for one in kept if one not in found]
     return TemplateSearch(
