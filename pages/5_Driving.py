@@ -1,7 +1,7 @@
 """Depth maps of whole sequences, played side by side while they are still being computed."""
 
 from stereolag.ui import prose
-from stereolag.ui.driving.inputs import Drive, ask_drive, ask_methods
+from stereolag.ui.driving.inputs import Drive, ask_drive, ask_methods, show_findings
 from stereolag.ui.driving.work import show_downloads, show_work, work_on
 from stereolag.ui.navigation import fragment, page
 
@@ -13,6 +13,7 @@ def workspace(drive: Drive) -> None:
     if not asked.matchers:
         prose.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
         return
+    show_findings(drive, asked.matchers.values())
     work = work_on(drive, asked)
     show_work(work, drive, asked)
     show_downloads(work, drive)

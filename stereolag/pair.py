@@ -42,7 +42,6 @@ from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, read_archive, read_bytes
 from stereolag.samples import StereoExample
-from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import StereoSGBM
 
 T = TypeVar("T")
@@ -738,22 +737,19 @@ def _all_turned(pair: Pair, quarters: int) -> dict[str, Any]:
     return {name: None if array is None else turned(array, quarters) for name, array in arrays.items()}
 
 
-def upright(pair: Pair, result: DisparityMap) -> tuple[Pair, DisparityMap]:
-    """Return a pair and its map as the images were taken, turned back if they had been turned.
+def upright(pair: Pair) -> Pair:
+    """Return a pair as the images were taken, turned back if they had been turned.
 
-    The disparities of such a map are along columns; its calibration says by how much to turn the images again.
+    Its map is turned back by as much; its calibration says by how much to turn the images again.
     """
     if not pair.turn:
-        return pair, result
+        return pair
     back = -pair.turn
-    score = None if result._score is None else turned(result._score, back)
-    disparity, reason = turned(result.disparity, back), turned(result.reason, back)
     rows, cols = pair.left.shape[:2]
     known = pair.calibration
     if known is not None:
         known = replace(replace(known, turn=back).turned(cols, rows), turn=pair.turn)
-    whole = replace(pair, **_all_turned(pair, back), calibration=known, turn=0)
-    return whole, DisparityMap(disparity, reason, score, None, result.elapsed_s, result.settings)
+    return replace(pair, **_all_turned(pair, back), calibration=known, turn=0)
 
 
 def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, memo: Memo = no_memo) -> Pair:

@@ -316,6 +316,11 @@ def judge_searched(
     )
 
 
+def _misleads(numbers: Mapping[str, float]) -> bool:
+    """Return whether a search range leaves disparities out, or finds points of a repeating picture more than once."""
+    return numbers["missing_px"] > 0 or numbers["repeats_px"] > 0
+
+
 def _found(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
     return Finding(code, not ill, numbers, remedy if ill else None)
 
@@ -367,6 +372,11 @@ class Diagnosis:
     def ill(self) -> tuple[Finding, ...]:
         """Return the findings that are not healthy."""
         return tuple(finding for finding in self.findings if not finding.healthy)
+
+    @property
+    def doubts(self) -> tuple[Finding, ...]:
+        """Return the findings that make a map doubtful: a search wider than needed only takes longer."""
+        return tuple(one for one in self.ill if one.code != FindingCode.RANGE or _misleads(one.numbers))
 
     def finding(self, code: FindingCode) -> Finding | None:
         """Return the finding on one question; None if it could not be judged."""

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import stereolag as sl
-from stereolag.assess.layout import Layout
 from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, read, read_frames, tell
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration,
+    add_layout,
     add_trust,
     calibration_as_asked,
     findings_as_figures,
@@ -66,7 +66,8 @@ def run(arguments: Sequence[str]) -> int:
         diagnosis = diagnosis.over(matcher.search_range())
 
     _load_loops(matcher, pair)
-    pair, result = upright(pair, matcher.compute(pair.left, pair.right))
+    result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
+    pair = upright(pair)
     figures = _figures(pair, result) | {"findings": findings_as_figures(diagnosis)}
     if options.out is not None:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
@@ -86,12 +87,7 @@ def _add_files(parser: CommandParser) -> None:
         help="the right image, of the same size; none if LEFT holds both views: an MPO, JPS or PNS, or any image with "
         "one beside or above the other",
     )
-    parser.add_argument(
-        "--layout",
-        choices=[*Layout],
-        type=Layout,
-        help="how both views stand in LEFT, the left one first (default: found from the picture)",
-    )
+    add_layout(parser)
     add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
     files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
@@ -161,7 +157,7 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
         "rectified_here": _rectified_here(pair),
-        "coverage": float((result.valid & ~result.filled).mean()),
+        "coverage": float(result.measured.mean()),
         "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
     }

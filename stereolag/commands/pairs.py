@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from stereolag.assess.diagnosis import Diagnosis, FindingCode
+from stereolag.assess.diagnosis import Diagnosis
+from stereolag.assess.layout import Layout
 from stereolag.assess.sentences import finding_in_words
 from stereolag.commands.arguments import CommandParser, SettingsFlags, read
 from stereolag.geometry.calibration import Calibration
@@ -66,6 +67,16 @@ def said_of_calibration(calibration: Calibration | None) -> tuple[str, ...]:
     return () if calibration is None else (calibration.in_words(), *calibration.notes)
 
 
+def add_layout(parser: argparse.ArgumentParser) -> None:
+    """Add the flag for the arrangement of both views in one picture."""
+    parser.add_argument(
+        "--layout",
+        choices=[*Layout],
+        type=Layout,
+        help="how both views stand in LEFT, the left one first (default: found from the picture)",
+    )
+
+
 def add_trust(files: argparse._ArgumentGroup) -> None:
     """Add the flag that skips the input doctor."""
     files.add_argument(
@@ -76,10 +87,7 @@ def add_trust(files: argparse._ArgumentGroup) -> None:
 
 
 def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
-    """Return the findings that are ill, for JSON; none of a pair that was not examined.
-
-    A search wider than needed only takes longer.
-    """
+    """Return the findings that make a map doubtful, for JSON; none of a pair that was not examined."""
     return [
         {
             "code": finding.code.value,
@@ -87,8 +95,7 @@ def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
             "remedy": finding.remedy,
             "sentence": finding_in_words(finding),
         }
-        for finding in (() if diagnosis is None else diagnosis.ill)
-        if finding.code != FindingCode.RANGE or finding.numbers["missing_px"] > 0 or finding.numbers["repeats_px"] > 0
+        for finding in (() if diagnosis is None else diagnosis.doubts)
     ]
 
 

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.arguments import (
@@ -21,6 +22,7 @@ from stereolag.commands.arguments import (
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration,
+    add_layout,
     add_trust,
     calibration_as_asked,
     findings_as_figures,
@@ -30,7 +32,7 @@ from stereolag.commands.pairs import (
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.images import DISPARITY_FORMATS
-from stereolag.pair import Pair, PairId
+from stereolag.pair import Pair, PairId, upright
 from stereolag.sequences import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
@@ -76,7 +78,8 @@ def run(arguments: Sequence[str]) -> int:
     if calibration is not None and calibration.num_disparities is not None:
         known = 0, calibration.num_disparities
     matcher = flags.over_known_range(matcher, options, known)
-    findings = findings_as_figures(None if diagnosis is None else diagnosis.over(matcher.search_range()))
+    diagnosis = None if diagnosis is None else diagnosis.over(matcher.search_range())
+    findings = findings_as_figures(diagnosis)
     matchers = _matchers(matcher, options)
     try:
         with closing(_Bar(hidden=options.json or not sys.stderr.isatty())) as bar:
@@ -90,6 +93,7 @@ def run(arguments: Sequence[str]) -> int:
                 disparity_format=options.disparity_format,
                 scheduler=options.scheduler,
                 again=options.again,
+                findings=() if diagnosis is None else diagnosis.doubts,
                 progress=bar.show,
             )
     except KeyboardInterrupt:
@@ -125,6 +129,7 @@ def _add_frames(parser: CommandParser) -> None:
         "video of both side by side",
     )
     parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same for the right")
+    add_layout(parser)
     files = parser.add_argument_group("files")
     files.add_argument(
         "--out",
@@ -176,7 +181,9 @@ def _read_sequence(
     """
     from stereolag.sequences import open_sequence, rectified_sequence
 
-    sequence = open_sequence(options.left, options.right, truth=options.truth, frame_rate=options.frame_rate)
+    sequence = open_sequence(
+        options.left, options.right, truth=options.truth, frame_rate=options.frame_rate, layout=options.layout
+    )
     calibration = calibration_as_asked(options)
     if calibration is None:
         return sequence, None, ()
@@ -187,11 +194,9 @@ def _read_sequence(
     pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, *WORDING)
     if pair.rectification is not None and pair.rectification.done:
         sequence = rectified_sequence(sequence, calibration)
-    elif pair.turn:
-        raise ValueError(
-            "The cameras stand one above the other, and their frames are rectified: turn all by 90° first."
-        )
-    return sequence, pair.calibration, (*said_of_calibration(pair.calibration), *said)
+    else:
+        sequence = replace(sequence, turn=pair.turn)
+    return sequence, upright(pair).calibration, (*said_of_calibration(pair.calibration), *said)
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:

@@ -78,7 +78,7 @@ def metrics_csv(
             figures |= figures_of(evaluations[name])
         if name in maps:
             result = maps[name]
-            measured = float((result.valid & ~result.filled).mean())
+            measured = float(result.measured.mean())
             figures |= {"coverage": result.coverage, "measured": measured, "elapsed_s": result.elapsed_s}
         if name in estimated:
             figures["estimated_bad_2_percent"] = estimated[name]

@@ -37,7 +37,7 @@ def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
     pictures = {place: found for place in places if (found := _pictures(sequence, place)) is not None}
     if not pictures:
         first = sequence.first_readable()
-        return None if first is None else diagnose(first.left, first.right)
+        return None if first is None else diagnose(*first.turned(sequence.turn))
     every = [diagnose(*both) for both in pictures.values()]
     findings = [_usual(code, every) for code in FindingCode if code != FindingCode.RANGE]
     kept = tuple(finding for finding in findings if finding is not None)
@@ -60,7 +60,7 @@ def _pictures(sequence: StereoSequence, place: int) -> tuple[Image, Image] | Non
         frame = sequence.frame(place)
     except (ValueError, OSError):
         return None
-    return frame.left, frame.right
+    return frame.turned(sequence.turn)
 
 
 def _usual(code: FindingCode, every: list[Diagnosis]) -> Finding | None:

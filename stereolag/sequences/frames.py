@@ -27,7 +27,7 @@ from stereolag.geometry.scene import ground_of
 from stereolag.io.images import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
-from stereolag.sequences.motion import Steadiness, motion_since, steadied
+from stereolag.sequences.motion import Steadiness, matched, motion_since, steadied
 from stereolag.sequences.sources import FrameReader, StereoSequence, Truth
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
@@ -52,6 +52,8 @@ class FrameTask(NamedTuple):
     """How the previous frame is used."""
     with_truth: bool = False
     """Whether the true disparity is returned too."""
+    turn: int = 0
+    """Quarters by which the pictures are turned to be matched."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,7 @@ def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFra
         frame = task.reader()
         maps = {}
         for name, matcher in task.matchers.items():
-            result = matcher.compute(frame.left, frame.right, progress=progress)
+            result = matched(matcher, frame, task.turn, progress)
             # Scores and vertical displacements are not needed here, and would be sent between machines.
             maps[name] = replace(result, _score=None, _dy=None)
     except (ValueError, OSError) as error:
@@ -275,8 +277,8 @@ class FrameRecord:
         Its time in the sequence, s.
     method
         The name of the matcher.
-    coverage
-        Share of the pixels that have a disparity, 0..1.
+    coverage, filled
+        Shares of the pixels whose disparity was measured, and filled in, 0..1.
     milliseconds
         Time for the matching alone, while other frames were matched in parallel.
     nearest_px, nearest_m
@@ -291,6 +293,8 @@ class FrameRecord:
         Mean change of the disparity since the previous frame, where the picture did not change.
     problem
         Why there is no map; of a motion, the verdict on its two frames unless they are related; otherwise "".
+    findings
+        Codes of what the input doctor finds wrong with the sequence, the same in every row.
     """
 
     number: int
@@ -298,6 +302,7 @@ class FrameRecord:
     time_s: float
     method: str
     coverage: float = math.nan
+    filled: float = math.nan
     milliseconds: float = math.nan
     nearest_px: float = math.nan
     nearest_m: float = math.nan
@@ -307,6 +312,7 @@ class FrameRecord:
     moving: str = ""
     flicker_px: float = math.nan
     problem: str = ""
+    findings: str = ""
 
 
 COLUMNS: Mapping[str, Callable[[str], Any]] = {
@@ -324,7 +330,8 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
     # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
     nearest = nearest_obstacle(np.where(result.filled, np.float32(np.nan), result.disparity))
     figures = {
-        "coverage": result.coverage,
+        "coverage": float(result.measured.mean()),
+        "filled": float(result.filled.mean()),
         "milliseconds": result.elapsed_s * 1e3,
         "nearest_px": nearest,
         "nearest_m": math.nan if calibration is None else float(calibration.depth(nearest)),
@@ -568,6 +575,7 @@ def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
     """Return the inputs of maps and table, under names that an error message can use."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
     frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
+    frames |= {"turned": sequence.turn} if sequence.turn else {}
     document = {
         "version": VERSION,
         "settings": {name: settings_document(matcher) for name, matcher in task.matchers.items()},

@@ -449,4 +449,9 @@ class MotionWatch:
         frame = self._sequence.frame(number)
         if self._calibration is None:
             return frame, None
-        return frame, self._matcher.compute(frame.left, frame.right, progress=progress)
+        return frame, matched(self._matcher, frame, self._sequence.turn, progress)
+
+
+def matched(matcher: StereoMatcher, frame: StereoFrame, turn: int, progress: Progress | None = None) -> DisparityMap:
+    """Return the map of a frame, whose pictures are turned by so many quarters to be matched."""
+    return matcher.compute(*frame.turned(turn), progress=progress).turned(-turn)

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
+from stereolag.assess.diagnosis import Finding
 from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
@@ -316,6 +317,7 @@ def run_sequence(
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
+    findings: Sequence[Finding] = (),
     progress: Callable[[SequenceState], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> SequenceResult:
@@ -346,6 +348,8 @@ def run_sequence(
         threads of this process. The maps are identical bit for bit.
     again
         Match everything again, even if `out` was made with other settings.
+    findings
+        What the input doctor finds wrong with the sequence, for the table.
     progress
         Called with the state of the job ten times a second.
     cancelled
@@ -377,6 +381,7 @@ def run_sequence(
         in_colour=video is not None,
         steadiness=settings.steadiness,
         with_truth=video is not None and video.with_truth,
+        turn=sequence.turn,
     )
     with ExitStack() as stack:
         target = out if isinstance(out, SequenceTarget) else SequenceFolder(Path(out), sequence, task, again=again)
@@ -395,7 +400,8 @@ def run_sequence(
             method = next(iter(named.values()))
             watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, task, target, writer, watch, runner, progress, cancelled)
+        found = "; ".join(one.code for one in findings)
+        job = _Job(sequence, task, target, writer, watch, runner, found, progress, cancelled)
         ended = False
         try:
             for frame in job.frames():
@@ -419,11 +425,13 @@ class _Job:
         writer: VideoWriter | None,
         watch: MotionWatch | None,
         runner: Runner,
+        findings: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
         self._runner, self._progress, self._cancelled = runner, progress, cancelled
+        self._record = partial(FrameRecord, findings=findings)
         self.start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target.finished]
         self.done = self.done_before = len(sequence) - len(self._missing)
@@ -480,7 +488,7 @@ class _Job:
             self._target.largest_motion = self._motion.largest
             motion = self._motion.since_before(frame.number, self._look)
         name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
-        record = partial(FrameRecord, frame.number, name, moment)
+        record = partial(self._record, frame.number, name, moment)
         moved = [] if motion is None else [record(MOTION, **motion.figures())]
         if frame.number in self._target.finished:
             self._target.add(moved)

@@ -18,7 +18,7 @@ from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import rectify
+from stereolag.geometry.rectification import rectify, turned
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_disparity, read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
@@ -41,6 +41,10 @@ class StereoFrame(NamedTuple):
     left: Image
     right: Image
     truth: Truth | None = None
+
+    def turned(self, quarters: int) -> tuple[Image, Image]:
+        """Return both pictures turned by quarters, counter-clockwise."""
+        return turned(self.left, quarters), turned(self.right, quarters)
 
 
 class FrameFiles(NamedTuple):
@@ -71,6 +75,9 @@ class StereoSequence:
         Whether any frame has a true disparity.
     rectified
         Whether frames are rectified when they are read.
+    turn
+        Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned to be matched;
+        their maps are turned back.
     """
 
     names: tuple[str, ...]
@@ -78,6 +85,7 @@ class StereoSequence:
     reader: Callable[[int], FrameReader]
     has_truth: bool = False
     rectified: bool = False
+    turn: int = 0
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -126,13 +134,15 @@ def rectified_sequence(
         reader=lambda number: partial(_read_rectified, sequence.reader(number), calibration, alpha),
         has_truth=False,
         rectified=True,
+        turn=0 if calibration.rig is None else calibration.rig.turn,
     )
 
 
 def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float | None) -> StereoFrame:
     raw = reader()
     straight = rectify(raw.left, raw.right, calibration, alpha=alpha)
-    return StereoFrame(straight.left, straight.right)
+    back = 0 if calibration.rig is None else -calibration.rig.turn
+    return StereoFrame(turned(straight.left, back), turned(straight.right, back))
 
 
 def _picture_sequence(
@@ -214,6 +224,7 @@ def open_sequence(
     *,
     truth: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
+    layout: Layout | None = None,
     door: Door = unguarded,
 ) -> StereoSequence:
     """Open the frames of a stereo camera.
@@ -229,6 +240,8 @@ def open_sequence(
         includes its own.
     frame_rate
         Hz; by default that of the video, or 10 for pictures.
+    layout
+        How both views stand in the frames of one video, the left one first; by default found from them.
     door
         :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
 
@@ -248,7 +261,9 @@ def open_sequence(
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
-        sequence = _of_one(left, frame_rate, door, video)
+        sequence = _of_one(left, frame_rate, door, video, layout)
+    elif layout is not None:
+        raise ValueError("A layout is that of one video with both views; these are two.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
         lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
         truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
@@ -273,16 +288,20 @@ def example_sequence(example: DriveExample) -> StereoSequence:
     return _picture_sequence([FrameFiles(*map(str, one)) for one in files], example.frame_rate)
 
 
-def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[VideoFile]) -> StereoSequence:
+def _of_one(
+    source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
+) -> StereoSequence:
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
     if path is not None and path.is_dir():
         raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(_beginning(source)):
         both = video(source)
-        layout, crossed = _layout_of(both)
-        if layout is Layout.BESIDE and (both.width < 2 or both.width % 2):
+        found, crossed = _layout_of(both) if layout is None else (layout, False)
+        if found is Layout.BESIDE and (both.width < 2 or both.width % 2):
             raise ValueError(f"The video is {both.width} px wide; two pictures side by side have an even width.")
-        return _video_sequence(partial(_read_halves, both, layout, crossed), len(both), frame_rate or both.frame_rate)
+        return _video_sequence(partial(_read_halves, both, found, crossed), len(both), frame_rate or both.frame_rate)
+    if layout is not None:
+        raise ValueError("A layout is that of one video with both views; this is an archive.")
     archive = read_archive(source, max_files=MAX_ARCHIVED)
     files = _frames_among(archive.names)
     if not files:

@@ -303,9 +303,22 @@ class DisparityMap:
         return np.asarray(self.reason == Reason.FILLED)
 
     @property
+    def measured(self) -> Mask:
+        """Return where the disparity was measured, not filled in."""
+        return self.valid & ~self.filled
+
+    @property
     def coverage(self) -> float:
         """Return the share of pixels that have a disparity, 0..1."""
         return float(np.count_nonzero(self.valid) / self.valid.size)
+
+    def turned(self, quarters: int) -> DisparityMap:
+        """Return the map turned by quarters of a turn, counter-clockwise as seen: its disparities run along columns."""
+        if quarters % 4 == 0:
+            return self
+        score = None if self._score is None else np.rot90(self._score, quarters).copy()
+        disparity, reason = np.rot90(self.disparity, quarters).copy(), np.rot90(self.reason, quarters).copy()
+        return DisparityMap(disparity, reason, score, None, self.elapsed_s, self.settings)
 
     def enlarged(self, rows: int, cols: int, settings: StereoMatcher) -> DisparityMap:
         """Return the map of a downscaled pair for images of (rows, cols), the pair's own size, in px of that size.

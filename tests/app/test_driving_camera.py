@@ -90,7 +90,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rect
 def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
     monkeypatch: pytest.MonkeyPatch, found: tuple[int, int], first: int, count: int, warned: str
 ) -> None:
-    monkeypatch.setattr(inputs, "diagnose", lambda left, right: Diagnosis((), None, found))
+    monkeypatch.setattr(inputs, "diagnose_sequence", lambda drive: Diagnosis((), None, found))
     app = finished(opened(archive(straight_and_raw.straight_pair(seed=count), count=1)))
     boxes = {box.label: box for box in app.number_input}
     assert boxes["Smallest disparity, px"].value == first

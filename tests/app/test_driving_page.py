@@ -11,6 +11,7 @@ import cv2
 import moving_drives
 import numpy as np
 import pytest
+import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
@@ -21,7 +22,7 @@ from stereolag.ui.driving.inputs import EXAMPLE
 from stereolag.ui.driving.work import LINES, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
-from tests.app.driving import finished, opened, page, player, work_of, zipped
+from tests.app.driving import archive, finished, opened, page, player, work_of, zipped
 
 COUNT = 8
 ROWS, COLS = 120, 200
@@ -159,6 +160,22 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
     assert said in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
+
+
+def test_what_is_wrong_is_said_and_cameras_above_each_other_are_matched_after_a_click() -> None:
+    above = [np.ascontiguousarray(np.rot90(one, -1)) for one in straight_and_raw.straight_pair()]
+    app = finished(opened(archive((above[0], above[1]))))
+    assert any("cameras stand above each other" in one.value for one in app.markdown)
+    assert {row["findings"] for row in csv.DictReader(io.StringIO(_table(work_of(app))))} == {"above_each_other"}
+    app.button(key="driving.turn").click().run()
+    app = finished(app)
+    assert not app.warning
+    rows = [*csv.DictReader(io.StringIO(_table(work_of(app))))]
+    assert {row["findings"] for row in rows} == {""}
+    assert min(float(row["coverage"]) for row in rows) > 0.7
+    assert player(app)["height"] == above[0].shape[0]
+    app.button(key="driving.turn.undo").click().run()
+    assert any("cameras stand above each other" in one.value for one in app.markdown)
 
 
 def with_motion(app: AppTest, how: str) -> AppTest:

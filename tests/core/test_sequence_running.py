@@ -10,6 +10,7 @@ import shutil
 import threading
 import time
 from concurrent.futures import Future
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,7 @@ import pytest
 from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
+from stereolag.assess.diagnosis import Finding, FindingCode
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.sequences import (
@@ -29,9 +31,9 @@ from stereolag.sequences import (
     open_sequence,
     run_sequence,
 )
-from stereolag.sequences.frames import FrameMap, FrameTask, MatchedFrame
+from stereolag.sequences.frames import FrameMap, FrameTask, MatchedFrame, read_back
 from stereolag.sequences.running import in_order
-from stereolag.sequences.sources import FrameReader
+from stereolag.sequences.sources import FrameReader, StereoFrame
 from stereolag.sequences.video import VideoPieces, VideoWriter, common_range, panels, whole_video
 from stereolag.stereo.matcher import PixelMatches
 
@@ -68,6 +70,25 @@ def rows_of(out: Path) -> list[dict[str, str]]:
 
 def untimed(out: Path) -> list[dict[str, str]]:
     return [row | {"milliseconds": ""} for row in rows_of(out)]
+
+
+def test_frames_of_cameras_above_each_other_are_turned_to_be_matched_and_their_maps_turned_back(
+    drive: StereoSequence,
+) -> None:
+    plain, back = SequenceMemory(), SequenceMemory()
+    run_sequence(drive, FAST, plain)
+
+    def lying(number: int) -> FrameReader:
+        frame = drive.frame(number)
+        return lambda: StereoFrame(*frame.turned(-1))
+
+    ill = Finding(FindingCode.EXPOSURE, False, {}), Finding(FindingCode.ROWS, False, {})
+    run_sequence(replace(drive, reader=lying, turn=1), FAST, back, findings=ill)
+    for key, data in plain.maps.items():
+        np.testing.assert_array_equal(read_back(back.maps[key]), np.rot90(read_back(data), -1))
+        assert back.records[key].coverage == plain.records[key].coverage
+    assert {one.findings for one in back.records.values()} == {"exposure; rows"}
+    assert {one.findings for one in plain.records.values()} == {""}
 
 
 def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path: Path) -> None:

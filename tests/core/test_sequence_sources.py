@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders, zipped
 
+from stereolag.assess.layout import Layout
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
 from stereolag.io.images import image_png, kitti_png
@@ -123,6 +124,10 @@ def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
     frame = beside.frame(4)
     assert frame.left.shape == frame.right.shape == (64, 96, 3)
     assert (number_in(frame.left), number_in(frame.right)) == (4, 15)
+    over = open_sequence(video(both), layout=Layout.HALF_OVER_UNDER).frame(4)
+    assert over.left.shape == over.right.shape == (64, 192, 3)
+    with pytest.raises(ValueError, match="these are two"):
+        open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4", layout=Layout.BESIDE)
 
 
 def test_a_damaged_or_missing_picture_concerns_its_frame_alone(tmp_path: Path) -> None:

@@ -335,10 +335,17 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
     return Pictures(left.content.pixels, right.content, f"{left.digest} {right.digest}", notes)
 
 
-def _ask_one_picture() -> Pictures | None:
+def ask_layout(key: str) -> Layout | None:
+    """Ask how both views stand in one picture; None: as it shows itself."""
     layouts: dict[Layout | None, str] = {None: "As the picture shows"}
     layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
-    layout = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **persistent(f"{PAIR}.layout"))
+    name = persistent(f"{key}.layout")
+    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name)
+    return chosen
+
+
+def _ask_one_picture() -> Pictures | None:
+    layout = ask_layout(PAIR)
 
     def split(data: bytes) -> tuple[Image, Image, str]:
         try:

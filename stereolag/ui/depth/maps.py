@@ -380,8 +380,12 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     result, truth = view.results[name], view.pair.truth
     figures = [
         Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
-        Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
+        Figure("Coverage", percent(float(result.measured.mean())), "Share of the pixels whose disparity was measured."),
     ]
+    if result.filled.any():
+        figures.append(
+            Figure("Filled", percent(float(result.filled.mean())), "Share whose disparity is that of the surroundings.")
+        )
     if name in view.late:
         figures.append(Figure("Of", "the settings before", "The map of these settings is not computed yet."))
     if truth is not None:

@@ -36,9 +36,9 @@ REMEDIES_OFFERED = {
 """The label of the button that applies each remedy, with the numbers of its finding."""
 
 
-def problems_in_words(count: int) -> str:
+def problems_in_words(count: int, subject: str = "pair") -> str:
     """Return a sentence with the number of problems found."""
-    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this pair."
+    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this {subject}."
 
 
 def remedy_in_words(finding: Finding) -> str:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.assess.diagnosis import diagnose
+from stereolag.assess.diagnosis import Diagnosis, Finding, Remedy
+from stereolag.assess.layout import Layout
+from stereolag.assess.sentences import finding_in_words
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import limits
 from stereolag.core.settings import SettingsError
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
+from stereolag.io.sources import is_archive
 from stereolag.io.videos import VIDEO_ENDINGS
-from stereolag.pair import Pair, PairId
+from stereolag.pair import Pair, PairId, upright
 from stereolag.samples import drives
 from stereolag.sequences import (
     SequenceMotion,
@@ -23,6 +28,7 @@ from stereolag.sequences import (
     Steadiness,
     StereoFrame,
     StereoSequence,
+    diagnose_sequence,
     example_sequence,
     rectified_sequence,
 )
@@ -34,11 +40,13 @@ from stereolag.ui import prose
 from stereolag.ui.controls import matchers_in_use, persistent
 from stereolag.ui.depth.inputs import (
     ask_calibration,
+    ask_layout,
     ask_rectification,
     chosen_preparation,
     prepared,
     show_decision,
 )
+from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
@@ -65,10 +73,20 @@ _Frames = tuple[StereoSequence, StereoFrame | None]
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A sequence, and the pair of its first readable frame: what is known of that holds for all frames."""
+    """A sequence, the pair of its first readable frame, and what the input doctor found on several frames.
+
+    What is known of the first frame holds for all; only bundled drives are not examined.
+    """
 
     sequence: StereoSequence
     first: Pair
+    diagnosis: Diagnosis | None = None
+
+    def doubts(self, matchers: Iterable[StereoMatcher]) -> tuple[Finding, ...]:
+        """Return the findings that make maps doubtful, also about the range that these methods search."""
+        if self.diagnosis is None:
+            return ()
+        return self.diagnosis.over(next((one.search_range() for one in matchers), None)).doubts
 
     @property
     def range(self) -> tuple[int, int] | None:
@@ -110,7 +128,7 @@ def ask_drive() -> Drive | None:
 
 
 def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] | None) -> Drive | None:
-    """Return a drive with its calibration, rectified if its first frame is raw, and the range that frame needs."""
+    """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
         show_refused(
@@ -137,26 +155,35 @@ def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] |
     decision = pair.rectification
     if decision is not None and decision.done and fitted is not None:
         sequence = rectified_sequence(sequence, fitted, decision.alpha)
-    found = _range_of(pair)
+    else:
+        sequence = replace(sequence, turn=pair.turn or st.session_state.get(turn_key(pair), 0))
+    diagnosis = _examined(sequence, pair)
+    found = None if diagnosis is None else diagnosis.suggested_range
+    if pair.calibration is not None and pair.calibration.num_disparities is not None:
+        found = 0, pair.calibration.num_disparities
     first, count = found or (0, None)
-    return Drive(sequence, replace(pair, min_disparity=first, num_disparities=count))
+    return Drive(sequence, replace(upright(pair), min_disparity=first, num_disparities=count), diagnosis)
 
 
-def _range_of(pair: Pair) -> tuple[int, int] | None:
-    """Return the first disparity and the number of disparities a frame needs; None if the input doctor cannot tell."""
+def turn_key(pair: Pair) -> str:
+    """Return the key of the quarters by which the visitor has the frames of a drive turned to be matched."""
+    return f"{KEY}.turn.{pair.digest}"
+
+
+def _examined(sequence: StereoSequence, pair: Pair) -> Diagnosis | None:
+    """Return the findings on a few frames of a drive; None if they are refused."""
     try:
-        diagnosis = computed(
-            "diagnosis",
-            lambda progress: diagnose(pair.left, pair.right),
+        return computed(
+            "diagnosis of a drive",
+            lambda progress: diagnose_sequence(sequence),
             inputs=pair.digest,
-            settings="",
+            settings=str(sequence.turn),
             shared=False,
-            label="Looking over the first frame …",
+            label="Looking over a few frames …",
         )
     except ValueError as error:
         show_refused(error)
         return None
-    return diagnosis.suggested_range
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -176,19 +203,21 @@ def _example(name: str) -> Drive:
     return Drive(sequence, first)
 
 
-def _opened(*files: bytes) -> _Frames:
-    sequence = open_uploads(*files)
+def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
+    sequence = open_uploads(*files, layout=None if is_archive(files[0]) else layout)
     return sequence, sequence.first_readable(LOOKED_AT)
 
 
 def _ask_one() -> Upload[_Frames] | None:
+    layout = ask_layout(KEY)
     return upload(
-        "ZIP of left/ and right/, or a side-by-side video",
-        _opened,
+        "ZIP of left/ and right/, or a video with both views",
+        partial(_opened, layout=layout),
         key=f"{KEY}.one",
         types=("zip", *sorted(VIDEO_ENDINGS)),
-        note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, the left image "
-        "is in the left half.",
+        note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, one view is "
+        "beside or above the other.",
+        variant=layout and f" {layout}",
     )
 
 
@@ -204,6 +233,31 @@ def _ask_two() -> Upload[_Frames] | None:
     digest = f"{left.digest} {right.digest}"
     return put_together(lambda: Upload(digest, _opened(left.content, right.content)), f"{KEY}.two", digest)
 
+
+def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
+    """Show what is wrong with the drive, and offer to turn the frames of cameras above each other."""
+    doubts, turn = drive.doubts(matchers), turn_key(drive.first)
+    if not doubts and turn not in st.session_state:
+        return
+    with st.container(border=True, key=f"{KEY}.findings"):
+        if doubts:
+            prose.warning(problems_in_words(len(doubts), "drive"), icon=":material/stethoscope:")
+        for finding in doubts:
+            prose.markdown(f":orange[:material/warning:] {finding_in_words(finding)}")
+            if finding.remedy is Remedy.TURN_UPRIGHT:
+                quarters = int(finding.numbers["quarters"])
+                st.button(
+                    "Turn all frames to match them (distances become relative)",
+                    key=f"{KEY}.turn",
+                    on_click=partial(st.session_state.update, {turn: quarters}),
+                )
+        if turn in st.session_state:
+            with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+                prose.markdown(f":blue[:material/healing:] {FRAMES_TURNED}", width="stretch")
+                st.button("Undo", key=f"{KEY}.turn.undo", on_click=partial(st.session_state.pop, turn, None))
+
+
+FRAMES_TURNED = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
 
 # The settings
 

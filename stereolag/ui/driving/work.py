@@ -77,7 +77,9 @@ class DriveWork:
 def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    job = map(repr, (drive.first.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
+    job = map(
+        repr, (drive.first.calibration, asked.truth_in_video, asked.motion, asked.steadiness, drive.sequence.turn)
+    )
     name = hashlib.sha256("\0".join([drive.first.digest, *job, *settings]).encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
@@ -111,6 +113,7 @@ def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
                 work.kept,
                 calibration=drive.first.calibration,
                 settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
+                findings=drive.doubts(asked.matchers.values()),
                 video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
                 progress=told,
                 cancelled=lambda: job.cancelled,
