@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -19,6 +19,7 @@ from stereolag.assess.arrangement import (
     mirrored_matches,
     repetition,
 )
+from stereolag.assess.layout import Anaglyph, Layout, likely_layout
 from stereolag.assess.orientation import (
     FEWEST_MATCHES,
     Correspondences,
@@ -85,6 +86,7 @@ class FindingCode(StrEnum):
 
     MATCHES = "matches"
     IDENTICAL = "identical"
+    LAYOUT = "layout"
     MIRRORED = "mirrored"
     ABOVE_EACH_OTHER = "above_each_other"
     ONE_MOVING_CAMERA = "one_moving_camera"
@@ -134,6 +136,8 @@ class Finding:
         MATCHES    ``count`` of features matched between the images, ``needed`` to judge the geometry
         IDENTICAL  ``difference``: mean pixel difference, as a share of the grey-level range;
                    ``moved_px``: 95th percentile of the displacement of matched features, if there are enough
+        LAYOUT     ``beside`` 1 if the left image holds both views, one beside the other; 0 if one above the other;
+                   ``half`` 1 if they are squeezed; nothing if it holds one
         MIRRORED   ``count`` of features that agree with the right image once it is mirrored, 0 if not tried
         ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
                    ``quarters`` of a turn, counter-clockwise; ``x``, ``y`` of the epipole, if it is near, in widths and
@@ -192,6 +196,12 @@ def judge_identical(difference: float, moved: float | None, scale: float) -> Fin
     same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
     numbers = {} if moved is None else {"moved_px": moved}
     return _found(FindingCode.IDENTICAL, same, None, difference=difference, **numbers)
+
+
+def judge_layout(layout: Layout | None) -> Finding:
+    """Judge how both views stand in the left image, None if it holds one."""
+    numbers = {} if layout is None else {part: float(part in layout.value) for part in ("beside", "half")}
+    return _found(FindingCode.LAYOUT, layout is not None, None, **numbers)
 
 
 def judge_mirrored(count: int) -> Finding:
@@ -333,9 +343,10 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are
-        omitted for identical pictures; geometry and range also for an arrangement that is ill, and the range if the
-        sides are swapped or it cannot be determined.
+        is omitted with too few matched features. LAYOUT is asked only if another finding is ill. Arrangement (MIRRORED
+        to NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
+        arrangement that is ill, and the range if the sides are swapped or it cannot be determined. A remedy is offered
+        only if a small copy of the pair has a plausible map after it, and a better one than before.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
@@ -448,21 +459,35 @@ def diagnose(
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
     coarse = _coarse_range(images[0], exposed_alike(*images), points) if upright and sides_known else None
     seen = None if coarse is None or (points is None and coarse.share < LEAST_WITHOUT_FEATURES) else coarse.ends
-    exposure = judge_exposure(*_exposure(*images, points), range_of_greys)
     findings = (
         judge_matches(len(found)),
         identical,
         *arrangement,
         *geometry,
-        # Of pictures that show nothing in common, no remedy leads to a map.
-        exposure if seen is not None else replace(exposure, remedy=None),
+        judge_exposure(*_exposure(*images, points), range_of_greys),
         judge_texture(_flat_share(grey, range_of_greys)),
         judge_border(*map(_border_share, images)),
     )
+    if any(not finding.healthy for finding in findings):
+        layout = judge_layout(_layout_of(images[0]))
+        if layout.healthy:
+            findings = tuple(_worth_offering(findings, images, found))
+        else:  # nothing else is to be mended
+            seen, findings = None, tuple(replace(one, remedy=None) for one in findings)
+        findings = *findings[:2], layout, *findings[2:]
     repeats = repetition(images[0]) if seen is not None else 0.0
     width = images[0].shape[1]
     examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen, width, repeats), repeats)
     return examined.over((min_disparity, num_disparities))
+
+
+def _layout_of(image: Image) -> Layout | None:
+    """Return how both views stand in an image; None if it holds one, or both in its colours."""
+    try:
+        found = likely_layout(image)
+    except Anaglyph:
+        return None
+    return None if found is None else found[0]
 
 
 def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
@@ -556,7 +581,10 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         None if straight is None else (straight.spread_px, straight.lens),
     )
     if straight is None or rows.remedy is None:
-        return judge_sides(*_disparities_of(points)), judge_rows(offset, spread), judge_rotation(*turned), rows
+        rotation = judge_rotation(*turned)
+        # The remedy for a rotation also corrects the offset.
+        beside = Remedy.ALIGN_ROWS if rotation.healthy else None
+        return judge_sides(*_disparities_of(points)), judge_rows(offset, spread, remedy=beside), rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = np.percentile(disparities, (2, 98))
     in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
@@ -623,14 +651,36 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
         Matches between them, by which the rows are aligned first; None with too few.
     """
     scale = min(1.0, COARSE_WIDTH / left.shape[1])
-    height, width = (max(1, round(side * scale)) for side in left.shape[:2])
-    coarse = [cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in (left, right)]
-    count, first = 16 * max(1, -(-int((FARTHEST + NEAREST) * width) // 16)), -int(FARTHEST * width)
+    coarse = [_reduced(image, COARSE_WIDTH) for image in (left, right)]
     ends: list[tuple[float, float]] = []
     if points is not None:
         coarse[1] = _rows_aligned(coarse[1], points, scale)
         ends.append(_disparities_of(points))
-    framed = [cv2.copyMakeBorder(image, 8, 8, count + 8, 8 - first, cv2.BORDER_REPLICATE) for image in coarse]
+    found = _quick_map(*coarse)
+    seen = found[np.isfinite(found)]
+    share = seen.size / found.size
+    if share >= FEWEST_MEASURED:
+        far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
+        low, high = np.percentile(seen, (far, 100 - near)) / scale
+        ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
+    return _CoarseRange((min(low for low, _ in ends), max(high for _, high in ends)), share) if ends else None
+
+
+def _reduced(image: Image, width: int) -> Image:
+    """Return an image at most so wide."""
+    scale = min(1.0, width / image.shape[1])
+    height, width = (max(1, round(side * scale)) for side in image.shape[:2])
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _quick_map(left: Image, right: Image, nearest: float = NEAREST) -> FloatMap:
+    """Return the disparities of small images, up to this share of their width, that pass all checks.
+
+    Both are framed, so that the whole width is searched.
+    """
+    width = left.shape[1]
+    count, first = 16 * max(1, -(-int((FARTHEST + nearest) * width) // 16)), -int(FARTHEST * width)
+    framed = [cv2.copyMakeBorder(image, 8, 8, count + 8, 8 - first, cv2.BORDER_REPLICATE) for image in (left, right)]
     matcher = StereoSGBM(
         num_disparities=count,
         min_disparity=first,
@@ -639,14 +689,38 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
         speckle_window_size=60,
         speckle_range=1,
     )
-    found = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
-    seen = found[np.isfinite(found)]
-    share = seen.size / found.size
-    if share >= FEWEST_MEASURED:
-        far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
-        low, high = np.percentile(seen, (far, 100 - near)) / scale
-        ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
-    return _CoarseRange((min(low for low, _ in ends), max(high for _, high in ends)), share) if ends else None
+    return matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+
+
+TRIED_WIDTH, TRIED_NEAREST = 640, 0.4
+"""Width to which a pair is reduced to try a remedy, px, and the reach of that search, as a share of it."""
+
+PLAUSIBLE, BETTER = 0.35, 0.01
+"""Least share of the pixels that are matched after a remedy, and by how much it must have risen: a fifth is matched in
+pictures of different scenes, and 0.39 and more in pairs that are mended."""
+
+
+def _worth_offering(
+    findings: tuple[Finding, ...], images: tuple[Image, Image], found: Correspondences
+) -> Iterator[Finding]:
+    """Yield the findings, without the remedies that lead to no plausible map of a small copy, better than as given."""
+    before: float | None = None
+    for finding in findings:
+        if finding.remedy is not None:
+            before = _share_matched(*images) if before is None else before
+            after = _share_matched(*_applied(*images, finding.remedy, found))
+            # The quick map looks to both sides: swapped ones are matched as well.
+            better = after > before + BETTER or finding.remedy is Remedy.SWAP_SIDES
+            if after < PLAUSIBLE or not better:
+                yield replace(finding, remedy=None)
+                continue
+        yield finding
+
+
+def _share_matched(left: Image, right: Image) -> float:
+    """Return the share of the pixels of a small copy that are matched."""
+    small = _reduced(left, TRIED_WIDTH), _reduced(right, TRIED_WIDTH)
+    return float(np.isfinite(_quick_map(*small, TRIED_NEAREST)).mean())
 
 
 def _nearest_ground(found: FloatMap) -> float:
@@ -737,15 +811,20 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
         are matched to find the geometry; or if no rectification from the images alone brings the rows much closer.
     """
     left, right = as_stereo_pair(left, right)
+    if remedy is Remedy.SET_RANGE:
+        raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
+    return _applied(left, right, remedy, None)
+
+
+def _applied(left: Image, right: Image, remedy: Remedy, found: Correspondences | None) -> tuple[Image, Image]:
+    """Apply a remedy to a checked pair, given the matches between the images if they are known."""
     if remedy is Remedy.SWAP_SIDES:
         return right, left
     if remedy is Remedy.MIRROR_RIGHT:
         return left, np.ascontiguousarray(right[:, ::-1])
     if remedy is Remedy.MATCH_EXPOSURE:
         return left, exposed_alike(left, right)
-    if remedy is Remedy.SET_RANGE:
-        raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
-    points = find_correspondences(left, right)
+    points = find_correspondences(left, right) if found is None else found
     if remedy is Remedy.TURN_UPRIGHT:
         quarters = quarters_upright(points)
         return turned(left, quarters), turned(right, quarters)

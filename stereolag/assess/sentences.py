@@ -21,6 +21,14 @@ def finding_in_words(finding: Finding) -> str:
             return f"The images differ{moved}."
         case FindingCode.IDENTICAL:
             return "Both images show the same view: nothing moves between them, so there is no depth to measure."
+        case FindingCode.LAYOUT if healthy:
+            return "Each image shows one view."
+        case FindingCode.LAYOUT:
+            where = "beside" if numbers["beside"] else "above"
+            squeezed = (
+                f", squeezed to half their {'width' if numbers['beside'] else 'height'}" if numbers["half"] else ""
+            )
+            return f"The left image holds both views, one {where} the other{squeezed}: give it alone."
         case FindingCode.MIRRORED:
             count = f"{numbers['count']:,.0f} features match once it is mirrored back"
             return "Both images are the same way round." if healthy else f"The right image is mirrored: {count}."

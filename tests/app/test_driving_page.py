@@ -11,7 +11,6 @@ import cv2
 import moving_drives
 import numpy as np
 import pytest
-import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
@@ -163,7 +162,9 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
 
 
 def test_what_is_wrong_is_said_and_cameras_above_each_other_are_matched_after_a_click() -> None:
-    above = [np.ascontiguousarray(np.rot90(one, -1)) for one in straight_and_raw.straight_pair()]
+    example = stereo_pairs()["cube"]
+    cube = [cv2.resize(read_image(one), None, fx=0.5, fy=0.5) for one in (example.left, example.right)]
+    above = [np.ascontiguousarray(np.rot90(one, -1)) for one in cube]
     app = finished(opened(archive((above[0], above[1]))))
     assert any("cameras stand above each other" in one.value for one in app.markdown)
     assert {row["findings"] for row in csv.DictReader(io.StringIO(_table(work_of(app))))} == {"above_each_other"}

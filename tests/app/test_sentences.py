@@ -23,6 +23,7 @@ from stereolag.assess.diagnosis import (
     judge_border,
     judge_exposure,
     judge_identical,
+    judge_layout,
     judge_matches,
     judge_mirrored,
     judge_moments,
@@ -35,6 +36,7 @@ from stereolag.assess.diagnosis import (
 )
 from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.judging import Criterion, Unjudged
+from stereolag.assess.layout import Layout
 from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.suggestion import Outcome, Suggestion
@@ -353,6 +355,7 @@ HEALTHY = (
     judge_texture(0.06),
     judge_border(0.0, 0.004),
     judge_mirrored(0),
+    judge_layout(None),
     judge_above(0),
     *judge_moments(None),
     judge_searched((2.0, 50.0), (0, 64), (0, 64)),
@@ -374,6 +377,8 @@ ILL = (
     judge_texture(0.5),
     judge_border(0.031, 0.12),
     judge_mirrored(240),
+    judge_layout(Layout.OVER_UNDER),
+    judge_layout(Layout.HALF_BESIDE),
     judge_above(1),
     *judge_moments(Epipole(0.58, 0.46)),
     judge_searched((2.0, 50.0), (0, 16), (0, 64)),

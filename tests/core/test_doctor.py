@@ -26,6 +26,7 @@ from stereolag.assess.orientation import (
     robust_fit,
     row_evidence,
 )
+from stereolag.assess.sentences import finding_in_words
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
 from stereolag.pair import DIVISORS, likely_divisor
 from stereolag.samples import stereo_pairs
@@ -147,6 +148,31 @@ def test_a_mirrored_picture_is_told_and_mirrored_back(name: str) -> None:
     finding = found(diagnosis, FindingCode.MIRRORED)
     assert not finding.healthy and finding.remedy is Remedy.MIRROR_RIGHT and diagnosis.suggested_range is None
     np.testing.assert_array_equal(apply_remedy(left, right[:, ::-1], Remedy.MIRROR_RIGHT)[1], right)
+
+
+def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_help() -> None:
+    left, right, _ = bundled("square")
+    turned = diagnose(left, ILLS[FindingCode.ROTATION](left, right)[1])
+    assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {
+        FindingCode.ROWS: None,
+        FindingCode.ROTATION: Remedy.LEVEL,
+    }
+    blank = diagnose(*(np.concatenate([view[:160], np.full_like(view[160:], 60 + 9 * place)])
+                       for place, view in enumerate(bundled("cube")[:2])))  # fmt: skip
+    assert amber(blank) >= {FindingCode.TEXTURE}
+    assert all(one.remedy is None for one in blank.doubts)
+
+
+def test_both_views_in_each_picture_are_told() -> None:
+    left, right, _ = bundled("cube")
+    for axis, where in enumerate(("above", "beside")):
+        both = np.concatenate([left, right], axis=axis)
+        diagnosis = diagnose(both, both)
+        finding = found(diagnosis, FindingCode.LAYOUT)
+        assert finding.numbers == {"beside": axis, "half": 0}
+        assert f"one {where} the other" in finding_in_words(finding)
+        assert diagnosis.suggested_range is None and all(one.remedy is None for one in diagnosis.ill)
+    assert found(diagnose(left, left), FindingCode.LAYOUT).healthy
 
 
 def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None:
