@@ -656,7 +656,7 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
     if points is not None:
         coarse[1] = _rows_aligned(coarse[1], points, scale)
         ends.append(_disparities_of(points))
-    found = _quick_map(*coarse)
+    found = _quick_map(coarse[0], coarse[1])
     seen = found[np.isfinite(found)]
     share = seen.size / found.size
     if share >= FEWEST_MEASURED:
@@ -706,12 +706,11 @@ def _worth_offering(
     """Yield the findings, without the remedies that lead to no plausible map of a small copy, better than as given."""
     before: float | None = None
     for finding in findings:
-        if finding.remedy is not None:
+        # Swapped pictures are matched as well as given, and features tell which is the left one.
+        if finding.remedy is not None and finding.remedy is not Remedy.SWAP_SIDES:
             before = _share_matched(*images) if before is None else before
             after = _share_matched(*_applied(*images, finding.remedy, found))
-            # The quick map looks to both sides: swapped ones are matched as well.
-            better = after > before + BETTER or finding.remedy is Remedy.SWAP_SIDES
-            if after < PLAUSIBLE or not better:
+            if after < max(PLAUSIBLE, before + BETTER):
                 yield replace(finding, remedy=None)
                 continue
         yield finding
