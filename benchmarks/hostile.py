@@ -9,12 +9,8 @@ import sys
 import time
 from collections import Counter
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "core"))
-
-from hostile_files import READ, READERS, hostile_files, valid_files
-
+from benchmarks.hostile_files import READ, READERS, hostile_files, valid_files
 from benchmarks.memory import peak_mb, reset_peak, resident_mb
 from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import PATIENCE, READING_S, guarded, start_guard

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from pairs import texture
-from small_drives import zipped
 
 from stereolag import Calibration
 from stereolag.io.images import image_png
 from stereolag.sequences import StereoFrame
+from tests.archives import zipped
 
 Grey = npt.NDArray[np.uint8]
 

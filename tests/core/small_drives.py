@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import av
@@ -18,6 +17,7 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.io.images import image_png, kitti_png
 from stereolag.stereo.matcher import PixelMatches
+from tests.archives import zipped
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS = 80, 120
@@ -51,15 +51,6 @@ def write_frames(folder: Path, frames: Iterable[tuple[Grey, Grey, FloatMap]]) ->
         for one, content in zip(folders, (image_png(left), image_png(right), kitti_png(truth)), strict=True):
             (one / f"{number:03d}.png").write_bytes(content)
     return folders
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return files as a ZIP."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as whole:
-        for name, data in files.items():
-            whole.writestr(name, data)
-    return stream.getvalue()
 
 
 def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:

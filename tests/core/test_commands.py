@@ -15,10 +15,10 @@ import pytest
 import soundfile
 from commanded import Command, assert_refused
 from PIL import Image
-from recording_bytes import filmed
 from scipy.signal import resample_poly
 
 import stereolag as sl
+from benchmarks.recording_bytes import filmed
 from stereolag.commands import MEASURING
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig

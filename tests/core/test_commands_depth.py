@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import camera_files
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from straight_and_raw import raw_pair
 from wall_pictures import wall_pictures
 
 import stereolag as sl
+from benchmarks import camera_files
 from stereolag import samples
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import cloud_ply, coloured_png

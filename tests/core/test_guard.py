@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from picture_bytes import by_pillow, noise
 
 from benchmarks.memory import peak_extra_memory
+from benchmarks.picture_bytes import by_pillow, noise
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
 from stereolag.io import guard

@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from hostile_files import READERS, hostile_files, valid_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from picture_bytes import png
 
 from benchmarks.hostile import measured
+from benchmarks.hostile_files import READERS, hostile_files, valid_files
+from benchmarks.picture_bytes import png
 from stereolag.core.jobs import limits, set_defaults
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image

@@ -19,6 +19,7 @@ from PIL import Image
 from stereolag import read_disparity
 from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.sources import MAX_BYTES, MAX_DIRECTORY_BYTES, bundle, file_name, is_archive, read_archive
+from tests.archives import zipped
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 
@@ -87,14 +88,6 @@ def test_no_files_and_two_of_one_name_are_refused(files):
 MB = 2**20
 
 
-def packed(files: dict[str, bytes], *, method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", method) as whole:
-        for name, data in files.items():
-            whole.writestr(name, data)
-    return stream.getvalue()
-
-
 def directory_of(data: bytes) -> int:
     """Return the offset of the directory of an archive."""
     return struct.unpack("<I", data[-6:-2])[0]
@@ -108,17 +101,17 @@ def changed(data: bytes, place: int, layout: str, value: int) -> bytes:
 
 
 def many(count: int) -> bytes:
-    return packed({f"{number}.png": b"" for number in range(count)}, method=zipfile.ZIP_STORED)
+    return zipped({f"{number}.png": b"" for number in range(count)})
 
 
 def liar(stated: int) -> bytes:
     """Return an archive of a 16 MB file that states another size."""
-    return changed(packed({"left.png": bytes(16 * MB)}), 24, "<I", stated)
+    return changed(zipped({"left.png": bytes(16 * MB)}, method=zipfile.ZIP_DEFLATED), 24, "<I", stated)
 
 
 def overlapping() -> bytes:
     """Return an archive whose entries all refer to the same 16 MB file (D. Fifield, 2019)."""
-    data = packed({"a": bytes(16 * MB)})
+    data = zipped({"a": bytes(16 * MB)}, method=zipfile.ZIP_DEFLATED)
     begin = directory_of(data)
     entry = data[begin:-22]
     entries = b"".join(entry[:46] + bytes([97 + number]) for number in range(20))
@@ -131,7 +124,7 @@ def long_directory() -> bytes:
 
 
 def encrypted() -> bytes:
-    return changed(packed({"left.png": b"1"}), 8, "<H", 1)
+    return changed(zipped({"left.png": b"1"}), 8, "<H", 1)
 
 
 HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
@@ -144,19 +137,19 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
         "more than 4 GB",
     ),
     "encrypted": (encrypted, "is encrypted"),
-    "LZMA": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "a method other than “deflate”"),
-    "bzip2": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_BZIP2), "a method other than “deflate”"),
-    "a name that leads up": (lambda: packed({"../../etc/passwd": b"1"}), "points outside it"),
-    "a name from the root": (lambda: packed({"/etc/passwd": b"1"}), "points outside it"),
-    "a name with a drive": (lambda: packed({"C:\\windows\\left.png": b"1"}), "points outside it"),
-    "a name of 1,000 letters": (lambda: packed({"a" * 1000: b"1"}), "too long a name"),
-    "folders in folders": (lambda: packed({"a/" * 50 + "b": b"1"}), "too long a name"),
-    "folders alone": (lambda: packed({"a/": b"", "__MACOSX/a": b"", ".hidden": b""}), "holds no files"),
+    "LZMA": (lambda: zipped({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "a method other than “deflate”"),
+    "bzip2": (lambda: zipped({"a.png": b"1"}, method=zipfile.ZIP_BZIP2), "a method other than “deflate”"),
+    "a name that leads up": (lambda: zipped({"../../etc/passwd": b"1"}), "points outside it"),
+    "a name from the root": (lambda: zipped({"/etc/passwd": b"1"}), "points outside it"),
+    "a name with a drive": (lambda: zipped({"C:\\windows\\left.png": b"1"}), "points outside it"),
+    "a name of 1,000 letters": (lambda: zipped({"a" * 1000: b"1"}), "too long a name"),
+    "folders in folders": (lambda: zipped({"a/" * 50 + "b": b"1"}), "too long a name"),
+    "folders alone": (lambda: zipped({"a/": b"", "__MACOSX/a": b"", ".hidden": b""}), "holds no files"),
     "nothing": (lambda: struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 0, 0, 0, 0, 0), "holds no files"),
-    "two of one name": (lambda: packed({"a": b"1", "b": b"2"}).replace(b"b", b"a"), "two files named “a”"),
+    "two of one name": (lambda: zipped({"a": b"1", "b": b"2"}).replace(b"b", b"a"), "two files named “a”"),
     "no archive": (lambda: b"PK\x03\x04 and nothing more", "damaged or cut short"),
     "20 MB of ends": (lambda: b"PK\5\6" * (5 * MB), "damaged or cut short|a directory of"),
-    "a name of Markdown": (lambda: packed({"../![x](http://e.org)": b"1"}), r"“\.\./\?\(x\)\(http:\?e\.org\)” in"),
+    "a name of Markdown": (lambda: zipped({"../![x](http://e.org)": b"1"}), r"“\.\./\?\(x\)\(http:\?e\.org\)” in"),
     "empty": (lambda: b"", "empty file"),
 }
 
@@ -190,7 +183,7 @@ def test_a_file_that_states_another_size_is_damaged(stated: int) -> None:
 
 
 def test_every_cut_archive_is_refused_or_its_files_are_whole() -> None:
-    whole = packed({"a/left.png": bytes(range(256)), "a/right.png": b"2" * 999})
+    whole = zipped({"a/left.png": bytes(range(256)), "a/right.png": b"2" * 999})
     for length in range(0, len(whole), 7):
         with pytest.raises(ValueError, match="archive"):
             read_archive(whole[:length])
@@ -199,7 +192,7 @@ def test_every_cut_archive_is_refused_or_its_files_are_whole() -> None:
 @given(st.data())
 def test_a_changed_archive_gives_what_was_in_it_or_a_sentence(data: st.DataObject) -> None:
     files = {"left.png": bytes(range(200)), "right.png": b"2" * 500}
-    found = bytearray(packed(files))
+    found = bytearray(zipped(files))
     for _ in range(data.draw(st.integers(1, 4))):
         found[data.draw(st.integers(0, len(found) - 1))] = data.draw(st.integers(0, 255))
     try:
@@ -222,4 +215,4 @@ def test_what_is_taken_away_is_read_but_not_folders_and_what_systems_add() -> No
     with pytest.raises(ValueError, match="holds no “b”"):
         archive.read("b")
     more = {"set/": b"", "set/left.png": b"1", "__MACOSX/set/._left.png": b"", "set/.DS_Store": b"", "Thumbs.db": b""}
-    assert read_archive(packed(more)).names == ("set/left.png",)
+    assert read_archive(zipped(more)).names == ("set/left.png",)

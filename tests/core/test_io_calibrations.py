@@ -5,17 +5,21 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 
-import camera_files as files
 import cv2
 import numpy as np
 import pytest
 import yaml
-from camera_files import BOTH_CAMERAS, D1, D2, M1, M2, P1, P2, R1, R2, RAW, RECTIFIED, RECTIFYING, SIZE, Q, R, T, opencv
 
+from benchmarks import camera_files as files
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import calibration_for, rectified_calibration
 from stereolag.io.calibrations import calibration_json, opencv_calibration, read_calibration, ros_calibration
 
+M1, M2, D1, D2, R, T, SIZE = files.M1, files.M2, files.D1, files.D2, files.R, files.T, files.SIZE
+R1, R2, P1, P2, Q = files.R1, files.R2, files.P1, files.P2, files.Q
+RAW, RECTIFYING, RECTIFIED, BOTH_CAMERAS, opencv = (
+    files.RAW, files.RECTIFYING, files.RECTIFIED, files.BOTH_CAMERAS, files.opencv
+)  # fmt: skip
 BASELINE = float(np.linalg.norm(T))
 MIDDLEBURY = b"""cam0=[3979.911 0 1244.772; 0 3979.911 1019.507; 0 0 1]
 cam1=[3979.911 0 1369.115; 0 3979.911 1019.507; 0 0 1]

@@ -7,9 +7,9 @@ import io
 import cv2
 import numpy as np
 import pytest
-from picture_bytes import by_opencv, by_pillow, png, png_chunk
 from PIL import Image
 
+from benchmarks.picture_bytes import by_opencv, by_pillow, png, png_chunk
 from stereolag.io.guard import guarded
 from stereolag.io.images import UnseenFrames, read_frame, read_image
 

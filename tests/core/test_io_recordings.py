@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import pickle
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
-from recording_bytes import matlab, saved
 
+from benchmarks.recording_bytes import matlab, saved
 from stereolag.io import clocks
 from stereolag.io.clocks import Gap
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.recordings import read_signal
 from stereolag.signals import signal_lag
+from tests.archives import zipped
 
 A, B = np.random.default_rng(0).normal(size=(2, 300)).round(4)
 T = np.arange(300) / 200
@@ -32,14 +32,6 @@ ALLOWED = f"accepted are {ACCEPTED}."
 def npz(**arrays: object) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
-    return stream.getvalue()
-
-
-def packed(*names: str) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name in names:
-            archive.writestr(name, "1,2")
     return stream.getvalue()
 
 
@@ -91,12 +83,6 @@ def test_times_and_missing_values_stand_in_an_array_as_in_a_text() -> None:
     np.testing.assert_allclose(recording.channels[0], np.interp(T, T[there], A[there]))
 
 
-def test_the_recordings_of_the_report(data_dir):
-    recordings = [read_signal(data_dir / "signals" / "report" / f"sensor{i}Data.txt").channels for i in (1, 2)]
-    assert [recording.shape for recording in recordings] == [(1, 176_401)] * 2
-    np.testing.assert_array_equal(recordings[0][0, :-50_082], recordings[1][0, 50_082:])
-
-
 def test_a_recording_is_an_array_of_its_samples() -> None:
     mono = read_signal(b"1\n2\n4\n3\n")
     assert np.asarray(mono).tolist() == [1, 2, 4, 3]
@@ -121,8 +107,8 @@ PICTURE = "a recording is sound or numbers"
     [
         (b"MATLAB 7.3 MAT-file", "a MATLAB file of version 7.3 (HDF5)", "save it by save(file, '-v7')"),
         (b"\x89HDF\r\n\x1a\n" + bytes(90), "an HDF5 file", NUMBERS),
-        (packed("xl/workbook.xml", "xl/sheet1.xml"), "a workbook (XLSX, ODS)", SHEET),
-        (packed("a.csv"), "a ZIP archive", UNPACK),
+        (zipped({"xl/workbook.xml": b"1", "xl/sheet1.xml": b"2"}), "a workbook (XLSX, ODS)", SHEET),
+        (zipped({"a.csv": b"1,2"}), "a ZIP archive", UNPACK),
         (gzip.compress(b"1,2", mtime=0), "a packed archive", UNPACK),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(90), "a file of older Excel or Word (XLS, DOC)", SHEET),
         (picture("PNG"), "a picture", PICTURE),

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
 from scipy import signal
 from scipy.io import wavfile
 
+from benchmarks.recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks, sounds, sources
 from stereolag.io.clocks import Gap, Recording

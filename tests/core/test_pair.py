@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +34,7 @@ from stereolag.pair import (
     session_pair,
     truth_in_px,
 )
+from tests.archives import zipped
 
 ID = PairId("images")
 LEFT = np.random.default_rng(0).integers(0, 255, (120, 200, 3), dtype=np.uint8)
@@ -258,20 +258,12 @@ def test_a_step_taken_before_comes_from_memory_with_the_newest_calibration() -> 
     assert [step for step, _, _ in kept] == ["resized pair"]
 
 
-def packed(files: dict[str, bytes]) -> list[tuple[str, bytes]]:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, data in files.items():
-            archive.writestr(name, data)
-    return [("pairs.zip", stream.getvalue())]
-
-
 SIDES = {"a/left1.png": image_png(LEFT), "a/right1.png": image_png(LEFT)}
 
 
 def test_pairs_in_an_archive_are_decoded_one_by_one() -> None:
     wrong = {"a/left2.png": b"nothing", "a/right2.png": b"nothing", "a/calib1.txt": b"nothing"}
-    pairs = read_bundle(packed(SIDES | wrong | {"a/disp1.pfm": pfm(TRUTH)}))
+    pairs = read_bundle([("pairs.zip", zipped(SIDES | wrong | {"a/disp1.pfm": pfm(TRUTH)}))])
     assert isinstance(pairs, PairSet)
     assert (len(pairs), pairs.name(0)) == (2, "1")
     pair = pairs.pair(0)
@@ -283,7 +275,7 @@ def test_pairs_in_an_archive_are_decoded_one_by_one() -> None:
     with pytest.raises(ValueError, match=r"^Pair 2: This is not an image"):
         pairs.pair(1)
     with pytest.raises(ValueError, match=NO_PAIRS[:30]):
-        read_bundle(packed({"a.png": b"", "b.png": b""}))
+        read_bundle([("pairs.zip", zipped({"a.png": b"", "b.png": b""}))])
 
 
 @pytest.mark.parametrize(("known", "found"), [({}, (-4, 32)), ({"num_disparities": 48, "min_disparity": 1}, (1, 48))])
@@ -293,7 +285,7 @@ def test_a_session_says_its_range_or_has_it_from_its_settings(known: dict[str, i
         "pair": {"files": names, "history": ["It was rectified."]} | known,
         "methods": [json.loads(settings_json(sl.StereoBM(num_disparities=32, min_disparity=-4)))],
     }
-    session = read_bundle(packed(SIDES | {"session.json": json.dumps(document).encode()}))
+    session = read_bundle([("pairs.zip", zipped(SIDES | {"session.json": json.dumps(document).encode()}))])
     assert not isinstance(session, PairSet)
     pair = session_pair(session, "digest")
     np.testing.assert_array_equal(pair.right, LEFT)

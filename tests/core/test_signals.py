@@ -64,10 +64,13 @@ def pair(size: int, lag: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("lag", [0, 1, -1, 37, -240, 700, -700])
+@pytest.mark.parametrize("lag", [0, -240, 700])
 def test_a_known_lag_is_recovered(method: SignalMethod, lag: int) -> None:
     first, second = pair(1000, lag)
-    result = signal_lag(first, second, sampling_rate=1000.0, speed=340.0, method=method, seed=1)
+    kept, told = (first.copy(), second.copy()), []
+    result = signal_lag(first, second, sampling_rate=1000.0, speed=340.0, method=method, seed=1, progress=told.append)
+    np.testing.assert_array_equal((first, second), kept)
+    assert told == sorted(told) and told[-1] == 1.0
     assert result.lag == lag
     assert result.lag_subsample == pytest.approx(lag, abs=0.1)
     assert result.score == pytest.approx(1.0)
@@ -75,17 +78,6 @@ def test_a_known_lag_is_recovered(method: SignalMethod, lag: int) -> None:
     assert result.distance_m == pytest.approx(abs(lag) / 1000.0 * 340.0)
     assert result.elapsed_s > 0
     assert isinstance(result.lag, int)
-
-
-@pytest.mark.parametrize("method", ["fft", "sampled"])
-@pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.int16, np.uint16, np.int64, np.float32, np.float64])
-def test_every_number_type_gives_the_same_lag(method: SignalMethod, dtype: Any) -> None:
-    first, second = (
-        np.round(signal * 20 + 128 * np.issubdtype(dtype, np.unsignedinteger)) for signal in pair(800, 123)
-    )
-    limits = (np.iinfo(dtype).min, np.iinfo(dtype).max) if np.issubdtype(dtype, np.integer) else (-1e9, 1e9)
-    first, second = (np.clip(signal, *limits).astype(dtype) for signal in (first, second))
-    assert signal_lag(first, second, method=method, seed=0).lag == 123
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -97,14 +89,6 @@ def test_a_short_clip_is_found_in_a_long_recording(method: SignalMethod, start: 
     assert signal_lag(long, clip, method=method, seed=0).lag == -start
 
 
-@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
-def test_a_quiet_clip_is_found_beside_a_loud_passage(method: SignalMethod) -> None:
-    long = scene(3000)
-    clip = long[500:800].copy()
-    long[1500:2500] *= 50.0
-    assert signal_lag(clip, long, method=method, seed=0).lag == 500
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_offset_and_gain_change_nothing(method: SignalMethod) -> None:
     first, second = pair(1500, -333)
@@ -113,16 +97,6 @@ def test_offset_and_gain_change_nothing(method: SignalMethod) -> None:
         changed = signal_lag(first, gain * second + offset, method=method, seed=0)
         assert changed.lag == plain.lag == -333
         assert changed.score == pytest.approx(plain.score, abs=1e-6)
-
-
-@pytest.mark.parametrize("method", CURVE_METHODS)
-def test_a_negated_copy_is_not_a_match(method: SignalMethod) -> None:
-    first, second = pair(2000, 400)
-    result = signal_lag(first, -second, method=method)
-    assert result.lag != 400
-    assert result.score < 0.6
-    assert result.lags is not None and result.correlation is not None
-    assert result.correlation[np.flatnonzero(result.lags == 400)[0]] < -0.5
 
 
 @pytest.mark.parametrize("method", ["fft", "direct"])
@@ -137,14 +111,6 @@ def test_of_a_periodic_pair_the_smallest_lag_wins_and_the_ties_are_counted(metho
     assert result.ties == sum(
         800 - abs(other) >= reach for other in range(lag - 800, lag + 801, 80) if abs(other) < 800
     )
-
-
-def test_a_periodic_clip_has_the_smallest_lag_though_others_overlap_more() -> None:
-    repeated = np.tile(scene(80), 30)
-    result = signal_lag(repeated[10:410], repeated, method="fft")
-    assert result.lag == 10
-    assert result.ties > 20
-    assert signal_lag(repeated, repeated[10:410], method="fft").lag == -10
 
 
 @pytest.mark.parametrize("method", CURVE_METHODS)
@@ -233,8 +199,7 @@ def test_max_lag_limits_what_is_searched(method: SignalMethod) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("fraction", [-0.45, -0.2, 0.1, 0.3, 0.5])
-@pytest.mark.parametrize("band", [0.3, 0.9])
+@pytest.mark.parametrize(("fraction", "band"), [(-0.45, 0.9), (0.1, 0.3), (0.3, 0.9), (0.5, 0.3)])
 def test_fractions_of_a_sample_are_measured_to_a_twentieth(method: SignalMethod, fraction: float, band: float) -> None:
     frequencies = np.fft.rfftfreq(16_384)
     random = np.random.default_rng(8)
@@ -246,16 +211,6 @@ def test_fractions_of_a_sample_are_measured_to_a_twentieth(method: SignalMethod,
     assert abs(result.lag - result.lag_subsample) <= 0.5
 
 
-def test_the_peak_ratio_compares_with_the_second_best_echo() -> None:
-    sound = scene(3000)
-    echo = sound.copy()
-    echo[1000:] += 0.5 * sound[:-1000]
-    result = signal_lag(sound, echo)
-    assert result.lag == 0
-    assert 1.5 < result.peak_ratio < 3.5
-    assert np.isnan(signal_lag(sound, echo, max_lag=1).peak_ratio)
-
-
 def test_the_result_cannot_be_changed() -> None:
     result = signal_lag(*pair(300, 20))
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -265,22 +220,6 @@ def test_the_result_cannot_be_changed() -> None:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
     assert result.votes is None
-
-
-def test_inputs_stay_as_they_were() -> None:
-    first, second = pair(300, 20)
-    kept = first.copy(), second.copy()
-    for method in METHODS:
-        signal_lag(first, second, method=method, seed=0)
-    np.testing.assert_array_equal((first, second), kept)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_progress_rises_to_one(method: SignalMethod) -> None:
-    fractions: list[float] = []
-    signal_lag(*pair(500, 20), method=method, seed=0, progress=fractions.append)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
 
 
 def test_the_direct_search_tells_its_progress_often() -> None:
@@ -317,7 +256,7 @@ def test_what_is_refused_is_named(change: dict[str, Any], message: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("sizes", [(2, 2), (2, 9), (5, 3), (8, 8)])
+@pytest.mark.parametrize("sizes", [(2, 2), (2, 9), (5, 3)])
 def test_the_shortest_recordings_are_answered(method: SignalMethod, sizes: tuple[int, int]) -> None:
     first, second = (np.arange(size) ** 2.0 for size in sizes)
     result = signal_lag(first, second, method=method, seed=0)
@@ -498,6 +437,7 @@ def test_the_main_lobe_goes_down_to_half_the_peak_and_on_to_the_next_minimum() -
 
 
 def test_a_peak_without_rivals_has_no_finite_ratio() -> None:
+    assert refine_peak(np.array([0.7])) == 0.0  # nor a fraction
     assert peak_ratio(np.array([-0.2, -0.3, 1.0, -0.4, -0.1]), 2) == float("inf")
     assert np.isnan(peak_ratio(np.array([0.5, 1.0, 0.5]), 1))
     assert np.isnan(peak_ratio(np.array([-0.5, -0.1, -0.5]), 1))
@@ -508,10 +448,6 @@ def test_a_band_limited_peak_is_found_between_the_samples(band: float, error: fl
     samples = np.arange(-REACH, REACH + 1)
     for offset in np.linspace(-0.49, 0.49, 29):
         assert refine_peak(np.sinc(band * (samples - offset))) == pytest.approx(offset, abs=error)
-
-
-def test_a_peak_on_the_border_has_no_fraction() -> None:
-    assert refine_peak(np.array([0.7])) == 0.0
 
 
 def recording(size: int, seed: int = 0) -> np.ndarray:
@@ -570,7 +506,9 @@ def test_blocks_answer_as_the_whole_does(dtype: Any, lag: int, noise: float, mon
     hiss = np.random.default_rng(5).normal(0, noise * np.std(sound), second.size)
     pair = [np.clip(np.round(signal), 0, 255).astype(dtype) for signal in (first, second + hiss)]
     assert algorithm(300_000, second.size, "fft", 1000) == "blocks"
-    quick = signal_lag(*pair, max_lag=1000)
+    told: list[float] = []
+    quick = signal_lag(*pair, max_lag=1000, progress=told.append)
+    assert len(told) > 5 and told == sorted(told) and told[-1] == 1.0
     monkeypatch.setattr("stereolag.signals.lag.algorithm", lambda *_: "whole")
     whole = signal_lag(*pair, max_lag=1000)
     assert quick.lag == whole.lag == lag
@@ -594,14 +532,6 @@ def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take()
     assert result.lag == 4321
     estimate = estimate_lag(1_000_000, 1_000_000, max_lag=5000).memory
     assert peak < estimate < 700e6
-
-
-def test_the_progress_of_blocks_rises_to_one() -> None:
-    told: list[float] = []
-    signal_lag(recording(300_000), recording(300_000, 1), max_lag=100, progress=told.append)
-    assert len(told) > 5
-    assert told == sorted(told)
-    assert told[-1] == 1.0
 
 
 def test_recordings_that_are_flat_where_they_overlap_are_refused() -> None:

@@ -43,8 +43,7 @@ def test_a_sound_in_noise_as_loud_is_sure_and_right(method: SignalMethod, colour
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("noise_level", [0.0, 0.1, 1.0])
-@pytest.mark.parametrize("frequency", [0.01, 0.1234, 0.4])
+@pytest.mark.parametrize(("frequency", "noise_level"), [(0.01, 1.0), (0.1234, 0.1), (0.4, 0.0)])
 def test_a_tone_is_ambiguous_and_its_period_is_named(
     method: SignalMethod, noise_level: float, frequency: float
 ) -> None:
@@ -95,11 +94,6 @@ def test_few_votes_are_named_and_are_no_ties() -> None:
     assert "few_votes" in named
 
 
-def test_noise_has_no_ties() -> None:
-    for seed in range(10):
-        assert signal_lag(*unrelated("noise and noise", 2000, seed)).ties == 1
-
-
 def test_a_shorter_overlap_that_agrees_even_better_is_no_tie() -> None:
     lags = np.arange(-99, 100)
     weight = np.sqrt(overlap_length(100, 100, lags) / 100)
@@ -119,11 +113,11 @@ def test_the_height_is_that_of_the_plain_formula_and_chance_leaves_its_ribbon_on
     low, high = judgement.ribbon
     assert ((curve < low) | (curve > high)).sum() <= 2
     assert 3 < judgement.height < 5
+    assert result.ties == 1
     assert signal_lag(*common(20_000, 300, 0)).judgement.height > 20
 
 
-@pytest.mark.parametrize("ppm", [50.0, -50.0, 10.0])
-@pytest.mark.parametrize("noise_level", [0.0, 1.0])
+@pytest.mark.parametrize(("ppm", "noise_level"), [(50.0, 0.0), (-50.0, 1.0), (10.0, 1.0)])
 def test_a_drift_is_measured_and_named(ppm: float, noise_level: float) -> None:
     result = signal_lag(*drifting(150_000, 400, ppm, noise_level, 1), max_lag=2000)
     assert (result.verdict, reason(result)) == ("sure", "drift")
@@ -132,6 +126,9 @@ def test_a_drift_is_measured_and_named(ppm: float, noise_level: float) -> None:
     assert result.over_time is not None
     assert result.over_time.start == pytest.approx(400, abs=0.2)
     assert result.over_time.span == pytest.approx(0.15 * ppm, abs=0.15)
+    assert result.over_time.blocks == len(result.over_time.places) >= 10
+    slope, _ = np.polyfit(result.over_time.places, result.over_time.lags, 1)
+    assert 1e6 * slope == pytest.approx(ppm, abs=5)  # the blocks lie on its line
 
 
 def test_clocks_that_agree_have_no_drift_and_swapping_turns_its_sign() -> None:
@@ -163,8 +160,7 @@ def test_a_spacing_is_regular_or_none(rivals: tuple[int, ...], lag: int, expecte
     assert found == (None if expected is None else pytest.approx(expected))
 
 
-@pytest.mark.parametrize("method", ["fft", "phat", "sampled"])
-@pytest.mark.parametrize("name", samples.recordings())
+@pytest.mark.parametrize(("name", "method"), [("coast", "phat"), ("harbour", "fft"), ("harbour", "sampled")])
 def test_the_bundled_recordings_are_sure(name: str, method: SignalMethod) -> None:
     example = samples.recordings()[name]
     first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
@@ -179,15 +175,6 @@ def test_the_opposite_sign_is_told_by_every_method(method: SignalMethod) -> None
     assert (result.verdict, reason(result), result.inverted) == ("nothing", "opposite_sign", True)
     assert result.judgement.opposite_lag == 1000
     assert not signal_lag(whole[1000:7000], whole[:6000], method=method, seed=0).inverted
-
-
-def test_the_blocks_of_a_drift_lie_on_its_line() -> None:
-    result = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
-    assert result.over_time is not None
-    drift = result.over_time
-    assert drift.blocks == len(drift.places) >= 10
-    slope, _ = np.polyfit(drift.places, drift.lags, 1)
-    assert 1e6 * slope == pytest.approx(50.0, abs=5)
 
 
 def test_a_result_lets_go_of_the_recordings_once_it_is_judged() -> None:
@@ -247,7 +234,7 @@ def test_missing_samples_are_a_step_where_they_are_missing(missing: int) -> None
     assert result.lag in (lag, lag - missing)
 
 
-@pytest.mark.parametrize("ppm", [300.0, -1000.0, 3000.0])
+@pytest.mark.parametrize("ppm", [-1000.0, 3000.0])
 def test_clocks_far_apart_are_followed(ppm: float) -> None:
     size, lag = 150_000, 2000
     result = signal_lag(*drifting(size, lag, ppm, 0.3, 2), sampling_rate=8000.0)
@@ -307,12 +294,3 @@ def test_a_resampled_sine_is_a_sine() -> None:
         out = np.empty(place.size, dtype=np.float32)
         resample(np.sin(2 * np.pi * frequency * np.arange(6000)), 100.3, 1.0005, over_time.interpolation(), out)
         np.testing.assert_allclose(out, np.sin(2 * np.pi * frequency * place), atol=3e-3)
-
-
-def test_of_two_copies_the_other_is_the_rival() -> None:
-    random = np.random.default_rng(3)
-    clip, between = random.normal(size=6_000), random.normal(size=9_000)
-    twice = np.concatenate((random.normal(size=3_000), clip, between, clip))
-    for sign in (1, -1):
-        result = signal_lag(*((clip, twice)[::sign]))
-        assert sorted((result.lag, *result.rivals)) == sorted((sign * 3_000, sign * 18_000))

@@ -349,8 +349,16 @@ def best_blocks() -> Suggestion:
     return end
 
 
-@pytest.mark.parametrize("start", [WINDOWS, BLOCKS, StereoSGBM(num_disparities=32, block_size=11, p1=1, p2=2)])
-@pytest.mark.parametrize("truth", [None, TRUTH], ids=["blind", "with truth"])
+@pytest.mark.parametrize(
+    ("start", "truth"),
+    [
+        (WINDOWS, None),
+        (BLOCKS, None),
+        (WINDOWS, TRUTH),
+        (StereoSGBM(num_disparities=32, block_size=11, p1=1, p2=2), TRUTH),
+    ],
+    ids=["windows, blind", "blocks, blind", "windows", "semi-global"],
+)
 def test_a_bad_start_gets_better(start: StereoMatcher, truth: np.ndarray | None) -> None:
     known = start is BLOCKS and truth is None
     found = best_blocks() if known else sl.suggest(start, LEFT, RIGHT, ground_truth=truth, budget_s=60)

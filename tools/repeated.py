@@ -1,6 +1,6 @@
 """Tests run again and again beside a busy process, and how often each fails.
 
-``python -m tests.repeated --times 20 tests/browser``; what it does not know itself goes to pytest. A test that waits
+``python -m tools.repeated --times 20 tests/browser``; what it does not know itself goes to pytest. A test that waits
 for too little passes on an idle machine. Ends with 1 where anything failed.
 """
 
@@ -57,7 +57,7 @@ def run_once(arguments: list[str], log: Path) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.repeated", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.repeated", description=__doc__)
     parser.add_argument("--times", type=int, default=20, help="how often the tests run")
     parser.add_argument("--busy", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="how many cores are taken")
     parser.add_argument(

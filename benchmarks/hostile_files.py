@@ -9,9 +9,11 @@ from functools import partial
 
 import cv2
 import numpy as np
-from camera_files import RAW, RECTIFYING
-from hostile_settings import calibrations, matchers, plain, projections, reprojection, rig
-from picture_bytes import (
+from PIL import Image
+
+from benchmarks.camera_files import RAW, RECTIFYING
+from benchmarks.hostile_settings import calibrations, matchers, plain, projections, reprojection, rig
+from benchmarks.picture_bytes import (
     FAST_PNG,
     MB,
     READ,
@@ -48,9 +50,19 @@ from picture_bytes import (
     webp_sized,
     webp_with,
 )
-from PIL import Image
-from recording_bytes import filmed, id3, lying_flac, matlab, npy, npy_of, plain_wav, saved, sound, wav, zipped
-
+from benchmarks.recording_bytes import (
+    filmed,
+    id3,
+    lying_flac,
+    matlab,
+    npy,
+    npy_of,
+    plain_wav,
+    saved,
+    sound,
+    wav,
+    zipped,
+)
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.images import read_disparity, read_image
 from stereolag.io.recordings import read_signal

@@ -9,8 +9,9 @@ import zipfile
 import zlib
 
 import numpy as np
-from picture_bytes import MB, READ, Case
-from recording_bytes import saved
+
+from benchmarks.picture_bytes import MB, READ, Case
+from benchmarks.recording_bytes import saved
 
 ROTATION = "1, 0, 0, 0, 1, 0, 0, 0, 1"
 

@@ -12,7 +12,8 @@ import av
 import numpy as np
 import scipy.io
 import soundfile
-from picture_bytes import riff_chunk
+
+from benchmarks.picture_bytes import riff_chunk
 
 
 def wav(
