@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
+from itertools import product
+from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
@@ -147,12 +149,34 @@ def examples_of(module: ModuleType, kind: str, parts: Mapping[str, Any]) -> Iter
         st.cache_resource.clear()
 
 
+DRIVE = ("left", "right", "disparity", "occlusion", "objects")
+
+
+def with_camera_of_part(calibration: Path, folder: Path, row: int, col: int, rows: int, cols: int) -> Path:
+    """Write the calibration of a part of the pictures to a folder, and return its path."""
+    known = json.loads(calibration.read_text())
+    known |= {"cx": known["cx"] - col, "cy": known["cy"] - row, "width": cols, "height": rows}
+    (folder / "calibration.json").write_text(json.dumps(known))
+    return folder / "calibration.json"
+
+
+@pytest.fixture(scope="session")
+def part_of_drive(tmp_path_factory: pytest.TempPathFactory) -> samples.DriveExample:
+    """Return the road ahead in the first frames of the bundled drive."""
+    (whole,), folder = samples.drives().values(), tmp_path_factory.mktemp("drive")
+    row, col, rows, cols = 180, 240, 180, 400
+    paths = {name: tuple(folder / f"{name}{number}.png" for number in range(4)) for name in DRIVE}
+    for name, number in product(DRIVE, range(4)):
+        image = read_image(getattr(whole, name)[number])[row : row + rows, col : col + cols]
+        paths[name][number].write_bytes(uploaded.png(image, compress_level=1))
+    calibration = with_camera_of_part(whole.calibration, folder, row, col, rows, cols)
+    return replace(whole, calibration=calibration, **paths)
+
+
 @pytest.fixture(scope="module")
-def short_drive() -> Iterator[None]:
-    """Shorten the example of the driving page to its first frames; tests/core looks at all of them."""
-    (whole,) = samples.drives().values()
-    paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
-    with examples_of(inputs, "drives", {whole.name: replace(whole, **paths)}):
+def short_drive(part_of_drive: samples.DriveExample) -> Iterator[None]:
+    """Make the driving page show a part of its example; tests/core looks at all of it."""
+    with examples_of(inputs, "drives", {part_of_drive.name: part_of_drive}):
         yield
 
 
@@ -167,11 +191,9 @@ def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
         row, col = PART_OF_PAIR.get(name, ((height - 160) // 2, (width - 320) // 2))
         for one, image in images.items():
             (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 160, col : col + 320], compress_level=1))
-        known = json.loads(whole.calibration.read_text())
-        known |= {"cx": known["cx"] - col, "cy": known["cy"] - row, "width": 320, "height": 160}
-        (folder / "calibration.json").write_text(json.dumps(known))
         paths = {one: folder / f"{one}.png" for one in images}
-        parts[name] = replace(whole, calibration=folder / "calibration.json", **paths)
+        calibration = with_camera_of_part(whole.calibration, folder, row, col, 160, 320)
+        parts[name] = replace(whole, calibration=calibration, **paths)
     return parts
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import time
-import zipfile
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -15,22 +13,18 @@ from stereolag.ui.driving.inputs import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
 from tests.app.pages import DRIVING, PROJECT
+from tests.archives import zipped
 from tests.packed import told
 
 
-def zipped(frames: Mapping[str, Iterable[bytes]]) -> bytes:
+def zipped_frames(frames: Mapping[str, Iterable[bytes]]) -> bytes:
     """Return a ZIP of the frames of each side."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as file:
-        for side, pictures in frames.items():
-            for number, picture in enumerate(pictures):
-                file.writestr(f"{side}/{number:03d}.png", picture)
-    return stream.getvalue()
+    return zipped({f"{side}/{number:03d}.png": one for side in frames for number, one in enumerate(frames[side])})
 
 
 def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
     """Return a ZIP of identical frames."""
-    return zipped({side: [uploads.png(one)] * count for side, one in zip(("left", "right"), pair, strict=True)})
+    return zipped_frames({side: [uploads.png(one)] * count for side, one in zip(("left", "right"), pair, strict=True)})
 
 
 def page(origin: str) -> AppTest:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from streamlit.testing.v1 import AppTest
+
+from stereolag.ui.keys import exact_key
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -51,6 +54,13 @@ def numbers(app: AppTest) -> dict[str, str]:
 def captions(app: AppTest) -> str:
     """Return all captions of a page as one text."""
     return " ".join(caption.value for caption in app.caption)
+
+
+def controls(app: AppTest) -> dict[str, Any]:
+    """Return the controls that can be moved, without the boxes beside sliders, by their keys."""
+    widgets = [*app.slider, *app.number_input, *app.selectbox, *app.toggle, *app.get("button_group")]
+    boxes = {exact_key(slider.key) for slider in app.slider}
+    return {widget.key: widget for widget in widgets if not widget.disabled and widget.key not in boxes}
 
 
 def finished(app: AppTest) -> AppTest:

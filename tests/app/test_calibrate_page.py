@@ -16,7 +16,7 @@ from stereolag.ui import calibrate
 from stereolag.ui.calibrate import KEPT
 from stereolag.ui.keys import HANDED
 from tests.app import uploads
-from tests.app.driving import zipped
+from tests.app.driving import zipped_frames
 from tests.app.pages import CALIBRATE, DEPTH, OpenPage, finished, linked, numbers
 
 pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes")
@@ -122,7 +122,7 @@ def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[st
 
 def test_pictures_in_folders_of_a_zip_without_a_board_ask_for_its_size() -> None:
     noise = {side: [uploads.png(uploads.texture(90, 120, seed))] for seed, side in enumerate(("left", "right"))}
-    app = given(("pairs.zip", zipped(noise)))
+    app = given(("pairs.zip", zipped_frames(noise)))
     assert "No chessboard or ChArUco board is seen" in app.warning[0].value
     assert not app.metric
 

@@ -1,4 +1,4 @@
-"""Moving any control of any page changes the output."""
+"""Moving any control of a page changes what is shown; controls of stereo methods: ``test_matcher_controls``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereolag.io.images import read_image
 from stereolag.samples import mazes
 from stereolag.stereo.methods import METHODS
 from tests.app import keys, uploads
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown
+from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown, controls
 
 pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
 ONE_VISITOR = True
@@ -86,19 +86,8 @@ MOVES = [
         },
     ),
 ]
-SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
+SEEN_IN_THE_TIME_ALONE = {"lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
-# What must be set first, by the end of a setting's key.
-FIRST_OF_METHODS: dict[str, dict[str, Any]] = {
-    ".texture": {"pairs": "road"},  # its sky is flat
-    "search.kind": {keys.OVERLAP: 0.5},  # few windows make a square search fast
-}
-
-
-def controls(app: AppTest) -> dict[str, Any]:
-    widgets = [*app.slider, *app.number_input, *app.selectbox, *app.toggle, *app.get("button_group")]
-    boxes = {keys.exact_key(slider.key) for slider in app.slider}
-    return {widget.key: widget for widget in widgets if not widget.disabled and widget.key not in boxes}
 
 
 @pytest.mark.parametrize("page", [LAG, FIND, DEPTH])
@@ -171,50 +160,6 @@ def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: 
     assert shown(app) == before, (
         "what was moved before was not set back, so that any control seemed to change something"
     )
-
-
-def other_values(control: Any) -> list[Any]:
-    """Return the values that a control of a setting is moved to, until one changes what is shown."""
-    if control.type == "toggle":
-        return [not control.value]
-    if control.type == "slider":
-        return [value for value in (control.min, control.max, control.value + control.step) if value != control.value]
-    return [option for option in control.options if option != control.value]
-
-
-@pytest.mark.parametrize("method", [method.short_name for method in METHODS])
-def test_moving_any_setting_of_a_method_changes_what_is_shown(
-    open_unfolded: OpenPage, shown: Shown, method: str
-) -> None:
-    def opened(first: dict[str, Any]) -> AppTest:
-        app = open_unfolded(DEPTH)
-        app.button_group(key=keys.TAB).set_value(method)
-        app.button_group(key=keys.SHOWN).set_value(list(dict.fromkeys(["correlation", method]))).run()
-        for name, value in first.items():
-            controls(app)[name].set_value(value).run()
-        return app
-
-    def changes(app: AppTest, key: str) -> bool:
-        before, at_first = shown(app), controls(app)[key].value
-        seen = False
-        for value in other_values(controls(app)[key]):
-            controls(app)[key].set_value(value).run()
-            assert not app.exception, key
-            seen = shown(app) != before and not app.error
-            controls(app)[key].set_value(at_first).run()
-            assert shown(app) == before, key
-            if seen:
-                break
-        return seen
-
-    plain = opened({})
-    settings = [key for key in controls(plain) if key.startswith(f"depth.{method}.")]
-    for key in sorted(set(settings) - SEEN_IN_THE_TIME_ALONE):
-        first = next((first for end, first in FIRST_OF_METHODS.items() if key.endswith(end)), None)
-        app = plain if first is None else opened(first)
-        assert changes(
-            app, key.replace("pair cube", f"pair {first['pairs']}") if first and "pairs" in first else key
-        ), key
 
 
 def test_the_square_search_has_its_own_controls_and_a_window_larger_than_it_is_refused(

@@ -119,7 +119,9 @@ def test_one_known_distance_makes_it_metric_and_can_be_forgotten() -> None:
 
 # Why this match?
 
-PIXEL = f"depth.inspection.pixel.{small_view().pair.digest}"
+
+def pixel_key() -> str:
+    return f"depth.inspection.pixel.{small_view().pair.digest}"
 
 
 def verdict(app: AppTest) -> str:
@@ -135,7 +137,7 @@ def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_met
     assert all(f"**{name}**" in app.markdown[-3].value for name in (*METHODS, "Ground truth"))
     (followed,) = told(app, "hovered_match")
     assert followed["pictures"] == "depth.inspection"
-    assert verdict(part_of_page(show_inspection, state={PIXEL: (0, 0)}))
+    assert verdict(part_of_page(show_inspection, state={pixel_key(): (0, 0)}))
     surface = charts(app)[0]
     app.button_group(key="depth.inspection.shape").set_value("From above").run()
     assert [chart["data"][0]["type"] for chart in (surface, charts(app)[0])] == ["surface", "heatmap"]
@@ -152,7 +154,7 @@ def test_the_buttons_show_what_they_promise() -> None:
     for kind, says in promised.items():
         app.button(key=f"depth.inspection.{kind}").click().run()
         assert says in verdict(app)
-        pixels.add(app.session_state[PIXEL])
+        pixels.add(app.session_state[pixel_key()])
     assert len(pixels | {(80, 140)}) == len(promised) + 1
 
 

@@ -23,6 +23,7 @@ from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.tuning import JudgedPairs
 from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, SCENE, given, own_files, part_on_a_set, shown
+from tests.archives import zipped
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
@@ -48,19 +49,11 @@ def page() -> None:
 
 def stepping(files: dict[str, bytes]) -> AppTest:
     """Return the page on a set of pairs."""
-    return given(own_files(page, "several"), several=("pairs.zip", packed(files)))
+    return given(own_files(page, "several"), several=("pairs.zip", zipped(files)))
 
 
 def settings(app: AppTest) -> dict[type[StereoMatcher], StereoMatcher]:
     return {type(matcher): matcher for matcher in app.session_state["shown"][1]}
-
-
-def packed(files: dict[str, bytes]) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as whole:
-        for name, data in files.items():
-            whole.writestr(name, data)
-    return stream.getvalue()
 
 
 def session_zip(**changes: Any) -> bytes:
@@ -92,7 +85,7 @@ def session_zip(**changes: Any) -> bytes:
         "camera.json": b'{"focal_px": 400.5, "baseline_m": 0.25}',
         "session.json": json.dumps(document).encode(),
     }
-    return packed(files)
+    return zipped(files)
 
 
 @pytest.mark.parametrize("box", ["left", "several"])
@@ -180,7 +173,7 @@ def test_a_pair_that_cannot_be_read_can_be_stepped_over() -> None:
 def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     files = pair_of(1, 5) | pair_of(2, 9) | {"set/left3.png": b"nothing", "set/right3.png": b"nothing"}
     del files["set/disp2.pfm"]
-    pairs = read_bundle([("pairs.zip", packed(files))])
+    pairs = read_bundle([("pairs.zip", zipped(files))])
     assert isinstance(pairs, PairSet)
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
@@ -207,7 +200,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
     app = part_on_a_set(judge)
     assert app.session_state["judged"][1] == ""
     files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
-    given(app, several=("pairs.zip", packed(files)))
+    given(app, several=("pairs.zip", zipped(files)))
     assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
     app.button(key="pairs.step.1").click().run()
     assert app.session_state["judged"][0] == [9, 5, 7]
@@ -216,7 +209,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
     app = part_on_a_set(show_all_pairs)
     assert "several pairs at once" in app.info[-1].value
-    given(app, several=("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    given(app, several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe
     app.button(key="depth.all_pairs.start").click().run()
     assert not app.exception

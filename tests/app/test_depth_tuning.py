@@ -32,7 +32,8 @@ from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, 
 from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.results import Job
 from tests.app.depth_view import given, part_of_page, part_on_a_set, small_view
-from tests.app.test_depth_restoring import packed, pair_of
+from tests.app.test_depth_restoring import pair_of
+from tests.archives import zipped
 
 LIGHT = Estimate(0, 0.0)
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
@@ -265,7 +266,7 @@ def test_a_search_on_another_pair_is_called_off() -> None:
 def swept_on_a_set() -> AppTest:
     """Return the page after a sweep on the first of two pairs."""
     app = part_on_a_set(show_sweep)
-    given(app, several=("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    given(app, several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
     for box, values in zip(app.text_input, ("16", "9, 15"), strict=True):
         box.set_value(values)
     app.run().button(key=f"{SWEEP}.start").click().run()

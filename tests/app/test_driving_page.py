@@ -21,7 +21,7 @@ from stereolag.ui.driving.inputs import EXAMPLE
 from stereolag.ui.driving.work import LINES, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
-from tests.app.driving import archive, finished, opened, page, player, work_of, zipped
+from tests.app.driving import archive, finished, opened, page, player, work_of, zipped_frames
 
 COUNT = 8
 ROWS, COLS = 120, 200
@@ -41,7 +41,7 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
     frames = {side: [uploads.png(whole[:, one : one + COLS]) for one in starts] for side, whole in road().items()}
     if damaged is not None:
         frames["right"][damaged] = frames["right"][damaged][: len(frames["right"][damaged]) // 2]
-    return zipped(frames)
+    return zipped_frames(frames)
 
 
 def methods(app: AppTest, chosen: list[str]) -> AppTest:
@@ -217,5 +217,5 @@ def test_a_cut_and_a_repeated_frame_are_said_in_place_of_a_motion() -> None:
         side: [image_png(image) for image in (getattr(first, side), getattr(first, side), other)]
         for side, other in zip(("left", "right"), cut, strict=True)
     }
-    app = with_motion(opened(zipped(frames)), "colours")
+    app = with_motion(opened(zipped_frames(frames)), "colours")
     assert player(app)["problems"] == ["", MOTION_IN_WORDS["identical"], MOTION_IN_WORDS["unrelated"]]

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import plotly.io
 import pytest
-from recording_bytes import filmed
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.verdict import coloured, common, drifting, tones, unrelated
+from benchmarks.recording_bytes import filmed
+from benchmarks.verdict import drifting, tones
 from stereolag.core.typography import typeset
 from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.phasors import LAG, SIZE
@@ -57,20 +57,10 @@ def captions(app: AppTest) -> str:
 
 # The verdict
 
-REVERSED = coloured(6000, 0.8, np.random.default_rng(4))
 
-
-@pytest.mark.parametrize(
-    ("pair", "said"),
-    [
-        (unrelated("noise and noise", 20_000, 0), "Nothing in common found: the highest point is at chance level."),
-        (tones(6_000, 0.01, 0.0, 0), "Cannot tell: it repeats every **100 samples**."),
-        ((REVERSED[1000:5000], -REVERSED[:4000]), "Nothing in common found, but **the opposite sign fits**"),
-    ],
-)
-def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tuple[Sound, Sound], said: str) -> None:
-    app = measured(open_page, *two_waves(*pair))
-    assert app.header[0].value.startswith(said)
+def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage) -> None:
+    app = measured(open_page, *two_waves(*tones(6_000, 0.01, 0.0, 0)))
+    assert app.header[0].value.startswith("Cannot tell: it repeats every **100 samples**.")
     assert {"Lag, samples", "Time", "Path difference"}.isdisjoint(numbers(app))
     assert "Highest point, samples" in numbers(app)
     assert re.fullmatch(r"\d+\.\d of \d\.\d\sσ", numbers(app)["Evidence"])
@@ -94,10 +84,7 @@ def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page:
     assert float(numbers(app)["Score"]) == pytest.approx(plain[-1]["y"][0], abs=1e-3)
 
 
-def test_drift_and_what_was_assumed_stand_in_the_headline(open_page: OpenPage) -> None:
-    app = measured(open_page, *two_waves(*drifting(60_000, 400, 300.0, 0.1, 1)))
-    said = r"Sensor 2 hears it \*\*400 samples later at the start, 418 at the end \(\+300.\d ±\s0.1\sppm\)\*\*\."
-    assert re.fullmatch(said, app.header[0].value)
+def test_what_was_assumed_stands_in_the_headline(open_page: OpenPage) -> None:
     app = measured(open_page, *two_waves(SOUND[300:], SOUND[:-300]))
     assert app.header[0].value.endswith(typeset("its path is **2.27 m** longer, at 333 m/s, assumed."))
     app.number_input[1].set_value(340.0).run()
@@ -106,23 +93,10 @@ def test_drift_and_what_was_assumed_stand_in_the_headline(open_page: OpenPage) -
 
 def test_the_score_of_a_lag_that_changes_is_that_of_the_aligned_recordings(open_page: OpenPage) -> None:
     app = measured(open_page, *two_waves(*drifting(60_000, 400, 900.0, 0.1, 1)))
+    said = r"Sensor 2 hears it \*\*400 samples later at the start, 454 at the end \(\+90\d.\d ±\s0.1\sppm\)\*\*\."
+    assert re.fullmatch(said, app.header[0].value), app.header[0].value
     assert float(numbers(app)["Score"]) > 0.95  # at no single lag above 0.1
     assert "A lag that changes spreads the peak over them" in captions(app)
-
-
-def test_few_votes_do_not_hide_a_lag_that_all_samples_agree_on(open_page: OpenPage) -> None:
-    app = measured(open_page, *two_waves(*[one / 12 for one in common(20_000, 300, 0)]))
-    app.button_group(key="lag.method").set_value("sampled").run()
-    assert app.header[0].value == "Nothing found by sampling: hardly two samples vote for the same lag."
-    (said,) = [one.value for one in app.markdown if "All samples together" in one.value]
-    assert re.search(r"agree on a lag of 300 \(\d\d\.\d.σ\): choose the method FFT\.", said)
-
-
-def test_a_few_rivals_are_named_in_the_headline(open_page: OpenPage) -> None:
-    random = np.random.default_rng(3)
-    clip, other = random.normal(size=3_000), random.normal(size=5_000)
-    app = measured(open_page, *two_waves(clip, np.concatenate((clip, other, clip))))
-    assert app.header[0].value == typeset("Cannot tell: **0 and 8,000 samples** fit equally well.")
 
 
 def drawn(app: AppTest) -> list[dict[str, list[float]]]:
@@ -150,13 +124,6 @@ def test_an_assumed_rate_is_said_aloud_and_mended_lines_are_counted(open_page: O
     lines[7] += b"\0"
     app = measured(open_page, ("a.csv", b"\n".join(lines)), ("b.csv", uploads.csv(SOUND)))
     assert typeset("no rate in the file: 44,100 Hz assumed unless set below, 1 damaged line mended.") in captions(app)
-
-
-def test_the_channel_and_the_limits_are_named(open_page: OpenPage) -> None:
-    app = measured(open_page, ("both.wav", uploads.wav(np.column_stack((SOUND[100:], SOUND[:-100])))))
-    assert "channel 1 of 2." in captions(app) and "channel 2 of 2." in captions(app)
-    limits = "At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one"
-    assert typeset(limits) in captions(app)
 
 
 def test_a_time_column_gives_the_rate_and_its_gap_and_a_column_is_chosen_by_name(open_page: OpenPage) -> None:

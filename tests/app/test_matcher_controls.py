@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
 from tests.app import keys
+from tests.app.pages import controls
 
 
 def page() -> None:
@@ -47,6 +50,37 @@ def test_with_every_example_and_preset(pair: str) -> None:
     for preset in PRESETS:
         app.button(key=keys.preset_key(preset)).click().run()
         agree(app)
+
+
+def other_values(control: Any) -> list[Any]:
+    """Return the values that a control is moved to, until one is allowed beside the other settings."""
+    if control.type == "toggle":
+        return [not control.value]
+    if control.type == "slider":
+        return [value for value in (control.max, control.min, control.value + control.step) if value != control.value]
+    return [option for option in control.options if option != control.value]
+
+
+@pytest.mark.parametrize("method", [method.short_name for method in METHODS])
+def test_moving_any_control_changes_the_settings_of_its_method_alone(method: str) -> None:
+    app = opened("cube")
+    app.button_group(key=keys.TAB).set_value(method).run()
+    at_first = app.session_state["met"][1]
+    mine = [kind.short_name for kind in METHODS].index(method)
+    settings = [key for key in controls(app) if key.startswith(f"depth.{method}.")]
+    assert len(settings) > 5
+    for key in settings:
+        before = controls(app)[key].value
+        for value in other_values(controls(app)[key]):
+            controls(app)[key].set_value(value).run()
+            assert not app.exception, key
+            agree(app)
+            changed = [one != other for one, other in zip(at_first, app.session_state["met"][1], strict=True)]
+            controls(app)[key].set_value(before).run()
+            if any(changed):
+                break
+        assert changed == [number == mine for number in range(len(METHODS))], key
+        assert app.session_state["met"][1] == at_first, key
 
 
 @pytest.mark.parametrize("method", [method.short_name for method in METHODS])

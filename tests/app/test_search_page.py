@@ -133,6 +133,10 @@ def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenP
     assert not app.info
     assert told(app, "box")[0]["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
     assert app.header[0].value == "Found at row 37, column 52"
+    next(one for one in app.button if one.label == "Search with OpenCV too").click().run()
+    said = [one.value for one in (*app.markdown, *app.caption, *app.success, *app.info)]
+    assert not app.exception
+    assert any("The same place; the scores differ by less than" in one for one in said), said
 
 
 # Damage and OpenCV

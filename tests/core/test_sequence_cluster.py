@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import multiprocessing
 import os
 import signal
@@ -19,7 +20,8 @@ from stereolag import preset
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, running
 
 pytestmark = pytest.mark.filterwarnings("ignore")
-distributed = pytest.importorskip("distributed")
+if importlib.util.find_spec("distributed") is None:
+    pytest.skip("Dask is not installed", allow_module_level=True)
 DISPARITIES = [4 + number % 6 for number in range(12)]
 ACCURATE = preset("accurate", num_disparities=16)
 
@@ -37,6 +39,8 @@ def cluster(bare_main: None) -> Iterator[Any]:
     """Start a scheduler and two workers, each in its own process."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        import distributed  # here, because it takes half a second of every collection
+
         with distributed.LocalCluster(
             n_workers=2,
             threads_per_worker=1,
