@@ -30,8 +30,8 @@ from stereolag.templates import estimate_search, match_template
 
 GB = 10**9
 
-SMALL = 64 * 10**6
-"""Bytes by which the estimate of a small job may be too large."""
+SMALL = {"StereoBM": 64 * 10**6}
+"""Bytes by which the estimate of a small job may be too large, where it is more than half of that."""
 
 
 @pytest.fixture(autouse=True)
@@ -141,44 +141,44 @@ def _match(matcher: str, rows: int, cols: int) -> tuple[str, str, str, str]:
 
 
 JOBS = {
-    "lag by fft": _lag(300_000),
-    "lag by fft, whitened": _lag(300_000, method="phat"),
+    "lag by fft": _lag(150_000),
+    "lag by fft, whitened": _lag(150_000, method="phat"),
     "lag by blocks": _lag(2_000_000, warm=600_000, max_lag=60_000),
     # Noise has the most to search for, but takes 12 s; what is judged after the bands, "by blocks" measures.
     "lag by bands": ("a = noise(9_000_000); b = np.roll(a, 100)", *_lag(9_000_000)[1:]),
     "lag by products": _lag(500_000, method="direct", max_lag=40),
-    "lag by votes": _lag(250_000, method="sampled"),
-    "template by fft": _search("a = image(1500, 2000); t = a[200:900, 300:1100]"),
-    "template by fft, nowhere": _search("a = image(1500, 2000); t = image(30, 30)"),
-    "template by fft, in colours nowhere": _search("a = colours(900, 1200); t = colours(150, 150)"),
-    "template by fft, masked": _search("a = colours(900, 1200); t = masked(a[200:500, 300:700])"),
+    "lag by votes": _lag(150_000, method="sampled"),
+    "template by fft": _search("a = image(1060, 1414); t = a[200:700, 300:870]"),
+    "template by fft, nowhere": _search("a = image(1060, 1414); t = image(30, 30)"),
+    "template by fft, in colours nowhere": _search("a = colours(640, 850); t = colours(110, 110)"),
+    "template by fft, masked": _search("a = colours(640, 850); t = masked(a[200:410, 300:580])"),
     "template by poses": _search(
-        "a = image(900, 1200); t = a[200:300, 300:400]", ", scales=(0.7, 1.4), rotations=(0, 10)"
+        "a = image(640, 850); t = a[200:270, 300:370]", ", scales=(0.7, 1.4), rotations=(0, 10)"
     ),
-    "template by products": _search("a = image(2000, 2000); t = a[9:12, 9:12]", ", method='direct'"),
+    "template by products": _search("a = image(1414, 1414); t = a[9:12, 9:12]", ", method='direct'"),
     "template by pixels": (
-        "a = image(3000, 4000); t = a[200:230, 300:330]",
+        "a = image(2100, 2800); t = a[200:230, 300:330]",
         "match_template(a[:400, :400], t, method='sampled')",
         "match_template(a, t, method='sampled', seed=0)",
         "estimate_search(a.shape, t.shape, method='sampled')",
     ),
     "template by OpenCV": (
-        "a = colours(1500, 2000); t = masked(a[20:50, 20:50])",
+        "a = colours(1060, 1414); t = masked(a[20:50, 20:50])",
         "opencv_search(a[:200, :200], t)",
         "opencv_search(a, t)",
         "estimate_opencv(a.shape, True)",
     ),
-    "stereo": _match("Still()", 2500, 3500),
-    "windows": _match("preset('fast')", 2000, 2000),
-    "windows, FFT": _match("CorrelationMatcher(overlap=0.5, search=SearchArea.centred(30), engine='fft')", 1000, 1000),
-    "windows, phase": _match("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1000, 1000),
-    "semi-global": _match("preset('accurate')", 900, 1200),
+    "stereo": _match("Still()", 1800, 2450),
+    "windows": _match("preset('fast')", 1414, 1414),
+    "windows, FFT": _match("CorrelationMatcher(overlap=0.5, search=SearchArea.centred(30), engine='fft')", 720, 720),
+    "windows, phase": _match("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 720, 720),
+    "semi-global": _match("preset('accurate')", 640, 850),
     "StereoBM": _match("StereoBM()", 2500, 3500),
-    "StereoSGBM": _match("StereoSGBM(mode='hh')", 900, 1200),
-    "StereoSGBM, HH4": _match("StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
-    "flow": _match("FlowMatcher(search=16, levels=3)", 700, 900),
+    "StereoSGBM": _match("StereoSGBM(mode='hh')", 640, 850),
+    "StereoSGBM, HH4": _match("StereoSGBM(mode='hh4', block_size=9)", 640, 850),
+    "flow": _match("FlowMatcher(search=16, levels=3)", 500, 640),
     "diagnosis": (
-        "l = colours(1500, 2000); r = np.roll(l, -8, axis=1)",
+        "l = colours(1060, 1414); r = np.roll(l, -8, axis=1)",
         "diagnose(l[:200, :300], r[:200, :300])",
         "diagnose(l, r)",
         "estimate_diagnosis(l.shape, l.dtype)",
@@ -201,7 +201,11 @@ def test_an_estimate_of_every_row_is_at_least_what_is_measured_and_at_most_twice
     )
     rows = [json.loads(line) for line in answer.stdout.splitlines()]
     assert [name for name, _, _ in rows] == [*JOBS]
-    wrong = [(name, measured, told) for name, measured, told in rows if not measured <= told <= 2 * measured + SMALL]
+    wrong = [
+        (name, measured, told)
+        for name, measured, told in rows
+        if not measured <= told <= 2 * measured + SMALL.get(name, 32 * 10**6)
+    ]
     assert not wrong
 
 
