@@ -245,7 +245,7 @@ class HiddenAmounts(NamedTuple):
     memory: float
     """Bytes."""
     values: float
-    """Pixel values scored, or written into the maps of blocks."""
+    """Pixel values read or written, one after the other."""
 
 
 def hidden_amounts(
@@ -263,7 +263,8 @@ def hidden_amounts(
     # The luminance and the reduced image; what is left of it and its squares; in every thread a window, its products.
     maps = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
     windows = threads * 5 * score * channels * (height + 2 * reach) * (width + 2 * reach)
-    return HiddenAmounts(max(maps, windows), LIKELY * around * channels * height * width + 40 * places)
+    scored = LIKELY * around * channels * height * width
+    return HiddenAmounts(max(maps, windows), 5 * scored + 100 * places + pixels)
 
 
 def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> Plane:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import product
 
 import numpy as np
@@ -122,6 +122,9 @@ FINER = 4
 SCORED_AROUND = 9 * 25
 """About the number of positions scored to refine a pose once."""
 
+VALUES_KEPT = 500_000
+"""Pixel values of warped templates kept: many places are refined at the same size and angle."""
+
 COARSE_SHARE = 0.6
 """Rough share of the time that the coarse search takes."""
 
@@ -230,7 +233,7 @@ class _Level:
 
     def __init__(self, image: Image, full: tuple[int, ...], pattern: Pattern, poses: PoseRange) -> None:
         self._image = image
-        self._pattern = pattern
+        self._warped = lru_cache(max(1, VALUES_KEPT // pattern.colours.size))(partial(warped, pattern))
         self._poses = poses
         self._scaled = full[0] / image.shape[0], full[1] / image.shape[1]
 
@@ -240,7 +243,8 @@ class _Level:
             self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
             for down, across in product((-1, 0, 1), repeat=2)
         )
-        return max((self._near(pose, *around, reach) for around in poses), key=lambda one: one.score)
+        # Beyond the ends of a range they are the same.
+        return max((self._near(pose, *around, reach) for around in dict.fromkeys(poses)), key=lambda one: one.score)
 
     def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
         """Return a pose refined in ever smaller steps."""
@@ -253,7 +257,7 @@ class _Level:
     def _near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
         """Return the best place of a size and angle around a pose; its score is -1 where the template does not fit."""
         tall, wide = self._scaled
-        pattern = warped(self._pattern, scale / math.sqrt(tall * wide), rotation)
+        pattern = self._warped(scale / math.sqrt(tall * wide), rotation)
         best = None
         if pattern is not None:
             height, width = pattern.shape

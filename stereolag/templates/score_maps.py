@@ -35,7 +35,7 @@ Indices = npt.NDArray[np.intp]
 
 ScoreMap = npt.NDArray[np.float32]
 
-STRIP = 16
+STRIP = 48
 """Rows of a map computed at a time, so that what they need stays in the cache."""
 
 
@@ -162,10 +162,10 @@ def scores_at(
         pixels = windows[rows[some], cols[some]][:, :, counts].astype(np.float64)
         # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
         pixels -= pixels[:, :, :1].copy()
-        pixels -= np.average(pixels, axis=2, weights=shares, keepdims=True)
+        pixels -= (pixels @ (shares / shares.sum()))[:, :, np.newaxis]
         weighted = pixels * shares
-        norms = np.sqrt((weighted * pixels).sum(axis=(1, 2)) * (shares * template**2).sum())
-        np.divide((weighted * template).sum(axis=(1, 2)), norms, out=scores[some], where=norms > 0)
+        norms = np.sqrt(np.einsum("ncp,ncp->n", weighted, pixels) * (shares * template**2).sum())
+        np.divide(np.einsum("ncp,cp->n", weighted, template), norms, out=scores[some], where=norms > 0)
     return np.asarray(np.clip(scores, -1.0, 1.0))
 
 
@@ -286,8 +286,9 @@ def _score_tile(
     exact = _exact(planes, block, pattern)
     energy_of: Callable[[slice], Plane]
     if weights is None:
-        whole = block.dtype == np.uint8
-        given = [cv2.extractChannel(block, one) if whole else plane for one, plane in enumerate(planes)]
+        given = list(planes)
+        if block.dtype == np.uint8:
+            given = [block[:, :, 0]] if len(planes) == 1 else [cv2.extractChannel(block, one) for one in range(3)]
         energy_of = WindowEnergy(given, *pattern.shape, memory).of
     else:
         squares = memory.part("energy", shape, kind)
@@ -333,10 +334,11 @@ def _positions(spectrum: Plane, shape: tuple[int, ...], exact: bool) -> Plane:
 
 def _centred(image: Image, out: Plane) -> Plane:
     """Return, in memory, the channels (channels, rows, cols) around 0, and 0 without data; integers stay integers."""
-    out[:] = np.moveaxis(image, 2, 0)
     if image.dtype.kind == "u":
-        out -= np.rint(out.mean(axis=(1, 2), keepdims=True))
+        for channel, mean in enumerate(np.rint(cv2.mean(image))[: image.shape[2]]):
+            np.subtract(image[:, :, channel], out.dtype.type(mean), out=out[channel])
         return out
+    out[:] = np.moveaxis(image, 2, 0)
     gaps = np.isnan(out)
     out[gaps] = 0
     out -= out.sum(axis=(1, 2), keepdims=True) / np.maximum((~gaps).sum(axis=(1, 2), keepdims=True), 1)
