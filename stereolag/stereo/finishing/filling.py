@@ -42,14 +42,27 @@ def filled_from_ends(disparity: FloatMap) -> FloatMap:
     disparity
         (H, W) float32 px; NaN = none.
     """
-    out = disparity.copy()
+    return _filled(disparity, np.zeros(disparity.shape, np.uint8))[0]
+
+
+def _filled(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
+    """Return the map of :func:`filled_from_ends`, and its reasons with FILLED wherever nothing was measured."""
+    out, reasons = np.empty_like(disparity), np.empty_like(reason)
     farthest = np.fmin.reduce(disparity, axis=None)
-    over_bands(lambda first, end: fill_between_ends(disparity, farthest, first, end, out), len(out))
-    return out
+
+    def fill(first: int, end: int) -> None:
+        out[first:end], reasons[first:end] = disparity[first:end], reason[first:end]
+        fill_between_ends(disparity, farthest, first, end, out, reasons)
+
+    over_bands(fill, len(out))
+    return out, reasons
+
+
+FILLED = np.uint8(Reason.FILLED)
 
 
 @compiled
-def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out: Array) -> None:
+def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out: Array, reason: Array) -> None:
     """Fill the gaps of rows `first` to `end`. Equals :func:`fill_between_ends_reference`."""
     width = disparity.shape[1]
     for y in range(first, end):
@@ -57,6 +70,8 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
         for x in range(width + 1):
             if x < width and np.isnan(disparity[y, x]):
                 continue
+            if start < x:
+                reason[y, start:x] = FILLED
             if start < x and not (start == 0 and x == width):
                 value = np.float32(np.inf)
                 wide = x - start >= WIDE
@@ -166,7 +181,7 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     tuple of ndarray
         The map, and its reasons with FILLED where it was filled. A map without any measurement is returned unchanged.
     """
-    filled = filled_from_ends(disparity)
+    filled, reasons = _filled(disparity, reason)
     known = np.flatnonzero(np.isfinite(filled[:, 0]))
     if known.size == 0:
         return disparity, reason
@@ -177,4 +192,4 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
         nearest = np.where(rows - known[before] <= np.abs(known[after] - rows), known[before], known[after])
         nearest[known] = known
         filled = filled[nearest]
-    return filled, np.where(np.isnan(disparity), np.uint8(Reason.FILLED), reason)
+    return filled, reasons

@@ -14,7 +14,17 @@ from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import over_bands, row_bands
 from stereolag.loops.compilation import compiled
-from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most
+from stereolag.loops.vector_lanes import (
+    LANES,
+    are_equal,
+    cast,
+    halved,
+    larger,
+    load,
+    splat,
+    store,
+    where_at_most,
+)
 from stereolag.stereo.finishing.filling import filled_from_behind
 from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
 from stereolag.stereo.matcher import PixelMatches, Reason, without_outside
@@ -156,48 +166,59 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     settings
         Size below which an island is removed, and disparity step that bounds it.
     """
-    sixteenths, run = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
+    run = np.empty(disparity.shape, np.int32)
     parent, pixels = np.empty(disparity.size, np.int32), np.empty(disparity.size, np.int32)
     most, height = round(settings.difference * SIXTEENTHS), disparity.shape[0]
 
     def connect(first: int, end: int) -> None:
-        _find_runs(disparity, most, first, end, sixteenths, run, parent, pixels)
-        _join_rows(sixteenths, most, first + 1, end, run, parent)
+        _find_runs(disparity, most, first, end, run, parent, pixels)
+        _join_rows(disparity, most, first + 1, end, run, parent)
 
     over_bands(connect, height)
     for first, _ in row_bands(height, height)[1:]:
-        _join_rows(sixteenths, most, first, first + 1, run, parent)
+        _join_rows(disparity, most, first, first + 1, run, parent)
     _count_pixels(run, parent, pixels)
-    kept, reasons = disparity.copy(), reason.copy()
-    over_bands(lambda first, end: _drop_small(run, parent, pixels, settings.size, first, end, kept, reasons), height)
+    kept, reasons = np.empty_like(disparity), np.empty_like(reason)
+
+    def drop(first: int, end: int) -> None:
+        kept[first:end], reasons[first:end] = disparity[first:end], reason[first:end]
+        _drop_small(run, parent, pixels, settings.size, first, end, kept, reasons)
+
+    over_bands(drop, height)
     return kept, reasons
 
 
 @compiled
-def _find_runs(
-    disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, run: Array, parent: Array, pixels: Array
-) -> None:
+def _sixteenths(disparity: Any) -> Any:
+    """Return a disparity in whole sixteenths, NOTHING for NaN."""
+    return np.int32(np.rint(disparity * np.float32(SIXTEENTHS))) if disparity == disparity else np.int32(NOTHING)
+
+
+@compiled
+def _find_runs(disparity: FloatMap, most: int, first: int, end: int, run: Array, parent: Array, pixels: Array) -> None:
     """Label each pixel of rows `first` to `end` with its run, the index of the run's first pixel; -1 for NaN.
 
     Each run starts as its own parent; `pixels` counts its pixels.
     """
     width = disparity.shape[1]
+    sixteenths = np.empty(width, np.int32)
     for y in range(first, end):
         for x in range(width):
-            known = disparity[y, x] == disparity[y, x]
-            sixteenths[y, x] = np.int32(np.rint(disparity[y, x] * np.float32(SIXTEENTHS))) if known else NOTHING
-        start, before = -1, NOTHING
+            sixteenths[x] = _sixteenths(disparity[y, x])
+        start, begin, before = -1, 0, NOTHING
         for x in range(width):
-            here = sixteenths[y, x]
-            if here == NOTHING:
+            here = sixteenths[x]
+            if here == NOTHING or start < 0 or abs(here - before) > most:
+                if start >= 0:
+                    pixels[start] = x - begin
                 start = -1
-            elif start >= 0 and abs(here - before) <= most:
-                pixels[start] += 1
-            else:
-                start = y * width + x
-                parent[start], pixels[start] = start, 1
+                if here != NOTHING:
+                    start, begin = y * width + x, x
+                    parent[start] = start
             run[y, x] = start
             before = here
+        if start >= 0:
+            pixels[start] = width - begin
 
 
 @compiled
@@ -210,7 +231,7 @@ def _root(parent: Array, run: int) -> int:
 
 
 @compiled
-def _join_rows(sixteenths: Array, most: int, first: int, end: int, run: Array, parent: Array) -> None:
+def _join_rows(disparity: FloatMap, most: int, first: int, end: int, run: Array, parent: Array) -> None:
     """Join the runs of each row from `first` to `end` with the connected runs of the row above."""
     for y in range(first, end):
         last, last_above = -1, -1
@@ -218,7 +239,7 @@ def _join_rows(sixteenths: Array, most: int, first: int, end: int, run: Array, p
             here, above = run[y, x], run[y - 1, x]
             if here < 0 or above < 0 or (here == last and above == last_above):
                 continue
-            if abs(sixteenths[y, x] - sixteenths[y - 1, x]) <= most:
+            if abs(_sixteenths(disparity[y, x]) - _sixteenths(disparity[y - 1, x])) <= most:
                 last, last_above = here, above
                 one, other = _root(parent, here), _root(parent, above)
                 parent[max(one, other)] = min(one, other)
@@ -254,8 +275,8 @@ def _drop_small(
             if run[y, x] != last:
                 last = run[y, x]
                 small = last >= 0 and pixels[parent[last]] < size
-            disparity[y, x] = np.float32(np.nan) if small else disparity[y, x]
-            reason[y, x] = SPECKLE if small else reason[y, x]
+            if small:
+                disparity[y, x], reason[y, x] = np.float32(np.nan), SPECKLE
 
 
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:

@@ -316,12 +316,12 @@ class CorrelationMatcher(StereoMatcher):
     def _refused(self, matches: WindowMatches) -> ReasonMap | None:
         """Return the reasons of windows that the left-right check or ambiguity test rejects; None if neither is on."""
         reason: ReasonMap | None = None
-        measured = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
-        # np.where runs at memory speed even on noise; a masked assignment needs a branch prediction for every pixel.
         if self.left_right is not None and matches.right_dx is not None:
             disagree = left_right_disagree(matches.dx, matches.right_dx, self.left_right.tolerance)
-            reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), measured)
+            reason = disagree.view(np.uint8) * np.uint8(Reason.LEFT_RIGHT)  # MEASURED is 0
         if self.ambiguity is not None and matches.runner_up is not None:
             level = matches.score - matches.runner_up < self.ambiguity.lead
-            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), measured if reason is None else reason)
+            before = np.uint8(Reason.MEASURED) if reason is None else reason
+            # np.where runs at memory speed even on noise; a masked assignment predicts a branch for every pixel.
+            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), before)
         return reason

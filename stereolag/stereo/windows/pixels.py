@@ -251,17 +251,21 @@ def _write_cells(
     vertical = lag_dy.size > 0
     reason = np.full(cols, MEASURED, np.uint8)
     dy, disparity = np.empty(cols, np.float32), np.empty(cols, np.float32)
+    step_32, last_32, first_32, end_32 = np.int32(step), np.int32(last_col), np.int32(dx_first), np.int32(dx_last)
     for row in range(first, end):
+        top = offset + row * step
+        if step == 1:  # a window's cell is its pixel
+            reason, disparity = maps.reason[top, offset : offset + cols], maps.disparity[top, offset : offset + cols]
         if refused.size:
             reason[:] = refused[row]
         else:
             reason[:] = MEASURED
         if not circular:
             for col in range(cols):
-                lag = lag_dx[row, col]
-                place = col * step + lag
-                inside = (lag >= dx_first) & (lag <= dx_last)
-                cut = (place == 0) | (place == last_col)
+                lag = np.int32(lag_dx[row, col])
+                place = np.int32(np.int32(col) * step_32 + lag)
+                inside = (lag >= first_32) & (lag <= end_32)
+                cut = (place == 0) | (place == last_32)
                 reason[col] = OUT_OF_FRAME if cut else (reason[col] if inside else AT_SEARCH_EDGE)
             if vertical:
                 for col in range(cols):
@@ -282,14 +286,11 @@ def _write_cells(
             for col in range(cols):
                 moved = beside_dy[row, col] + np.float32(lag_dy[row, col])
                 dy[col] = moved if reason[col] == MEASURED else NOTHING
-        top = offset + row * step
         for y in range(top, top + step):
             _blank(maps, y, 0, offset)
             _blank(maps, y, offset + cols * step, width)
             if step == 1:
-                maps.disparity[y, offset : offset + cols] = disparity
                 maps.score[y, offset : offset + cols] = best[row]
-                maps.reason[y, offset : offset + cols] = reason
                 if vertical:
                     maps.dy[y, offset : offset + cols] = dy
                 continue
