@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
-from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
+from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, apply_remedy, diagnose
 from stereolag.assess.orientation import Correspondences, best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
 from stereolag.io.images import read_disparity, read_image
@@ -114,6 +114,7 @@ DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "darker": (lambda left, right: (left, np.rint(right * 0.6).astype(right.dtype)), "exposure"),
     "a tenth black": (_framed, "empty_border"),
     "two thirds blank": (_blank, "texture"),
+    "both views in each": (lambda left, right: (np.hstack([left, right]),) * 2, "layout"),
     "another scene": (lambda left, right: (left, right), "matches"),
 }
 """Functions that disturb a pair, and the finding that names it."""
@@ -124,15 +125,18 @@ def disturbance_rows() -> Iterator[dict[str, object]]:
     pairs = [(left, right) for _, left, right, _ in rectified_pairs()]
     scenes = pairs[1:] + pairs[:1]
     for name, (disturb, code) in DISTURBANCES.items():
-        told, also, offered = 0, dict[str, int](), 0
+        told, also, misled, seen = 0, dict[str, int](), 0, 0
         for (left, right), (other, _) in zip(pairs, scenes, strict=True):
             second = cv2.resize(other, right.shape[1::-1]) if code == "matches" else right
             views = (left, second) if code == "matches" else disturb(left, second)
             if left.ndim != views[1].ndim:
                 views = as_grey(views[0]), as_grey(views[1])
-            ill = [one for one in diagnose(*map(np.ascontiguousarray, views)).ill if one.code != FindingCode.RANGE]
+            views = np.ascontiguousarray(views[0]), np.ascontiguousarray(views[1])
+            diagnosis = diagnose(*views)
+            ill = [one for one in diagnosis.ill if one.code != FindingCode.RANGE]
             told += any(one.code == code for one in ill)
-            offered += any(one.remedy is not None for one in ill if one.code != code)
+            misled += any(misleading(views, one) for one in ill)
+            seen += diagnosis.suggested_range is not None
             for one in ill:
                 if one.code != code:
                     also[one.code] = also.get(one.code, 0) + 1
@@ -140,8 +144,17 @@ def disturbance_rows() -> Iterator[dict[str, object]]:
             "disturbance": name,
             "told": "" if not code else f"{code}: {told} of {len(pairs)}",
             "also told": ", ".join(f"{one} {count}" for one, count in also.items()) or "nothing",
-            "other remedies offered": offered,
+            "remedies after which it is as before": misled,
+            "ranges": seen,
         }
+
+
+def misleading(views: Views, finding: Finding) -> bool:
+    """Return whether a finding has a remedy after which it is told again."""
+    if finding.remedy is None:
+        return False
+    again = diagnose(*apply_remedy(*views, finding.remedy)).finding(finding.code)
+    return again is None or not again.healthy
 
 
 def late_rows() -> Iterator[dict[str, object]]:
