@@ -320,11 +320,16 @@ def read_views(source: Source, layout: Layout | None = None, *, door: Door = ung
             door(read_frame)(data, 2).pixels,
             "The image holds two frames: the left view, and the right.",
         )
-    found = likely_layout(first.pixels) if layout is None else (layout, False)
+    return likely_views(first.pixels, layout)
+
+
+def likely_views(image: Image, layout: Layout | None = None) -> tuple[Image, Image, str]:
+    """Return the left and the right view in an image, and a sentence about it; raise as :func:`read_views`."""
+    found = likely_layout(image) if layout is None else (layout, False)
     if found is None:
         raise OneView("The image holds one view, as far as is to be seen: give the other one too, or their layout.")
-    left, right = views(first.pixels, found[0], crossed=found[1])
-    return left, right, in_words(first.pixels, found[0], crossed=found[1])
+    left, right = views(image, found[0], crossed=found[1])
+    return left, right, in_words(image, found[0], crossed=found[1])
 
 
 def assemble_pair(

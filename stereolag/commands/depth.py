@@ -68,7 +68,7 @@ def run(arguments: Sequence[str]) -> int:
     _load_loops(matcher, pair)
     result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
     pair = upright(pair)
-    figures = _figures(pair, result) | {"findings": findings_as_figures(diagnosis)}
+    figures = _figures(pair, result) | {"notes": said, "findings": findings_as_figures(diagnosis)}
     if options.out is not None:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
         files, left_out = _written(Path(options.out), wanted)

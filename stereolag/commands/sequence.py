@@ -112,6 +112,7 @@ def run(arguments: Sequence[str]) -> int:
         "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
         "out": options.out,
         "video": options.video,
+        "notes": said,
         "findings": findings,
     }
     tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)

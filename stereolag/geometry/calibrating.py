@@ -165,7 +165,8 @@ def calibrate(
     ------
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
-        alike, left and right exchanged, cameras one above the other, or anything :func:`find_boards` refuses.
+        alike, left and right exchanged, cameras that stand aslant of each other, or anything :func:`find_boards`
+        refuses.
 
     Examples
     --------
@@ -303,7 +304,6 @@ def _report(
             "and to both sides, and show it in every part of the picture."
         )
     rig = rig_of(fit, views.size, square_m)
-    how = rectification(rig, views.size)
     pairs = []
     for number, reason in enumerate(reasons):
         left, right, turned, row_error = views.left[number], views.right[number], False, np.nan
@@ -312,10 +312,7 @@ def _report(
             places = seen[number].right[order]
             turned = order > 0 and reason is None
             right = Corners(views.both[number][1].numbers, places) if turned else right
-            rows = (
-                _row(seen[number].left, fit.left, how.left_rotation, how.left_projection),
-                _row(places, fit.right, how.right_rotation, how.right_projection),
-            )
+            rows = _rows(rig, views.size, seen[number].left, places)
             row_error = float(np.abs(rows[0] - rows[1]).mean())
         errors = fit.errors.get(number, (np.nan, np.nan))
         pairs.append(PairReport(left, right, reason, turned, *errors, row_error))
@@ -337,11 +334,24 @@ def _report(
     )
 
 
-def _row(places: DoubleMap, camera: Camera, rotation: DoubleMap, projection: DoubleMap) -> DoubleMap:
-    """Return the rows of corners after rectification, px."""
-    lens = camera.matrix, camera.distortion
-    straight = cv2.undistortPoints(places[:, None], *lens, R=rotation, P=projection, criteria=UNTIL)
-    return np.asarray(straight[:, 0, 1])
+def _rows(rig: StereoRig, size: tuple[int, int], left: DoubleMap, right: DoubleMap) -> DoubleMap:
+    """Return the rows of matching corners after rectification, px, (2, n)."""
+    (width, height), turn = size, rig.turn
+    if turn:
+        rig, size = rig.turned(turn, size), (height, width)
+    how = rectification(rig, size)
+    cameras = (
+        (left, rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
+        (right, rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
+    )
+    rows = []
+    for places, matrix, lens, rotation, projection in cameras:
+        x, y = places.T
+        turned = {0: (x, y), 1: (y, width - 1 - x), -1: (height - 1 - y, x)}
+        seen = np.column_stack(turned[turn])
+        straight = cv2.undistortPoints(seen[:, None], matrix, lens, R=rotation, P=projection, criteria=UNTIL)
+        rows.append(straight[:, 0, 1])
+    return np.asarray(rows)
 
 
 LENSES = {
@@ -674,19 +684,23 @@ def _pair_errors(pair: SeenPair, order: int, left: Camera, right: Camera, pose: 
     return float(first), float(second)
 
 
+ASLANT = 0.7
+"""Share of the longer one of the distances across and down up to which the shorter one may go: rows can be made to
+match by turning the pictures a little."""
+
+
 def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
-    """Return the cameras with lengths in metres, if they are side by side and in order."""
+    """Return the cameras with lengths in metres, if they are side by side and in order, or one above the other."""
     across, up, _ = fit.pose.translation
     if across > abs(up):
         raise ValueError(
             "Left and right are exchanged: the camera of the pictures given as right stands to the left of the other "
             f"by {across * square_m:.3g} m. Swap them."
         )
-    if -across <= abs(up):
+    if min(abs(across), abs(up)) > ASLANT * max(abs(across), abs(up)):
         raise ValueError(
             f"The right camera stands {abs(up) * square_m:.3g} m above or below the left one and "
-            f"{-across * square_m:.3g} m beside it; allowed are cameras side by side: turn the pictures of cameras one "
-            "above the other by 90°."
+            f"{abs(across) * square_m:.3g} m beside it; allowed are cameras side by side, or one above the other."
         )
     lenses = []
     for distortion in (fit.left.distortion, fit.right.distortion):

@@ -501,7 +501,8 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     divisor
         Divides the stored values to give px; below 0 for files that count disparities with the other sign. The default
         is 256 for images of 16 bits (as in KITTI and in this project's examples), 16 for arrays of int16 (as OpenCV
-        returns them) and 1 for other numbers and for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required
+        returns them) and for images of 16 bits whose unknown pixels are OpenCV's (65520), and 1 for other numbers and
+        for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required
         for 8-bit integers: the data sets that use them differ (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
@@ -549,6 +550,9 @@ SINTEL_ALIKE = 0.6
 
 OPENCV_SCALE = 16
 """OpenCV's matchers return int16, in units of 1/16 px."""
+
+OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
+"""Their -1 px, no disparity, in a PNG: the only number of such a file that is above all of int16."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -617,6 +621,8 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     check_pixels(stored.shape[1], stored.shape[0], MAP)
     if kind is IMAGES and stored.dtype.kind == "u":
+        if stored.dtype == np.uint16 and {*stored[stored >= 2**15]} == {OPENCV_UNKNOWN}:
+            return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
     return StoredDisparity(stored, divisor, (*NO_DATA, *_one_negative_number(stored)))

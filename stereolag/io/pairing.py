@@ -72,7 +72,9 @@ all folder names and in the file name without its suffix."""
 
 _TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
 _NO_IMAGE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
-_CALIBRATION = re.compile(r"calib|camera|intrinsic|extrinsic|stereo|chain", re.IGNORECASE)
+_CALIBRATION = re.compile(
+    r"calib|camera|intrinsic|extrinsic|stereo|chain|(?:^|/)(?:K\.txt|SN\d*\.conf)$", re.IGNORECASE
+)
 _IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
 """Names of the two files of a split calibration: those of OpenCV's sample, and of ROS."""
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)

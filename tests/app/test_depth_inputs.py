@@ -98,6 +98,13 @@ def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> No
     assert (typeset("its width of 401 px is odd") in captions(app).lower()) == (width == 401)
 
 
+def test_both_views_in_the_left_image_need_no_right_one() -> None:
+    straight = straight_and_raw.straight_pair()
+    app = given(own_files(inputs), left=("both.png", uploads.png(np.concatenate(straight, axis=0))))
+    np.testing.assert_array_equal(shown(app).right, straight[1])
+    assert "split into upper and lower half" in captions(app)
+
+
 STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"
 
 

@@ -187,6 +187,13 @@ def one_above_the_other(views: BoardViews) -> BoardViews:
     return BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
 
 
+def test_cameras_one_above_the_other_are_calibrated(views: BoardViews, plain: StereoCalibration) -> None:
+    result = calibrate_boards(one_above_the_other(views), SQUARE_M)
+    assert abs(result.calibration.turn) == 1
+    assert result.calibration.baseline_m == pytest.approx(plain.calibration.baseline_m, rel=1e-3)
+    assert result.row_error == pytest.approx(plain.row_error, abs=0.01)
+
+
 def alike(views: BoardViews) -> BoardViews:
     """Return views of a board parallel to the image at one distance: any focal length would fit."""
     poses = [(np.zeros(3), np.array([shift - 5, -2.5, 18.0])) for shift in (-2.0, 0.0, 1.5, 3.0)]
@@ -199,7 +206,10 @@ def alike(views: BoardViews) -> BoardViews:
         "contradict each other: .* of 8 agree": lambda views: replace(views, right=views.right[1:] + views.right[:1]),
         "exchanged": lambda views: replace(views, left=views.right, right=views.left),
         "^2 of 8 pairs .* at least 3": lambda views: replace(views, right=(*views.right[:2], *[None] * 6)),
-        "above or below": one_above_the_other,
+        "above or below": lambda views: placed_views(
+            replace(rig(1.0), translation=np.array([-0.1, 0.09, 0])),
+            [(np.array([0.3 * n, 0.2 - 0.2 * n, 0]), np.array([-6.0, -4.0, 16 + n])) for n in range(-1, 3)],
+        ),
         "tilt": alike,
     }.items(),
 )

@@ -122,6 +122,12 @@ def test_16_bits_are_divided_by_256_and_0_is_unknown(pixels):
     np.testing.assert_array_equal(np.nan_to_num(found) * 256, pixels)
 
 
+def test_16_bits_with_opencvs_unknown_pixels_are_divided_by_16():
+    pixels = np.array([[65520, 96, 97]], np.uint16)
+    np.testing.assert_array_equal(read_disparity(png(pixels)), np.array([[np.nan, 6, 97 / 16]], np.float32))
+    assert read_disparity(png(np.array([[65520, 40000]], np.uint16)))[0, 0] == 65520 / 256
+
+
 @given(pixels=hnp.arrays(np.uint8, shapes).filter(np.any), divisor=st.sampled_from([1, 2, 4, 16]))
 def test_8_bits_with_a_divisor(pixels, divisor):
     rows, cols = pixels.shape

@@ -19,6 +19,10 @@ FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
         [("L2.bmp", "R2.bmp", None, None), ("scene_L.png", "scene_R.png", None, None)],
     ),
     "capitals within": (["imageLeft1.png", "imageRight1.png"], [("imageLeft1.png", "imageRight1.png", None, None)]),
+    "learned matchers and ZED": (
+        ["a/left.png", "a/right.png", "a/K.txt", "b/left.png", "b/right.png", "b/SN1234.conf", "b/notes.txt"],
+        [("a/left.png", "a/right.png", None, "a/K.txt"), ("b/left.png", "b/right.png", None, "b/SN1234.conf")],
+    ),
     "Cityscapes": (
         ["leftImg8bit/ulm_0_9.png", "rightImg8bit/ulm_0_9.png"],
         [("leftImg8bit/ulm_0_9.png", "rightImg8bit/ulm_0_9.png", None, None)],

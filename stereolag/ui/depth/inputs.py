@@ -40,6 +40,7 @@ from stereolag.pair import (
     example_pair,
     fitting_divisor,
     halved_truth,
+    likely_views,
     prepare,
     read_bundle,
     read_views,
@@ -55,7 +56,7 @@ from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
 from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed, remembered
 from stereolag.ui.uploads import (
     CALIBRATION_TYPES,
     DISPARITY_TYPES,
@@ -328,11 +329,27 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
         return Upload(left.digest, left.content)
     with columns[1]:
         right = upload_picture("Right image", key=f"{PAIR}.right")
-    if left is None or right is None:
+    if left is None:
         return None
     assert isinstance(left.content, Frame)
+    if right is None:
+        return _both_in(left.content.pixels, left.digest)
     notes = (SAME_PICTURE,) if left.digest == right.digest else ()
     return Pictures(left.content.pixels, right.content, f"{left.digest} {right.digest}", notes)
+
+
+def _both_in(image: Image, digest: str) -> Pictures | None:
+    """Return both views of a picture given as the left one, if it holds them; otherwise the right one is awaited."""
+
+    def views_of() -> Pictures:
+        try:
+            left, right, said = likely_views(image)
+        except ValueError:  # one view, or an anaglyph
+            return Pictures(image[:0], image[:0], "")
+        return Pictures(left, right, digest, (said,))
+
+    found = remembered("both views", views_of, inputs=digest, settings="", shared=False)
+    return found if found.digest else None
 
 
 def ask_layout(key: str) -> Layout | None:
