@@ -94,6 +94,25 @@ def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), result.disparity)
 
 
+def test_of_images_that_were_turned_the_map_and_the_points_are_turned_back() -> None:
+    pair = replace(small_pair(), turn=1)
+    view = DepthView(pair, {"bm": BLOCK.compute(pair.left, pair.right)}, Colours(0.0, 16.0))
+    download = Download(view, "bm")
+    download.calibration = Calibration(100.0, 0.1, cx=50.0, cy=30.0, width=100, height=60)
+    made = {
+        file.name: file.make() for file in files(download) if file.name in ("disparity.pfm", "valid.png", "left.png")
+    }
+    expected = np.rot90(view.results["bm"].disparity, -1)
+    np.testing.assert_array_equal(read_disparity(made["disparity.pfm"]), expected)
+    np.testing.assert_array_equal(read_image(made["valid.png"]) > 0, np.isfinite(expected))
+    np.testing.assert_array_equal(read_image(made["left.png"]), pair.left)
+    cloud = next(file for file in files(download) if file.name == "cloud.ply").make()
+    assert isinstance(cloud, bytes)
+    points = np.frombuffer(cloud[cloud.index(b"end_header\n") + 11 :], VERTEX)
+    across, down = np.ptp(points["position"], axis=0)[:2]
+    assert down > 1.4 * across
+
+
 def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     pair = replace(small_pair(), visible=np.ones((60, 100), dtype=np.bool_))
     download = Download(view_of(pair, CORRELATION, BLOCK), "StereoBM")

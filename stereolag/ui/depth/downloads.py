@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TypeVar, cast
 
@@ -13,6 +13,7 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import format_bytes, limits
 from stereolag.figures.legends import cloud_ply, coloured_png
+from stereolag.geometry.rectification import turned
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.images import (
     check_kitti,
@@ -28,6 +29,7 @@ from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json
 from stereolag.io.sources import npy
+from stereolag.pair import upright
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
@@ -208,6 +210,11 @@ class Download:
             return self.settings.compute(self.pair.left, self.pair.right)
         return self._enlarged(self.method)
 
+    @property
+    def as_taken(self) -> DisparityMap:
+        """Return that map as the images were taken, turned back if they were turned to be matched."""
+        return self.result.turned(-self.pair.turn)
+
     def each_result(self) -> Iterator[tuple[str, DisparityMap]]:
         """Yield the maps of all methods at the pair's own size, one by one; those of the other methods are enlarged."""
         for name in self.view.results:
@@ -331,7 +338,13 @@ def _of_map(ending: str) -> Callable[[Download], str]:
 
 
 def _confidence(download: Download) -> FloatMap:
-    return confidence(download.result, download.pair.left, download.pair.right)
+    found = confidence(download.result, download.pair.left, download.pair.right)
+    return turned(found, -download.pair.turn)
+
+
+def _cloud(download: Download) -> bytes:
+    pair = upright(replace(download.pair, calibration=download.calibration))
+    return cloud_ply(_known(pair.calibration), download.as_taken.disparity, pair.left)
 
 
 def _confidence_in_words(form: str) -> Callable[[Download], str]:
@@ -366,12 +379,12 @@ def _kitti_refusal(download: Download) -> str:
 
 
 EXPORTS: list[Export] = [
-    Export("PFM", _of_map(".pfm"), lambda it: pfm(it.result.disparity), "Disparity in px as floats; infinite: none."),
-    Export("NPY", _of_map(".npy"), lambda it: npy(it.result.disparity), "Disparity in px for NumPy; NaN: none."),
+    Export("PFM", _of_map(".pfm"), lambda it: pfm(it.as_taken.disparity), "Disparity in px as floats; infinite: none."),
+    Export("NPY", _of_map(".npy"), lambda it: npy(it.as_taken.disparity), "Disparity in px for NumPy; NaN: none."),
     Export(
         "KITTI PNG",
         _of_map("_kitti.png"),
-        lambda it: kitti_png(it.result.disparity),
+        lambda it: kitti_png(it.as_taken.disparity),
         "Disparity × 256 in 16 bits; 0: none.",
         _kitti_refusal,
     ),
@@ -379,18 +392,18 @@ EXPORTS: list[Export] = [
         "Coloured PNG",
         _of_map("_coloured.png"),
         lambda it: coloured_png(
-            it.result.disparity,
+            it.as_taken.disparity,
             it.view.colours.low * it.factor,
             it.view.colours.high * it.factor,
             it.view.colours.palette,
         ),
         "As shown, with a legend.",
     ),
-    Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.result), "White where there is a disparity."),
+    Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.as_taken), "White where there is a disparity."),
     Export(
         "Measured mask",
         "measured.png",
-        lambda it: measured_mask_png(it.result),
+        lambda it: measured_mask_png(it.as_taken),
         "White where the disparity was measured, black where it was filled in or there is none.",
     ),
     Export(
@@ -403,7 +416,7 @@ EXPORTS: list[Export] = [
     Export(
         "Point cloud PLY",
         "cloud.ply",
-        lambda it: cloud_ply(_known(it.calibration), it.result.disparity, it.pair.left),
+        lambda it: _cloud(it),
         "Points in metres and true colour, flying pixels left out; at most 2 million.",
         lambda it: "Metres need a calibration, or one point whose distance is known." if it.calibration is None else "",
     ),
@@ -471,6 +484,8 @@ def size_in_words(download: Download) -> str:
     """Return sentences about the image size of the files, and how their map was brought to it."""
     rows, cols = download.pair.left.shape[:2]
     said = f"All files are for the images at full size, {cols} × {rows} pixels."
+    if download.pair.turn:
+        said += " The images are as they were matched; maps and points are turned back, as the images were taken."
     if not download.reduced:
         return said
     shown = f"{download.view.pair.left.shape[1]} × {download.view.pair.left.shape[0]}"
