@@ -29,14 +29,17 @@ from stereolag.stereo.semi_global.cost import (
     cost_reference,
     matching_cost,
 )
+from stereolag.stereo.semi_global.ends import fit_ends, fit_ends_reference
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher, strips
 from stereolag.stereo.semi_global.optimisation import (
+    CheapestLags,
     SemiGlobal,
     cheapest_lags,
     cheapest_lags_reference,
     optimise,
     path_sums,
     path_sums_reference,
+    place_valleys,
     valley_offset,
 )
 
@@ -272,3 +275,32 @@ def test_the_valley_lies_towards_the_lower_flank() -> None:
     assert offset[0] == 0 and offset[1] == -0.5 and offset[2] == 0.5 and -0.5 < offset[3] < 0 and offset[4] == 0
     np.testing.assert_array_equal(valley_offset(after[:4], lowest[:4], before[:4]), -offset[:4])
     assert not valley_offset(lowest, lowest, lowest).any()
+
+
+def test_disparity_and_score_are_those_of_the_formulas_with_the_ends_as_given() -> None:
+    rng = np.random.default_rng(0)
+    lag, reason = rng.integers(0, 9, (6, 40)).astype(np.int16), rng.integers(0, 2, (6, 40)).astype(np.uint8)
+    lowest = rng.integers(0, 900, lag.shape).astype(np.int32)
+    around = np.stack([lowest + rng.integers(0, 9, lag.shape), lowest, lowest + rng.integers(0, 9, lag.shape)])
+    offset = rng.random(lag.shape).astype(np.float32)
+    found = CheapestLags(lag, around.astype(np.int32), lowest, lag)
+    disparity, score = np.empty_like(offset), np.empty_like(offset)
+    place_valleys(found, reason, (0, 8), -3, 800, 0, 6, offset, disparity, score)
+    at_end = (lag == 0) | (lag == 8)
+    expected = np.where(reason == Reason.MEASURED, lag - 3 + np.where(at_end, offset, valley_offset(*around)), np.nan)
+    np.testing.assert_allclose(disparity, expected, rtol=1e-6)
+    np.testing.assert_array_equal(score, np.clip(1 - lowest / 800, 0, 1).astype(np.float32))
+
+
+@pytest.mark.parametrize("disparity", [-7, -1, 0, 1, 12])
+def test_the_peaks_at_an_end_are_those_of_the_formula(disparity: int) -> None:
+    rng = np.random.default_rng(disparity + 9)
+    left = rng.integers(-128, 128, (16, 36)).astype(np.int16)
+    right = (np.roll(left, -disparity, axis=1) // 2 + rng.integers(-40, 40, left.shape)).astype(np.int16)
+    where = rng.random((12, 32)) < 0.5
+    ours, plain = ((np.zeros(where.shape, np.bool_), np.zeros(where.shape, np.float32)) for _ in range(2))
+    fit_ends(left, right, disparity, where, 0, 12, *ours)
+    fit_ends_reference(left, right, disparity, where, *plain)
+    assert plain[0].any() and not plain[0].all()
+    np.testing.assert_array_equal(ours[0], plain[0])
+    np.testing.assert_allclose(ours[1], plain[1], atol=1e-5)

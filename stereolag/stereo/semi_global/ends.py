@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.arrays import Array, FloatMap, Mask
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
 from stereolag.stereo.semi_global.cost import NOISE, EightBit
 
-LEAST_SCORE = np.float32(0.01)
+LEAST_SCORE = 0.01
 """Scores below this count as this much, so that all have a logarithm."""
 
 
@@ -37,33 +42,107 @@ def peaks_at_end(
     tuple of ndarray
         (H, W) bool, and float32 offset, -0.5..0.5 px; False and 0 elsewhere, and where a neighbour is out of the frame.
     """
-    width = where.shape[1]
     inside, offset = np.zeros(where.shape, np.bool_), np.zeros(where.shape, np.float32)
-    cols = slice(max(0, disparity + 1), min(width, width + disparity - 1))
-    rows = np.flatnonzero(where[:, cols].any(axis=1))
-    if rows.size == 0:
-        return inside, offset
-    reach = window_size // 2
-    near = slice(max(0, rows[0] - reach), rows[-1] + 1 + reach)
-    window = (window_size, window_size)
-
-    def mean(values: FloatMap) -> FloatMap:
-        return np.asarray(cv2.blur(values, window))
-
-    here, there = (np.asarray(image[near], np.float32) - np.float32(128) for image in (left, right))
-    here_mean, there_mean = mean(here), mean(there)
-    norm = np.sqrt(mean(there * there) - there_mean * there_mean + np.float32(NOISE**2))
-    spread = np.sqrt(mean(here * here) - here_mean * here_mean + np.float32(NOISE**2))
-
-    def score(shift: int) -> FloatMap:
-        moved, moved_mean, moved_norm = (np.roll(one, shift, axis=1) for one in (there, there_mean, norm))
-        return np.asarray((mean(here * moved) - here_mean * moved_mean) / (spread * moved_norm))
-
-    before, peak, after = (score(disparity + beside)[:, cols] for beside in (-1, 0, 1))
-    at = where[near, cols]
-    inside[near, cols] = at & (peak >= before) & (peak >= after)
-    low, top, high = (np.log(np.maximum(one, LEAST_SCORE)) for one in (before, peak, after))
-    bend = 2 * top - low - high
-    fitted = np.divide(high - low, 2 * bend, out=np.zeros_like(bend), where=bend > 0)
-    offset[near, cols] = np.where(inside[near, cols], fitted, np.float32(0))
+    if where.any():
+        here, there = (_framed(image, window_size // 2) for image in (left, right))
+        over_bands(
+            lambda first, end: fit_ends(here, there, disparity, where, first, end, inside, offset), where.shape[0]
+        )
     return inside, offset
+
+
+def _framed(image: EightBit, radius: int) -> npt.NDArray[np.int16]:
+    """Return the levels minus 128, which keep the sums small, with a border of the radius."""
+    framed = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101)
+    return np.subtract(framed, 128, dtype=np.int16)
+
+
+@compiled
+def fit_ends(
+    left: Array, right: Array, disparity: int, where: Mask, first: int, end: int, inside: Mask, offset: FloatMap
+) -> None:
+    """Fit the peaks of rows `first` to `end`; `left` and `right` have a border of the window's radius.
+
+    Sums over the columns of the windows are made for the part of a row that has such pixels. Equals
+    :func:`fit_ends_reference`.
+    """
+    width, window = where.shape[1], left.shape[1] - where.shape[1] + 1
+    # By column of the left image: its levels and their squares, those it meets at the disparity, and three products.
+    sums, scores = np.empty((7, left.shape[1] + 2), np.int32), np.empty(3)
+    low, high = max(0, disparity + 1), min(width, width + disparity - 1)
+    for y in range(first, end):
+        begin, stop = high, low
+        for x in range(low, high):
+            if where[y, x]:
+                begin, stop = min(begin, x), x + 1
+        if begin >= stop:
+            continue
+        sums[:, begin : stop + window + 1] = 0
+        for row in range(y, y + window):
+            _add_row(left[row], right[row], disparity, begin, stop + window - 1, sums)
+        for x in range(begin, stop):
+            if not where[y, x]:
+                continue
+            mean, deviation = _spread(sums[0], sums[1], x, window)
+            for shift in range(3):
+                other, norm = _spread(sums[2], sums[3], x + 2 - shift, window)
+                product = _total(sums[4 + shift], x, window) / (window * window)
+                scores[shift] = (product - mean * other) / (deviation * norm)
+            if scores[1] < scores[0] or scores[1] < scores[2]:
+                continue
+            inside[y, x] = True
+            before, peak, after = _logarithm(scores[0]), _logarithm(scores[1]), _logarithm(scores[2])
+            bend = 2 * peak - before - after
+            offset[y, x] = (after - before) / (2 * bend) if bend > 0 else 0.0
+
+
+@compiled
+def _logarithm(score: float) -> float:
+    return math.log(max(score, LEAST_SCORE))
+
+
+@compiled
+def _add_row(left: Array, right: Array, disparity: int, begin: int, end: int, sums: Array) -> None:
+    """Add a row to the sums of the columns `begin` to `end`, and of one more of the right image on either side."""
+    for x in range(begin, end):
+        level = np.int32(left[x])
+        sums[0, x] += level
+        sums[1, x] += level * level
+        for shift in range(3):
+            sums[4 + shift, x] += level * np.int32(right[x - disparity + 1 - shift])
+    for x in range(begin - 1, end + 1):
+        level = np.int32(right[x - disparity])
+        sums[2, x + 1] += level
+        sums[3, x + 1] += level * level
+
+
+@compiled
+def _total(sums: Array, x: int, window: int) -> int:
+    total = 0
+    for col in range(x, x + window):
+        total += sums[col]
+    return total
+
+
+@compiled
+def _spread(sums: Array, squares: Array, x: int, window: int) -> tuple[float, float]:
+    """Return the mean and the deviation, with noise, of a window from the sums of its columns."""
+    area = window * window
+    mean = _total(sums, x, window) / area
+    return mean, math.sqrt(_total(squares, x, window) / area - mean * mean + NOISE**2)
+
+
+def fit_ends_reference(left: Array, right: Array, disparity: int, where: Mask, inside: Mask, offset: FloatMap) -> None:
+    """Do what :func:`fit_ends` does for all rows, with plain NumPy."""
+    width, window = where.shape[1], left.shape[1] - where.shape[1] + 1
+    views = [np.lib.stride_tricks.sliding_window_view(one.astype(float), (window, window)) for one in (left, right)]
+    for y, x in np.argwhere(where):
+        if not 0 <= x - disparity - 1 <= x - disparity + 1 < width:
+            continue
+        here, *others = views[0][y, x], *(views[1][y, x - disparity - beside] for beside in (-1, 0, 1))
+        norm = math.sqrt(here.var() + NOISE**2)
+        scores = [np.mean((here - here.mean()) * one) / (norm * math.sqrt(one.var() + NOISE**2)) for one in others]
+        inside[y, x] = scores[1] >= max(scores)
+        before, peak, after = np.log(np.maximum(scores, LEAST_SCORE))
+        bend = 2 * peak - before - after
+        offset[y, x] = (after - before) / (2 * bend) if inside[y, x] and bend > 0 else 0.0

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
-from stereolag.core.arrays import ReasonMap
+from stereolag.core.arrays import Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress
 from stereolag.core.settings import FitsImage, Pixels
+from stereolag.loops.bands import over_bands
 from stereolag.stereo.finishing.stages import (
     AmbiguityTest,
     Filling,
@@ -34,7 +36,7 @@ from stereolag.stereo.semi_global.optimisation import (
     SemiGlobal,
     cheapest_lags,
     optimise,
-    valley_offset,
+    place_valleys,
 )
 
 BYTES_OF_A_CELL = 3
@@ -157,24 +159,25 @@ class SemiGlobalMatcher(StereoMatcher):
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
         levels = as_eight_bit(*grey)
         found = self.cheapest_lags(*levels, progress)
-        highest = PATHS * self.cost.highest
-        reason = self._reasons(found, highest)
-        offset = valley_offset(*found.around)
-        for end in {0, self.num_disparities - 1}:
+        highest, ends = PATHS * self.cost.highest, (0, self.num_disparities - 1)
+        reason, offset = self._reasons(found, highest), np.zeros(found.lag.shape, np.float32)
+        disparity, score = np.empty_like(offset), np.empty_like(offset)
+        for end in set(ends):
             at_end = found.lag == end
             inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, at_end)
-            offset[at_end] = beside[at_end]
+            offset += beside
             # Disparity 0 is infinity: a physical limit, not an edge of the search.
             if end > 0 or self.min_disparity != 0:
-                reason[at_end & ~inside & (reason != Reason.OUT_OF_FRAME)] = Reason.AT_SEARCH_EDGE
-        flat = least_texture(self.texture, *grey)
-        reason[local_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
-        disparity = np.where(
-            reason == Reason.MEASURED,
-            found.lag + offset + np.float32(self.min_disparity),
-            np.float32(np.nan),
+                lost = at_end & ~inside & (reason != Reason.OUT_OF_FRAME)
+                reason = np.where(lost, np.uint8(Reason.AT_SEARCH_EDGE), reason)
+        flat = self._flat(grey)
+        reason = np.where(flat, np.uint8(Reason.LOW_TEXTURE), reason)
+        over_bands(
+            lambda first, end: place_valleys(
+                found, reason, ends, self.min_disparity, highest, first, end, offset, disparity, score
+            ),
+            len(reason),
         )
-        score = np.clip(1 - found.around[1] / np.float32(highest), 0, 1).astype(np.float32)
         return finished(PixelMatches(disparity, reason, score), left, right, self)
 
     def cheapest_lags(self, left: EightBit, right: EightBit, progress: Progress) -> CheapestLags:
@@ -211,17 +214,27 @@ class SemiGlobalMatcher(StereoMatcher):
         progress(1.0)
         return found
 
+    def _flat(self, grey: tuple[Image, Image]) -> Mask:
+        """Return where the left image's window has too little texture to match."""
+        if self.texture is not None or grey[0].dtype != np.uint8:
+            return local_deviation(grey[0], self.window_size) <= least_texture(self.texture, *grey)
+        # Without a test only windows of one level are flat; those of whole numbers are found much sooner.
+        element, border = np.ones((self.window_size, self.window_size), np.uint8), cv2.BORDER_REFLECT_101
+        lowest = cv2.erode(grey[0], element, borderType=border)
+        return np.asarray(lowest == cv2.dilate(grey[0], element, borderType=border))
+
     def _reasons(self, found: CheapestLags, highest: int) -> ReasonMap:
         """Return the reason of every pixel: MEASURED, or why its match is rejected."""
-        first, lag = self.min_disparity, found.lag
-        reason = np.full(lag.shape, Reason.MEASURED, dtype=np.uint8)
-        dx = np.int32(-first) - lag
+        first, lag = np.int16(self.min_disparity), found.lag
+        reason: ReasonMap = np.zeros(lag.shape, np.uint8)
+        dx = -first - lag
         if self.left_right is not None:
-            right_dx = np.int32(-first) - found.right_lag
-            reason[left_right_disagree(dx, right_dx, self.left_right.tolerance)] = Reason.LEFT_RIGHT
+            disagree = left_right_disagree(dx, -first - found.right_lag, self.left_right.tolerance)
+            reason = disagree.view(np.uint8) * np.uint8(Reason.LEFT_RIGHT)  # MEASURED is 0
         if self.ambiguity is not None:
             lead = found.runner_up - found.around[1]
-            reason[(found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))] = Reason.AMBIGUOUS
-        match = np.arange(lag.shape[1], dtype=np.int32) + dx
-        reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME
-        return reason
+            level = (found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))
+            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), reason)
+        match = np.arange(lag.shape[1], dtype=np.int16) + dx
+        outside = (match < 0) | (match >= lag.shape[1])
+        return np.where(outside, np.uint8(Reason.OUT_OF_FRAME), reason)

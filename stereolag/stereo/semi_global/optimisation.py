@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap, ReasonMap
 from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
@@ -506,3 +506,37 @@ def valley_offset(before: npt.NDArray[Any], lowest: npt.NDArray[Any], after: npt
     known = (before >= 0) & (after >= 0) & (higher > 0)
     ratio = np.divide(lower, higher, out=np.ones_like(higher), where=known)
     return np.asarray(np.sign(left - right) * (1 - ratio * ratio * np.sqrt(ratio)) / 2, dtype=np.float32)
+
+
+@compiled
+def place_valleys(
+    found: CheapestLags,
+    reason: ReasonMap,
+    ends: tuple[int, int],
+    smallest: int,
+    highest: int,
+    first: int,
+    end: int,
+    offset: FloatMap,
+    disparity: FloatMap,
+    score: FloatMap,
+) -> None:
+    """Set the disparity, NaN unless it is measured, and the score of the pixels of rows `first` to `end`.
+
+    At the `ends` of the search, where a flank is missing, `offset` is given; elsewhere it is :func:`valley_offset`. The
+    score is 1 for no cost, 0 for the `highest` or more.
+    """
+    zero, one, two = np.float32(0), np.float32(1), np.float32(2)
+    for y in range(first, end):
+        before, lowest, after = found.around[0, y], found.around[1, y], found.around[2, y]
+        for x in range(lowest.size):
+            left, right = np.float32(before[x] - lowest[x]), np.float32(after[x] - lowest[x])
+            lower, higher = min(left, right), max(left, right)
+            ratio = lower / higher if higher > zero else one
+            beside = (one - ratio * ratio * np.sqrt(ratio)) / two
+            beside = beside if left > right else -beside
+            lag = found.lag[y, x]
+            at_end = (lag == ends[0]) | (lag == ends[1])
+            place = np.float32(lag) + (offset[y, x] if at_end else beside) + np.float32(smallest)
+            disparity[y, x] = place if reason[y, x] == 0 else np.float32(np.nan)
+            score[y, x] = np.float32(min(max(1.0 - lowest[x] / highest, 0.0), 1.0))
