@@ -505,6 +505,10 @@ FILLED, ONE = 0.76, 0.9
 A sibling shares its ground with the template. Measured: from 0.79 where something is in front, up to 0.73 elsewhere.
 """
 
+FROM_RIM, FILLED_NOISY, LEFT_NOISY = (0.1, 0.45), 0.6, 0.55
+"""The same where noise hides the pixels of its rim: smallest and largest share of the blocks, least share of the pixels
+that differ in them, and of the structure that must be seen, of a thing that comes in over the rim of the template."""
+
 LEFT_OVER, LEFT_INSIDE, DIFFERS = 0.45, 0.4, 0.4
 """Least share of the template's structure that must be seen if a part is covered, if only a part is outside, and of
 something that differs in some blocks."""
@@ -515,7 +519,9 @@ def _kind(fit: _Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: f
     if not fit.is_opaque and fit.explained < LEAST_THROUGH:
         return "not_there"
     if disagrees.any():
-        if fit.recoloured < RECOLOURED and _hides(fit, disagrees, structure):
+        if fit.recoloured < RECOLOURED and (
+            _hides(fit, disagrees, structure) or (seen >= LEFT_NOISY and _comes_in(fit, disagrees))
+        ):
             return "partly_covered"
         return "differs" if seen >= DIFFERS else "not_there"
     least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
@@ -552,3 +558,17 @@ def _hides(fit: _Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> boo
     left = float((structure * (1 - _averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
     return bool(COVERED[0] <= share <= COVERED[1] and left >= LEFT_OVER and filled >= FILLED and one >= ONE)
+
+
+def _comes_in(fit: _Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
+    """Return whether the blocks that disagree are one thing in front that comes in over the rim of the template."""
+    if not FROM_RIM[0] <= disagrees.mean() <= FROM_RIM[1]:
+        return False
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
+    region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    rim = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
+    if not rim or region.sum() < 0.8 * disagrees.sum():
+        return False
+    there = cv2.resize(disagrees.astype(np.uint8), fit.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    differ = fit.differences()[there & (fit.weights >= COUNTS)] > 0.02 * fit.variance
+    return bool(differ.mean() >= FILLED_NOISY)
