@@ -76,7 +76,7 @@ def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPag
 
 def test_he_is_found_among_other_sizes_and_angles(open_page: OpenPage) -> None:
     app = open_page(FIND)
-    app.slider(key="template.max_rotation").set_value(10.0).run()
+    app.slider(key="template.max_rotation").set_value(2.0).run()
     assert app.header[0].value == "Found at row 200, column 200"
     assert any("no score map" in caption.value for caption in app.caption)
     app.button_group(key="template.method").set_value("sampled").run()

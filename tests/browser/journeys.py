@@ -176,12 +176,11 @@ def through_sensor_lag(page: Page, audit: Audit) -> None:
     unfold(page, "All four methods", "Hear both together", "Take it away", "The source report")
     expect(page.locator("audio")).to_have_count(4)
     page.wait_for_function("[...document.querySelectorAll('audio')].every((one) => one.readyState > 0)")
-    audit.check(page, "Sensor lag")
+    audit.check(page, "Sensor lag", but=(PANEL,))
     with page.expect_download():
         page.get_by_test_id("stDownloadButton").get_by_role("button").first.press("Enter")
 
     choose(page, "Your own files", begin="Harbour in the wind")
-    audit.check(page, "Sensor lag: own files")
     boxes, sound = page.get_by_test_id("stFileUploader"), np.random.default_rng(0).uniform(-0.5, 0.5, 4_510)
     files = file_of("first.wav", wav(sound[100:])), file_of("second.wav", wav(sound))
     for box, file in zip((boxes.first, boxes.nth(1)), files, strict=True):
@@ -192,7 +191,7 @@ def through_sensor_lag(page: Page, audit: Audit) -> None:
         settled(page)
     unfold(page, "All four methods")
     press(page, "Compare the methods")
-    audit.check(page, "Sensor lag: methods compared")
+    audit.check(page, "Sensor lag: methods compared", but=(PANEL,))
     box = boxes.first
     box.get_by_role("button", name="Remove first.wav").press("Enter")
     expect(box.get_by_text("first.wav")).to_have_count(0)
@@ -217,7 +216,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     main = page.get_by_role("button", name="All in one ZIP")
     main.hover()
     expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # in the dark by now
-    assert audit.findings(page, COLOURS_ALONE) == []
+    assert audit.findings(page, COLOURS_ALONE, only="[data-testid=stDownloadButton]") == []
     for here, tab in pairwise(("Search by hand", "Step by step", "Damage it")):
         turn_to(page, here, tab)
         if tab == "Step by step":
@@ -241,9 +240,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     page.locator(".cutting .stage").press("Shift+ArrowDown")
     expect_found(page, 646, 1070)
     expect_at_home(page, ".cutting")
-    press(page, "Search with OpenCV too")
-    expect_visible(page.get_by_text("The same place; the scores differ by less than"))
-    audit.check(page, "Rocketman search: a template cut out")
+    audit.check(page, "Rocketman search: a template cut out", but=(PANEL,))
     page.get_by_role("radio", name="The example’s", exact=True).press("Enter")
     expect_found(page, 528, 982)
     choose(page, "Your own files", begin="Rocketman in the garden maze")
@@ -308,6 +305,9 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
         if part == "Why this match?":
             _under_the_pointer(page)
         audit.check(page, f"Depth maps: {part}", but=() if part == PARTS[0] else BENCH)
+    # A cloud in 3-D takes seconds without a graphics card, in every theme.
+    page.get_by_role("radio", name=PARTS[0], exact=True).first.press("Enter")
+    settled(page)
     unfold(page, "choose a pair or bring your own")
     choose(page, "Your own files", begin="Puzzle cube")
     unfold(page, "More settings", "Input doctor", "Take it away")

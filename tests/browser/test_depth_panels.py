@@ -197,17 +197,14 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts
 # The match under the pointer
 
 
-@pytest.fixture(scope="module")
-def fence(show_parts: ShowParts) -> Parts:
+def test_the_search_follows_the_pointer_and_the_keys_leaves_again_and_a_click_explains_all(
+    show_parts: ShowParts,
+) -> None:
     pair, matcher = example_pair(samples.stereo_pairs()["fence"]), CorrelationMatcher(window_size=15)
     view = DepthView(pair, {"Convolution": matcher.compute(pair.left, pair.right)}, Colours(0, 64))
-    parts = show_parts(lambda: show_inspection(view))
-    parts.page.locator(".curve .scores").wait_for()
-    return parts
-
-
-def test_the_search_follows_the_pointer_the_keys_and_leaves_again(fence: Parts) -> None:
+    fence = show_parts(lambda: show_inspection(view))
     page = fence.page
+    page.locator(".curve .scores").wait_for()
     reading, frames = page.locator(".hovered .reading"), page.locator(".viewport").nth(1).locator("svg path[stroke]")
     expect(frames).not_to_have_count(0)
     chosen = reading.text_content()
@@ -231,17 +228,13 @@ def test_the_search_follows_the_pointer_the_keys_and_leaves_again(fence: Parts) 
     assert [frame.get_attribute("d") for frame in frames.all()] == framed
     assert fence.sent() == []
 
-
-def test_a_click_still_asks_for_the_whole_explanation(fence: Parts) -> None:
-    page = fence.page
     turned_dark(page, width=420)
     assert "Two places fit almost equally well" not in fence.said()
-    picture = page.locator(".viewport").first
     picture.click(position=point(picture, 303.5 / 640, 332.5 / 480))
     fence.answer()
     assert "Two places fit almost equally well" in fence.said()
     page.mouse.move(2, 2)
     page.get_by_role("application").blur()
-    expect(page.locator(".hovered .reading")).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks"))
+    expect(reading).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks"))
     screenshot(page, "depth-hovered-fence-phone")
     expect_fitting(page, 420)

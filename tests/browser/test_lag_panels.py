@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, expect
 
 from stereolag import signal_lag
 from stereolag.ui.inputs import example_recordings
@@ -23,13 +22,8 @@ def painted(panel: Locator) -> int:
 # A cut slid over a recording
 
 
-@pytest.fixture(scope="module")
-def slides_page(show_parts: ShowParts) -> Page:
-    return show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
-
-
-def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page: Page) -> None:
-    page = slides_page
+def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(show_parts: ShowParts) -> None:
+    page = show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
     expect(where).to_have_text("Lag 0 · sum 10")
@@ -68,9 +62,6 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page
     expect(said).to_have_text("")
     assert sent(page) == []
 
-
-def test_the_slide_reads_in_dark_and_on_a_phone(slides_page: Page) -> None:
-    page = slides_page
     turned_dark(page, width=390)
     page.get_by_role("button", name="Pure tone").click()
     page.locator(".sliding .play").click()
@@ -89,14 +80,9 @@ def drag_in(drawing: Locator, *places: tuple[float, float]) -> None:
     drag(drawing.page, *((box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in places))
 
 
-@pytest.fixture(scope="module")
-def arrows_page(show_parts: ShowParts) -> Page:
+def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: ShowParts) -> None:
     pair = example_recordings("coast")
-    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
-
-
-def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:
-    page = arrows_page
+    page = show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
@@ -142,12 +128,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     expect(said).to_have_text("")
     assert sent(page) == []
 
-
-def test_the_arrows_read_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> None:
-    page = arrows_page
-    page.emulate_media(reduced_motion="reduce")
     turned_dark(page, width=420)
-    root = page.locator(".phasors")
     root.get_by_role("button", name="One tone").click()
     root.locator(".play").click()
     expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # animated, it takes 3 s
@@ -208,15 +189,10 @@ def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: 
 # The plan of the sensors and the source
 
 
-@pytest.fixture(scope="module")
-def plan_page(show_parts: ShowParts) -> Page:
+def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(show_parts: ShowParts) -> None:
     noise = np.random.default_rng(0).normal(size=3000)
     result = signal_lag(noise[1000:], noise[:-1000], sampling_rate=1000)  # one second
-    return show_parts(lambda: show_plan(result, 300.0, key="lag.plan")).page
-
-
-def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_page: Page) -> None:
-    page = plan_page
+    page = show_parts(lambda: show_plan(result, 300.0, key="lag.plan")).page
     plan = page.locator(".plan")
     said, stage = plan.locator(".said"), plan.locator(".stage")
     expect(said).to_contain_text("sensor 2 is")
@@ -237,13 +213,5 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_pa
     plan.get_by_role("button", name="In line").click()
     expect(said).to_contain_text(re.compile(r"300\sm longer.*This is your lag\."))
     assert sent(page) == []
-
-
-def test_the_plan_fits_a_phone_in_the_dark(plan_page: Page) -> None:
-    page = plan_page
     turned_dark(page, width=390)
-    page.locator(".plan .stage").scroll_into_view_if_needed()
-    page.locator(".plan").get_by_role("button", name="As far from both").click()
-    expect(page.locator(".plan .said")).to_contain_text("the lag is 0")
-    expect_fitting(page, 390)
     screenshot(page, "sensor-lag-plan-phone")

@@ -159,13 +159,9 @@ def dots(page: Page) -> int:
     return len(re.findall("M", marked.get_attribute("d") or "")) if marked.count() else 0
 
 
-@pytest.fixture(scope="module")
-def steps(show_parts: ShowParts) -> Parts:
-    inputs = example_pictures("maze")
-    return show_parts(lambda: show_funnel(inputs))
-
-
-def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(steps: Parts) -> None:
+def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(show_parts: ShowParts) -> None:
+    inputs = {name: example_pictures(name) for name in ("maze", "maze_dulled")}
+    steps = show_parts(lambda: show_funnel(inputs["maze"]))
     page = steps.page
     buttons, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
     bars, colour = page.locator(".funnel .bars"), page.locator(".funnel .colour")
@@ -200,16 +196,11 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     expect(colour).to_have_text("Row 55, column 67 of the template: 24 pixels of its colour")
     assert sent(page) == []
 
-
-def test_the_steps_read_in_dark_and_on_a_phone(steps: Parts) -> None:
-    page = steps.page
     turned_dark(page, width=420)
-    inputs = example_pictures("maze_dulled")
-    steps.hand_over(lambda: show_funnel(inputs))
-    buttons = page.locator(".funnel .steps button")
+    steps.hand_over(lambda: show_funnel(inputs["maze_dulled"]))
     expect(buttons.nth(2)).not_to_have_text("Both ends agree1")
     buttons.nth(3).click()
-    expect(page.locator(".funnel .said")).not_to_contain_text("score 1.00")
+    expect(said).not_to_contain_text("score 1.00")
     expect_fitting(page, 420)
     screenshot(page, "rocketman-funnel-phone")
 
