@@ -236,6 +236,9 @@ def test_the_cheapest_lags_are_those_of_the_formula(
     rng = np.random.default_rng(seed)
     sums = rng.integers(0, 3 if few else 52_000, (rows, cols, lags)).astype(np.uint16)
     found = cheapest_lags(sums, smallest)
+    without = cheapest_lags(sums, smallest, runner_up=False)
+    assert without.runner_up.size == 0
+    np.testing.assert_array_equal(without.lag, found.lag)
     for ours, plain in zip(found, cheapest_lags_reference(sums, smallest), strict=True):
         np.testing.assert_array_equal(ours, plain)
 

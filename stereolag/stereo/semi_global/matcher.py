@@ -210,7 +210,7 @@ class SemiGlobalMatcher(StereoMatcher):
         )
         progress(COST_SHARE)
         sums = optimise(costs, left, self.optimisation, lambda done: progress(COST_SHARE + PATHS_SHARE * done))
-        found = cheapest_lags(sums, self.min_disparity)
+        found = cheapest_lags(sums, self.min_disparity, runner_up=self.ambiguity is not None)
         progress(1.0)
         return found
 

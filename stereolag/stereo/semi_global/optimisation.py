@@ -373,12 +373,12 @@ class CheapestLags(NamedTuple):
     around: npt.NDArray[np.int32]
     """(3, H, W) cost at the lag before the cheapest, at the cheapest and at the one after; -1 if there is none."""
     runner_up: npt.NDArray[np.int32]
-    """(H, W) lowest cost among lags more than one away from the cheapest; -1 if there is none."""
+    """(H, W) lowest cost among lags more than one away from the cheapest; -1 if there is none. Empty if not wanted."""
     right_lag: npt.NDArray[np.int16]
     """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH if it has none."""
 
 
-def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
+def cheapest_lags(sums: Sums, smallest: int, *, runner_up: bool = True) -> CheapestLags:
     """Return the cheapest lags of a volume.
 
     Parameters
@@ -387,12 +387,14 @@ def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
         (H, W, D) uint16 summed path costs.
     smallest
         Disparity of the first lag, px: lag k pairs column x on the left with ``x - smallest - k`` on the right.
+    runner_up
+        Whether the runners-up are wanted.
     """
     height, width = sums.shape[:2]
     found = CheapestLags(
         lag=np.empty((height, width), np.int16),
         around=np.empty((3, height, width), np.int32),
-        runner_up=np.empty((height, width), np.int32),
+        runner_up=np.empty((height, width) if runner_up else (0, 0), np.int32),
         right_lag=np.empty((height, width), np.int16),
     )
     over_bands(lambda first, end: _cheapest_rows(sums, smallest, first, end, found), height)
@@ -425,11 +427,12 @@ def _cheapest_rows(sums3: Sums, smallest: int, first: int, end: int, found: Chea
             found.around[1, y, x] = least >> np.uint32(12)
             found.around[0, y, x] = keys[best - 1] >> np.uint32(12) if best > 0 else -1
             found.around[2, y, x] = keys[best + 1] >> np.uint32(12) if best < count - 1 else -1
-            second = min(
-                _least(keys, np.uint64(0), np.uint64(max(0, best - 1))),
-                _least(keys, np.uint64(min(count, best + 2)), lags),
-            )
-            found.runner_up[y, x] = -1 if second == np.uint32(0xFFFFFFFF) else second >> np.uint32(12)
+            if found.runner_up.size > 0:
+                second = min(
+                    _least(keys, np.uint64(0), np.uint64(max(0, best - 1))),
+                    _least(keys, np.uint64(min(count, best + 2)), lags),
+                )
+                found.runner_up[y, x] = -1 if second == np.uint32(0xFFFFFFFF) else second >> np.uint32(12)
         for x in range(width):
             key = right[before + width - 1 - x]
             found.right_lag[y, x] = NO_RIGHT_MATCH if key == np.uint32(0xFFFFFFFF) else np.int64(key & np.uint32(4095))
