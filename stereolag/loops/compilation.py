@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Set
 from contextlib import suppress
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -111,22 +110,6 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
         CONFIG.CACHE_LOCATOR_CLASSES = others
 
 
-def load_lightly() -> None:
-    """Keep Numba from loading `scipy.linalg` and `cffi`, which no loop here needs: a sixth of a command's time.
-
-    For processes that are ours alone, such as a command: other code of the process that compiles products of matrices,
-    or calls of C functions, would be refused. To be called before the first loop.
-    """
-    unneeded = {"scipy.linalg.cython_blas", "cffi"} - sys.modules.keys()
-    sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type]  # None: it cannot be imported
-    try:
-        for user in ("numba.np.arraymath", "numba.core.typing.cffi_utils"):
-            import_module(user)
-    finally:
-        for name in unneeded:
-            del sys.modules[name]
-
-
 def folder_name() -> str:
     """Return a folder name for this Python, this Numba and the current sources of the loops.
 
@@ -180,3 +163,23 @@ def _find_folder() -> Path | None:
 
 FOLDER: Path | None = _find_folder()
 """Folder of the machine code on disk; None if it is not kept."""
+
+
+@compiled
+def _nothing() -> None:
+    """Do nothing: the first loop called loads what Numba needs for all."""
+
+
+def load_lightly() -> None:
+    """Keep Numba from loading `scipy.linalg` and `cffi`, which no loop here needs: a sixth of a command's time.
+
+    For processes that are ours alone, such as a command: other code of the process that compiles products of matrices,
+    or calls of C functions, would be refused. To be called before any other loop.
+    """
+    unneeded = {"scipy.linalg.cython_blas", "cffi"} - sys.modules.keys()
+    sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type]  # None: it cannot be imported
+    try:
+        _nothing()
+    finally:
+        for name in unneeded:
+            del sys.modules[name]
