@@ -357,7 +357,7 @@ def ask_layout(key: str) -> Layout | None:
     layouts: dict[Layout | None, str] = {None: "As the picture shows"}
     layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
     name = persistent(f"{key}.layout")
-    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name)
+    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name, width=260)
     return chosen
 
 

@@ -235,7 +235,10 @@ def _ask_two() -> Upload[_Frames] | None:
 
 
 def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
-    """Show what is wrong with the drive, and offer to turn the frames of cameras above each other."""
+    """Show what is wrong with the drive, and offer to turn the frames of cameras above each other.
+
+    A click affects the whole page.
+    """
     doubts, turn = drive.doubts(matchers), turn_key(drive.first)
     if not doubts and turn not in st.session_state:
         return
@@ -246,15 +249,15 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
             prose.markdown(f":orange[:material/warning:] {finding_in_words(finding)}")
             if finding.remedy is Remedy.TURN_UPRIGHT:
                 quarters = int(finding.numbers["quarters"])
-                st.button(
-                    "Turn all frames to match them (distances become relative)",
-                    key=f"{KEY}.turn",
-                    on_click=partial(st.session_state.update, {turn: quarters}),
-                )
+                act = partial(st.session_state.update, {turn: quarters})
+                label = "Turn all frames to match them (distances become relative)"
+                if st.button(label, key=f"{KEY}.turn", on_click=act):
+                    st.rerun()
         if turn in st.session_state:
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
                 prose.markdown(f":blue[:material/healing:] {FRAMES_TURNED}", width="stretch")
-                st.button("Undo", key=f"{KEY}.turn.undo", on_click=partial(st.session_state.pop, turn, None))
+                if st.button("Undo", key=f"{KEY}.turn.undo", on_click=partial(st.session_state.pop, turn, None)):
+                    st.rerun()
 
 
 FRAMES_TURNED = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
