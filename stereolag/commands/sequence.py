@@ -80,6 +80,7 @@ def run(arguments: Sequence[str]) -> int:
     matcher = flags.over_known_range(matcher, options, known)
     diagnosis = None if diagnosis is None else diagnosis.over(matcher.search_range())
     findings = findings_as_figures(diagnosis)
+    sequence = replace(sequence, findings=() if diagnosis is None else diagnosis.doubts)
     matchers = _matchers(matcher, options)
     try:
         with closing(_Bar(hidden=options.json or not sys.stderr.isatty())) as bar:
@@ -93,7 +94,6 @@ def run(arguments: Sequence[str]) -> int:
                 disparity_format=options.disparity_format,
                 scheduler=options.scheduler,
                 again=options.again,
-                findings=() if diagnosis is None else diagnosis.doubts,
                 progress=bar.show,
             )
     except KeyboardInterrupt:

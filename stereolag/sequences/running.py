@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,7 +19,6 @@ from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
-from stereolag.assess.diagnosis import Finding
 from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
@@ -317,7 +316,6 @@ def run_sequence(
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
-    findings: Sequence[Finding] = (),
     progress: Callable[[SequenceState], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> SequenceResult:
@@ -348,8 +346,6 @@ def run_sequence(
         threads of this process. The maps are identical bit for bit.
     again
         Match everything again, even if `out` was made with other settings.
-    findings
-        What the input doctor finds wrong with the sequence, for the table.
     progress
         Called with the state of the job ten times a second.
     cancelled
@@ -400,8 +396,7 @@ def run_sequence(
             method = next(iter(named.values()))
             watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
         runner = stack.enter_context(runner_at(scheduler))
-        found = "; ".join(one.code for one in findings)
-        job = _Job(sequence, task, target, writer, watch, runner, found, progress, cancelled)
+        job = _Job(sequence, task, target, writer, watch, runner, progress, cancelled)
         ended = False
         try:
             for frame in job.frames():
@@ -425,13 +420,12 @@ class _Job:
         writer: VideoWriter | None,
         watch: MotionWatch | None,
         runner: Runner,
-        findings: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
         self._runner, self._progress, self._cancelled = runner, progress, cancelled
-        self._record = partial(FrameRecord, findings=findings)
+        self._record = partial(FrameRecord, findings="; ".join(one.code for one in sequence.findings))
         self.start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target.finished]
         self.done = self.done_before = len(sequence) - len(self._missing)

@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.assess.diagnosis import Finding
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
@@ -78,6 +79,8 @@ class StereoSequence:
     turn
         Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned to be matched;
         their maps are turned back.
+    findings
+        What the input doctor finds wrong with the frames, for their table.
     """
 
     names: tuple[str, ...]
@@ -86,6 +89,7 @@ class StereoSequence:
     has_truth: bool = False
     rectified: bool = False
     turn: int = 0
+    findings: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of frames."""

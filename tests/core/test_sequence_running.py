@@ -83,7 +83,7 @@ def test_frames_of_cameras_above_each_other_are_turned_to_be_matched_and_their_m
         return lambda: StereoFrame(*frame.turned(-1))
 
     ill = Finding(FindingCode.EXPOSURE, False, {}), Finding(FindingCode.ROWS, False, {})
-    run_sequence(replace(drive, reader=lying, turn=1), FAST, back, findings=ill)
+    run_sequence(replace(drive, reader=lying, turn=1, findings=ill), FAST, back)
     for key, data in plain.maps.items():
         np.testing.assert_array_equal(read_back(back.maps[key]), np.rot90(read_back(data), -1))
         assert back.records[key].coverage == plain.records[key].coverage

@@ -9,7 +9,7 @@ import threading
 import zipfile
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import streamlit as st
@@ -108,12 +108,11 @@ def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
     def compute(job: Job[SequenceResult]) -> SequenceResult:
         try:
             result = run_sequence(
-                drive.sequence,
+                replace(drive.sequence, findings=drive.doubts(asked.matchers.values())),
                 asked.matchers,
                 work.kept,
                 calibration=drive.first.calibration,
                 settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
-                findings=drive.doubts(asked.matchers.values()),
                 video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
                 progress=told,
                 cancelled=lambda: job.cancelled,
