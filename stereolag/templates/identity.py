@@ -32,6 +32,9 @@ BLUR = 0.8
 BLUR_OF_COLOURS = 2.0
 """The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
 
+BLUR_BESIDE = math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)
+"""The blur that brings a blurred brightness to that of the colours."""
+
 STEPS = 8
 """Steps of the alignment; the first of them trust all pixels alike."""
 
@@ -40,8 +43,11 @@ TRUSTING = 3
 CURVE = 3
 """Power up to which the curve of tones goes."""
 
-FARTHEST, TURNED = 1.2, 0.05
-"""Largest shift, px, and change of size (a logarithm) and angle (radians), of the alignment."""
+FARTHEST = np.array([1.2, 1.2, 0.05, 0.05])
+"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment."""
+
+SETTLED = 0.002
+"""The alignment ends once a step moves no corner by so many px."""
 
 TOLERANCE = 0.5
 """Share of a pixel by which edges may be displaced without counting as a difference."""
@@ -102,6 +108,9 @@ up to 0.94 at most places where one of 9 px is not.
 CHANGED_CONTRAST = 1.25
 """Contrast, or its inverse, from which it is told."""
 
+DIGITS = 6
+"""Of the figures of an identity."""
+
 ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
 
@@ -158,8 +167,7 @@ def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool 
         tried = (_gain_over_something(image, pattern, row + down, col + right) for down, right in near)
         over = next((one for one in tried if one is not None), None)
     if over is not None:
-        gain, explained = over
-        return Identity("same", 1.0, gain, explained, _rows_of(np.ones(_grid(pattern.shape), dtype=np.bool_)))
+        return _told("same", 1.0, *over, np.ones(_grid(pattern.shape), dtype=np.bool_))
     fit = _Fit(image, pattern, row, col, posed)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
@@ -169,7 +177,7 @@ def identity(image: Image, pattern: Pattern, row: int, col: int, *, posed: bool 
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
     kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all())
-    return Identity(kind, fit.contrast, fit.gain, fit.explained, _rows_of(agrees))
+    return _told(kind, fit.contrast, fit.gain, fit.explained, agrees)
 
 
 def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
@@ -195,7 +203,7 @@ def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Id
     explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0
     shown = float(there[agrees].sum() / there.sum())
     kind: Kind = "same" if agrees.all() else "differs" if shown >= DIFFERS else "not_there"
-    return Identity(kind, 1.0, (1.0,), explained, _rows_of(agrees))
+    return _told(kind, 1.0, (1.0,), explained, agrees)
 
 
 def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> tuple[tuple[float, ...], float] | None:
@@ -233,8 +241,12 @@ def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> 
     return tuple(gains), max(0.0, 1 - left / varies) if varies > 0 else 0.0
 
 
-def _rows_of(agrees: npt.NDArray[np.bool_]) -> tuple[tuple[bool, ...], ...]:
-    return tuple(tuple(bool(one) for one in line) for line in agrees)
+def _told(
+    kind: Kind, contrast: float, gain: tuple[float, ...], explained: float, agrees: npt.NDArray[np.bool_]
+) -> Identity:
+    """Return an identity, its figures to as many digits as single precision holds: those of an exact copy are 1."""
+    contrast, explained, *gains = (float(f"{figure:.{DIGITS}g}") for figure in (contrast, explained, *gain))
+    return Identity(kind, contrast, tuple(gains), explained, tuple(tuple(map(bool, line)) for line in agrees))
 
 
 def _grid(shape: tuple[int, int]) -> tuple[int, int]:
@@ -249,70 +261,83 @@ class _Fit:
     def __init__(self, image: Image, pattern: Pattern, row: int, col: int, posed: bool) -> None:
         self.own_weights = pattern.weights.astype(np.float32)
         self.weights = _inside(self.own_weights, image, row, col)
+        self.shape = pattern.shape
         on = self.weights > 0
+        self._on = slice(None) if on.all() else on.ravel()
         self.is_opaque = bool((self.own_weights[on] >= 1).all())
-        deviations = np.moveaxis(pattern.deviations, 0, 2)
-        template = self.template = _blurred(deviations.astype(np.float32), self.own_weights)
-        given = template[on].astype(np.float64)
+        self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
+        blur = _Blur(self.own_weights)
+        template = self.template = blur(self._deviations)
+        if not np.array_equal(self.weights, self.own_weights):
+            blur = _Blur(self.weights)
+        given = self._flat(template)
         # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
-        mean = np.asarray(pattern.colours - deviations, dtype=np.float64)[on][0]
-        channels, spread = given.shape[1], given.var(axis=0).sum()
-        terms = np.column_stack([given, np.ones(len(given))])
+        first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
+        mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
+        place = _Place(image, mean, row, col, self.shape)
+        channels, about = given.shape[1], np.atleast_2d(np.cov(given.T, bias=True))
+        spread = float(about.trace())
+        terms = np.column_stack([given, np.ones(len(given), np.float32)])
         ridge = np.diag([1e-4 * spread * len(given)] * channels + [0.0])
-        trust = counts = self.weights[on].astype(np.float64)
-        motion = np.zeros(4)
+        trust = counts = self._flat(self.weights)
+        reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
+        motion = moved = np.zeros(4)
         for step in range(STEPS):
-            self.seen = _blurred(_resampled(image, mean, row, col, on.shape, motion), self.weights)
-            seen = self.seen[on].astype(np.float64)
+            self.seen = blur(place.moved(motion))
+            seen = self._flat(self.seen)
+            weighted = (terms * trust[:, np.newaxis]).astype(np.float64)
+            products, sums = weighted.T @ terms, weighted.T @ seen
             # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
-            gain = _slope(given, seen, trust)
+            energies = (products.diagonal() - np.square(products[-1]) / products[-1, -1])[:-1]
+            common = sums[:-1].diagonal() - products[-1, :-1] * sums[-1] / products[-1, -1]
+            gain = float(common.sum() / energies.sum()) if energies.sum() > 0 else 0.0
             alike = np.vstack([gain * np.eye(channels), np.zeros(channels)])
-            weighted = terms * trust[:, np.newaxis]
-            mixture = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen + ridge @ alike)
-            self.predicted = np.zeros_like(template)
-            self.predicted[on] = terms @ mixture
-            residual = seen - self.predicted[on]
-            self.variance = float(self.predicted[on].astype(np.float64).var(axis=0).sum())
-            if step == STEPS - 1 or not self.variance > 0:
+            self._mixture = np.linalg.solve(products + ridge, sums + ridge @ alike)
+            self._curves: list[tuple[float, Matrix] | None] = [None] * channels
+            self.predicted = self._as_seen(template)
+            residual = seen - self._flat(self.predicted)
+            self.variance = max(0.0, float((self._mixture[:-1].T @ about @ self._mixture[:-1]).trace()))
+            squares = np.einsum("ij,ij->i", residual, residual)
+            settled = step > TRUSTING and np.abs(moved) @ reach < SETTLED
+            if step == STEPS - 1 or settled or not self.variance > 0:
                 break
             moved = _motion(self.predicted, residual, on, trust, posed)
-            motion += moved
-            motion[:2] = np.clip(motion[:2], -FARTHEST, FARTHEST)
-            motion[2:] = np.clip(motion[2:], -TURNED, TURNED)
-            squares = np.square(residual).sum(axis=1)
+            motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
                 trust = counts / np.square(1 + squares / max(0.06 * self.variance, 2 * float(np.median(squares))))
             elif step and squares.max() < 1e-6 * self.variance:
                 break
-        self._mixture, self._curves = mixture, self._tones(seen, on, trust)
         planes = template, self.predicted, self.seen
-        soft, lit, shown = (_softened(plane, self.weights)[on].astype(np.float64) + mean for plane in planes)
-        opaque = trust * (counts >= COUNTS)
-        self.recoloured = _recoloured(soft, lit, shown, opaque, image.dtype)
-        self.predicted = self._as_seen(template)
-        self._sharp = self._as_seen(deviations), _resampled(image, mean, row, col, on.shape, motion)
-        residual = seen - self.predicted[on]
-        behind = 0.0 if self.is_opaque else float(self._sharp[1].var(axis=(0, 1)).sum())
+        soft, lit, shown = (self._flat(blur.softened(one)).astype(np.float64) + mean for one in planes)
+        self.recoloured = _recoloured(soft, lit, shown, (trust * (counts >= COUNTS)).astype(np.float64), image.dtype)
+        if squares.max() >= 1e-6 * self.variance:
+            self._curves = self._tones(seen.astype(np.float64), trust.astype(np.float64))
+            self.predicted = self._as_seen(template)
+            residual = seen - self._flat(self.predicted)
+        self._beside = place.moved(motion)
+        behind = 0.0 if self.is_opaque else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
-        self.shape = on.shape
         self.contrast = math.copysign(math.sqrt(self.variance / spread), gain) if spread > 0 else 0.0
         self.gain = tuple(
-            _slope(given[:, [one]], seen[:, [one]], trust) if np.ptp(given[:, one]) else self.contrast
-            for one in range(channels)
+            float(common[one] / energies[one]) if np.ptp(given[:, one]) else self.contrast for one in range(channels)
         )
-        around = np.square(seen - np.average(seen, axis=0, weights=counts)).sum(axis=1)
-        varies = float(np.average(around, weights=counts))
-        left = float(np.average(np.square(residual).sum(axis=1), weights=counts))
+        around = seen - counts @ seen / counts.sum()
+        varies = float(counts @ np.einsum("ij,ij->i", around, around))
+        left = float(counts @ np.einsum("ij,ij->i", residual, residual))
         self.explained = max(0.0, 1 - left / varies) if varies > 0 else 0.0
 
-    def _tones(self, seen: Matrix, on: npt.NDArray[Any], trust: Matrix) -> list[Matrix | None]:
-        """Return for each channel a curve of the predicted tones, one for the whole template, if it rises throughout.
+    def _flat(self, plane: Plane) -> Plane:
+        """Return the pixels of a plane that count, one after another."""
+        return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._on])
+
+    def _tones(self, seen: Matrix, trust: Matrix) -> list[tuple[float, Matrix] | None]:
+        """Return for each channel a curve of the predicted tones over their spread, if it rises throughout; and that.
 
         A screen's or camera's gamma is one. What a sibling has elsewhere is none.
         """
-        curves: list[Matrix | None] = []
-        for channel in range(seen.shape[1]):
-            tones = self.predicted[:, :, channel][on].astype(np.float64)
+        curves: list[tuple[float, Matrix] | None] = []
+        predicted = self._flat(self.predicted).astype(np.float64)
+        for channel, tones in enumerate(predicted.T):
             spread = tones.std()
             curves.append(None)
             if not spread > 0:
@@ -323,23 +348,29 @@ class _Fit:
             curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen[:, channel])
             ends = np.linspace(tones.min(), tones.max(), 17) / spread
             if (np.diff(np.polyval(curve, ends)) > 0).all():
-                curves[-1] = curve / spread ** np.arange(CURVE, -1, -1)
+                curves[-1] = float(spread), curve
         return curves
 
-    def _as_seen(self, plane: npt.NDArray[Any]) -> Plane:
+    def _as_seen(self, plane: Plane) -> Plane:
         """Return colours of the template in the light of the place, 0 where they do not count."""
-        lit = plane @ self._mixture[:-1] + self._mixture[-1]
+        mixture = self._mixture.astype(np.float32)
+        lit = plane @ mixture[:-1] + mixture[-1]
         for channel, curve in enumerate(self._curves):
             if curve is not None:
-                lit[:, :, channel] = np.polyval(curve, lit[:, :, channel])
-        return np.asarray(lit * (self.weights > 0)[:, :, np.newaxis], dtype=np.float32)
+                spread, powers = curve
+                lit[:, :, channel] = np.polyval(powers.astype(np.float32), lit[:, :, channel] / np.float32(spread))
+        if not isinstance(self._on, slice):
+            lit[self.weights == 0] = 0
+        return np.asarray(lit)
 
     def differences(self, *, sharp: bool = False) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
 
         Of the blurred images, or of the sharp ones.
         """
-        predicted, seen = self._sharp if sharp else (self.predicted, self.seen)
+        predicted, seen = self.predicted, self.seen
+        if sharp:
+            predicted, seen = self._as_seen(self._deviations), self._beside
         least = np.minimum(_beyond(seen, predicted), _beyond(predicted, seen))
         return np.asarray(np.square(least).sum(axis=2) * (self.weights >= COUNTS))
 
@@ -384,37 +415,68 @@ def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
     return np.asarray(weights * known, dtype=np.float32)
 
 
-def _blurred(image: Plane, weights: Plane) -> Plane:
-    """Return an image blurred without what its weights exclude, its colours more than its brightness."""
-    bright = image.mean(axis=2, keepdims=True)
-    blurred = _spread(bright, weights, BLUR)
-    return blurred if image.shape[2] == 1 else blurred + _spread(image - bright, weights, BLUR_OF_COLOURS)
+class _Blur:
+    """A blur without what its weights exclude, of colours more than of brightness."""
+
+    def __init__(self, weights: Plane) -> None:
+        self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
+        self._shares = {
+            blur: np.maximum(_spread(weights, blur), 1e-3)[:, :, np.newaxis]
+            for blur in (BLUR, BLUR_OF_COLOURS, BLUR_BESIDE)
+        }
+
+    def __call__(self, image: Plane) -> Plane:
+        """Return an image blurred."""
+        bright = _bright(image)
+        blurred = self._of(bright, BLUR)
+        return blurred if image.shape[2] == 1 else blurred + self._of(image - bright, BLUR_OF_COLOURS)
+
+    def softened(self, image: Plane) -> Plane:
+        """Return a blurred image with its brightness blurred as its colours are."""
+        bright = _bright(image)
+        return np.asarray(image - bright + self._of(bright, BLUR_BESIDE))
+
+    def _of(self, image: Plane, blur: float) -> Plane:
+        weighted = image if self._weights is None else image * self._weights
+        return np.asarray(_spread(weighted, blur).reshape(image.shape) / self._shares[blur])
 
 
-def _spread(image: Plane, weights: Plane, blur: float) -> Plane:
-    total = cv2.GaussianBlur(image * weights[:, :, np.newaxis], (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
-    share = cv2.GaussianBlur(weights, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(total.reshape(image.shape) / np.maximum(share, 1e-3)[:, :, np.newaxis], dtype=np.float32)
+def _spread(image: Plane, blur: float) -> Plane:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur, borderType=cv2.BORDER_CONSTANT))
 
 
-def _resampled(image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, ...], motion: Matrix) -> Plane:
-    """Return the image at a place, moved by (rows, cols, logarithm of size, angle), less the template's mean."""
-    margin = 3
-    top, left = max(0, row - margin), max(0, col - margin)
-    part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
-    down, right, size, angle = motion
-    cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
-    middle = np.array([(shape[1] - 1) / 2, (shape[0] - 1) / 2])
-    linear = np.array([[cosine, -sine], [sine, cosine]])
-    offset = middle + np.array([col - left + right, row - top + down]) - linear @ middle
-    moved = cv2.warpAffine(
-        np.nan_to_num((part - mean).astype(np.float32)),
-        np.column_stack([linear, offset]),
-        (shape[1], shape[0]),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return np.asarray(moved, dtype=np.float32).reshape(*shape, -1)
+def _bright(image: Plane) -> Plane:
+    channels = image.shape[2]
+    bright = image if channels == 1 else cv2.transform(image, np.full((1, channels), 1 / channels))
+    return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
+
+
+class _Place:
+    """What an image shows around a place, less the template's mean."""
+
+    def __init__(self, image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, int]) -> None:
+        margin = 3
+        top, left = max(0, row - margin), max(0, col - margin)
+        part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
+        self._part = np.nan_to_num((part - mean).astype(np.float32))
+        self._corner = np.array([col - left, row - top])
+        self._shape = shape
+
+    def moved(self, motion: Matrix) -> Plane:
+        """Return the place moved by (rows, cols, logarithm of size, angle)."""
+        down, right, size, angle = motion
+        cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
+        linear = np.array([[cosine, -sine], [sine, cosine]])
+        middle = (np.array(self._shape[::-1]) - 1) / 2
+        offset = middle + self._corner + np.array([right, down]) - linear @ middle
+        moved = cv2.warpAffine(
+            self._part,
+            np.column_stack([linear, offset]),
+            self._shape[::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        return np.asarray(moved, dtype=np.float32).reshape(*self._shape, -1)
 
 
 def _gradient(image: Plane) -> list[Plane]:
@@ -425,32 +487,19 @@ def _gradient(image: Plane) -> list[Plane]:
     ]
 
 
-def _softened(image: Plane, weights: Plane) -> Plane:
-    """Return a blurred image with its brightness blurred as its colours are."""
-    bright = image.mean(axis=2, keepdims=True)
-    return np.asarray(image - bright + _spread(bright, weights, math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)))
-
-
-def _slope(given: Matrix, seen: Matrix, trust: Matrix) -> float:
-    """Return the slope of one against the other, one for all their channels."""
-    centred = given - np.average(given, axis=0, weights=trust)
-    energy = float((trust[:, np.newaxis] * np.square(centred)).sum())
-    return float((trust[:, np.newaxis] * centred * seen).sum()) / energy if energy > 0 else 0.0
-
-
-def _motion(predicted: Plane, residual: Matrix, on: npt.NDArray[Any], trust: Matrix, posed: bool) -> Matrix:
-    """Return the motion of the place, as :func:`_resampled` takes it, that explains most of the residual."""
+def _motion(predicted: Plane, residual: Plane, on: npt.NDArray[Any], trust: Plane, posed: bool) -> Matrix:
+    """Return the motion of the place, as :meth:`_Place.moved` takes it, that explains most of the residual."""
     down, right = (one[on] for one in _gradient(predicted))
     motions = [-down, -right]
     if posed:
         rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))
         motions += [-(rows * down + cols * right), rows * right - cols * down]
-    root = np.sqrt(trust)[:, np.newaxis]
-    terms = np.column_stack([(one * root).ravel() for one in motions]).astype(np.float64)
-    products = terms.T @ terms
+    terms = np.stack(motions).astype(np.float32)
+    weighted = (terms * trust[:, np.newaxis]).reshape(len(terms), -1)
+    products = (weighted @ terms.reshape(len(terms), -1).T).astype(np.float64)
     products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
     moved = np.zeros(4)
-    moved[: len(motions)] = np.linalg.solve(products, terms.T @ (residual * root).ravel())
+    moved[: len(motions)] = np.linalg.solve(products, weighted @ residual.ravel())
     return moved
 
 
@@ -537,7 +586,7 @@ def _kind(fit: _Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: f
 
 
 def _hides(fit: _Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool:
-    """Return whether all that disagrees is one thing in front, whose every pixel does."""
+    """Return whether all blocks that disagree hold or touch one thing in front, whose every pixel does."""
     counts = fit.weights >= COUNTS
     if counts.sum() < LEAST_COVERED:
         return False
@@ -554,6 +603,10 @@ def _hides(fit: _Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> boo
     if not found:
         return False
     front = cv2.fillConvexPoly(np.zeros(fit.shape, np.uint8), cv2.convexHull(max(found, key=cv2.contourArea)), 1) > 0
+    reach = 2 * math.ceil(3 * BLUR_OF_COLOURS) + 1
+    touched = cv2.dilate(np.asarray(front, dtype=np.uint8), np.ones((reach, reach), np.uint8))
+    if (disagrees & (_averaged(touched, structure.shape) == 0)).any():
+        return False
     share = (front & counts).sum() / counts.sum()
     left = float((structure * (1 - _averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
