@@ -46,8 +46,9 @@ CURVE = 3
 FARTHEST = np.array([1.2, 1.2, 0.05, 0.05])
 """Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment."""
 
-SETTLED = 0.002
-"""The alignment ends once a step moves no corner by so many px."""
+SETTLED, NONE = 0.002, 1e-6
+"""The alignment ends once a step moves no corner by so many px, and changes the colours by no more than what is no
+difference: a squared one of the last share of the variance."""
 
 TOLERANCE = 0.5
 """Share of a pixel by which edges may be displaced without counting as a difference."""
@@ -278,10 +279,13 @@ class _Fit:
         channels, about = given.shape[1], np.atleast_2d(np.cov(given.T, bias=True))
         spread = float(about.trace())
         terms = np.column_stack([given, np.ones(len(given), np.float32)])
-        ridge = np.diag([1e-4 * spread * len(given)] * channels + [0.0])
+        # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
+        least = 1e-4 * spread + 1e-9 * float(np.square(given.mean(axis=0, dtype=np.float64)).sum())
+        ridge = np.diag([(least or 1.0) * len(given)] * channels + [0.0])
         trust = counts = self._flat(self.weights)
         reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
         motion = moved = np.zeros(4)
+        self._mixture = np.zeros((channels + 1, channels))
         for step in range(STEPS):
             self.seen = blur(place.moved(motion))
             seen = self._flat(self.seen)
@@ -292,25 +296,30 @@ class _Fit:
             common = sums[:-1].diagonal() - products[-1, :-1] * sums[-1] / products[-1, -1]
             gain = float(common.sum() / energies.sum()) if energies.sum() > 0 else 0.0
             alike = np.vstack([gain * np.eye(channels), np.zeros(channels)])
-            self._mixture = np.linalg.solve(products + ridge, sums + ridge @ alike)
+            before, self._mixture = self._mixture, np.linalg.solve(products + ridge, sums + ridge @ alike)
             self._curves: list[tuple[float, Matrix] | None] = [None] * channels
             self.predicted = self._as_seen(template)
             residual = seen - self._flat(self.predicted)
-            self.variance = max(0.0, float((self._mixture[:-1].T @ about @ self._mixture[:-1]).trace()))
+            variance = float((self._mixture[:-1].T @ about @ self._mixture[:-1]).trace())
+            level = float(np.finfo(np.float32).eps) * np.linalg.norm(self._mixture[-1])
+            self.variance = variance if variance > level**2 else 0.0  # what varies less is rounding of a flat place
             squares = np.einsum("ij,ij->i", residual, residual)
-            settled = step > TRUSTING and np.abs(moved) @ reach < SETTLED
+            other = self._mixture - before
+            changed = float((other[:-1].T @ about @ other[:-1]).trace() + np.square(other[-1]).sum())
+            settled = step > TRUSTING and np.abs(moved) @ reach < SETTLED and changed < NONE * self.variance
             if step == STEPS - 1 or settled or not self.variance > 0:
                 break
             moved = _motion(self.predicted, residual, on, trust, posed)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
-                trust = counts / np.square(1 + squares / max(0.06 * self.variance, 2 * float(np.median(squares))))
-            elif step and squares.max() < 1e-6 * self.variance:
+                usual = max(0.06 * self.variance, 2 * float(np.median(squares)))
+                trust = np.asarray(counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
+            elif step and squares.max() < NONE * self.variance:
                 break
         planes = template, self.predicted, self.seen
         soft, lit, shown = (self._flat(blur.softened(one)).astype(np.float64) + mean for one in planes)
         self.recoloured = _recoloured(soft, lit, shown, (trust * (counts >= COUNTS)).astype(np.float64), image.dtype)
-        if squares.max() >= 1e-6 * self.variance:
+        if squares.max() >= NONE * self.variance:
             self._curves = self._tones(seen.astype(np.float64), trust.astype(np.float64))
             self.predicted = self._as_seen(template)
             residual = seen - self._flat(self.predicted)
