@@ -109,8 +109,8 @@ up to 0.94 at most places where one of 9 px is not.
 CHANGED_CONTRAST = 1.25
 """Contrast, or its inverse, from which it is told."""
 
-DIGITS = 6
-"""Of the figures of an identity."""
+DIGITS, ROUNDING = 6, float(np.finfo(np.float32).eps)
+"""Of the figures of an identity; and the share of its level by which a flat place may vary, computed as it is."""
 
 ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
@@ -301,8 +301,8 @@ class _Fit:
             self.predicted = self._as_seen(template)
             residual = seen - self._flat(self.predicted)
             variance = float((self._mixture[:-1].T @ about @ self._mixture[:-1]).trace())
-            level = float(np.finfo(np.float32).eps) * np.linalg.norm(self._mixture[-1])
-            self.variance = variance if variance > level**2 else 0.0  # what varies less is rounding of a flat place
+            rounding = ROUNDING**2 * float(np.square(self._mixture[-1]).sum())
+            self.variance = variance if variance > rounding else 0.0
             squares = np.einsum("ij,ij->i", residual, residual)
             other = self._mixture - before
             changed = float((other[:-1].T @ about @ other[:-1]).trace() + np.square(other[-1]).sum())
@@ -349,7 +349,7 @@ class _Fit:
         for channel, tones in enumerate(predicted.T):
             spread = tones.std()
             curves.append(None)
-            if not spread > 0:
+            if not spread > 1e-4 * np.abs(tones).max():  # its powers cannot be told apart
                 continue
             terms = np.vander(tones / spread, CURVE + 1)
             weighted = terms * trust[:, np.newaxis]
