@@ -62,13 +62,15 @@ def no_exception(page: Page) -> None:
 
 
 def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) -> None:
-    there = walked(page)
+    there, back = walked(page), walked(page, backwards=True).stops
+    if back != there.stops[::-1]:  # results that arrived between both walks have controls of their own
+        there, back = walked(page), walked(page, backwards=True).stops
     assert there.missed == []
     assert there.unframed == []
     assert there.stops[0] == "a Skip to main content"
     links = [stop for stop in there.stops if stop.startswith("a ")][1:]
     assert all(link.endswith(name) for link, name in zip(links, ADDRESSES, strict=False)), links
-    assert walked(page, backwards=True).stops == there.stops[::-1]
+    assert back == there.stops[::-1]
 
 
 @pytest.mark.parametrize("name", MOVED, indirect=True)
