@@ -157,7 +157,7 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
         "rectified_here": _rectified_here(pair),
-        "coverage": float(result.measured.mean()),
+        "coverage": result.coverage,
         "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
     }

@@ -827,7 +827,7 @@ def valid_mask_png(result: DisparityMap) -> bytes:
 
 def measured_mask_png(result: DisparityMap) -> bytes:
     """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, 0 where it is filled or missing."""
-    return image_png(result.valid & ~result.filled)
+    return image_png(result.measured)
 
 
 def confidence_png(sure: npt.ArrayLike) -> bytes:

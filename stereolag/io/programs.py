@@ -38,7 +38,7 @@ result = matcher.compute(left, right)
 
 np.save(FOLDER / "disparity.npy", result.disparity)
 sl.write_disparity(FOLDER / "disparity.pfm", result.disparity)
-print(f"{{result.coverage:.1%}} of the pixels have a disparity; it took {{result.elapsed_s:.2f}} s")
+print(f"{{result.coverage:.1%}} of the pixels are measured; it took {{result.elapsed_s:.2f}} s")
 """
 
 _OPENCV = """

@@ -59,8 +59,8 @@ def metrics_csv(
     evaluations
         Evaluations against the ground truth, by the name of the method. Figures that are missing or NaN are left empty.
     maps
-        Maps by the name of the method. They add the figures that need no ground truth: the share of pixels with a
-        disparity, the share of measured pixels, and the computation time, seconds. Methods with only a map come last.
+        Maps by the name of the method. They add the figures that need no ground truth: the share of pixels that
+        are measured, the share filled in, and the computation time, seconds. Methods with only a map come last.
     estimated_bad
         Percentage of pixels that are probably off by more than 2 px, by the name of the method.
     """
@@ -69,7 +69,7 @@ def metrics_csv(
     columns = ["truth_pixels", "density", "epe_px", "d1_all_percent"]
     columns += [f"bad_{threshold:g}_percent" for threshold in thresholds]
     columns += [f"bad_measured_{threshold:g}_percent" for threshold in thresholds]
-    columns += ["coverage", "measured", "elapsed_s"] if maps else []
+    columns += ["coverage", "filled", "elapsed_s"] if maps else []
     columns += ["estimated_bad_2_percent"] if estimated else []
     rows = []
     for name in dict.fromkeys([*evaluations, *maps, *estimated]):
@@ -78,8 +78,8 @@ def metrics_csv(
             figures |= figures_of(evaluations[name])
         if name in maps:
             result = maps[name]
-            measured = float(result.measured.mean())
-            figures |= {"coverage": result.coverage, "measured": measured, "elapsed_s": result.elapsed_s}
+            filled = float(result.filled.mean())
+            figures |= {"coverage": result.coverage, "filled": filled, "elapsed_s": result.elapsed_s}
         if name in estimated:
             figures["estimated_bad_2_percent"] = estimated[name]
         values = [figures.get(column, math.nan) for column in columns]

@@ -330,7 +330,7 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
     # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
     nearest = nearest_obstacle(np.where(result.filled, np.float32(np.nan), result.disparity))
     figures = {
-        "coverage": float(result.measured.mean()),
+        "coverage": result.coverage,
         "filled": float(result.filled.mean()),
         "milliseconds": result.elapsed_s * 1e3,
         "nearest_px": nearest,

@@ -242,7 +242,7 @@ class DisparityMap:
     >>> cube = samples.stereo_pairs()["cube"]
     >>> result = sl.StereoBM(num_disparities=64).compute(sl.read_image(cube.left), sl.read_image(cube.right))
     >>> result
-    <DisparityMap 640 × 480, ...% valid, by StereoBM in ... s>
+    <DisparityMap 640 × 480, ...% measured, by StereoBM in ... s>
     >>> round(float(result.disparity[240, 320]))  # px, of the pixel at (row, col)
     45
     >>> result.disparity[0, 0], sl.Reason(result.reason[0, 0]).name
@@ -264,7 +264,7 @@ class DisparityMap:
     def __repr__(self) -> str:
         rows, cols = self.disparity.shape
         return (
-            f"<DisparityMap {cols} × {rows}, {self.coverage:.1%} valid, by {type(self.settings).__name__} "
+            f"<DisparityMap {cols} × {rows}, {self.coverage:.1%} measured, by {type(self.settings).__name__} "
             f"in {self.elapsed_s:.3g} s>"
         )
 
@@ -309,8 +309,8 @@ class DisparityMap:
 
     @property
     def coverage(self) -> float:
-        """Return the share of pixels that have a disparity, 0..1."""
-        return float(np.count_nonzero(self.valid) / self.valid.size)
+        """Return the share of pixels whose disparity was measured, not filled in, 0..1."""
+        return float(self.measured.mean())
 
     def turned(self, quarters: int) -> DisparityMap:
         """Return the map turned by quarters of a turn, counter-clockwise as seen: its disparities run along columns."""

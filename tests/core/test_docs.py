@@ -178,7 +178,7 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(program, names)
-    assert "measured or filled" in capsys.readouterr().out
+    assert "% measured, " in capsys.readouterr().out
     calibration, depth = names["calibration"], names["depth"]
     assert isinstance(calibration, sl.Calibration)
     assert calibration.baseline_m == pytest.approx(0.1, rel=0.02)

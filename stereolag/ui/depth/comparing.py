@@ -283,10 +283,7 @@ def _show_estimates(view: DepthView) -> None:
         prose.caption(JUDGE_LEFT_OUT)
     if not bad:
         return
-    rows = {
-        name: {"Estimated bad-2": one, "Coverage": 100 * float(view.results[name].measured.mean())}
-        for name, one in bad.items()
-    }
+    rows = {name: {"Estimated bad-2": one, "Coverage": 100 * view.results[name].coverage} for name, one in bad.items()}
     st.dataframe(
         pd.DataFrame.from_dict(rows, orient="index").sort_values("Estimated bad-2"),
         column_config={
@@ -423,7 +420,7 @@ def _figures(pair: Pair, matchers: Sequence[StereoMatcher], progress: Progress) 
         bad = math.nan if judge.unjudged(matcher) else Judgement.of(result.disparity, judge.reference).bad
         true[f"{matcher.title}: bad-2, %"] = bad if known else math.nan
         estimated[f"{matcher.title}: estimated bad-2, %"] = math.nan if known else bad
-        coverage[f"{matcher.title}: coverage, %"] = 100 * float(result.measured.mean())
+        coverage[f"{matcher.title}: coverage, %"] = 100 * result.coverage
         took[f"{matcher.title}: took"] = result.elapsed_s
     return true | estimated | coverage | took
 

@@ -380,7 +380,7 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     result, truth = view.results[name], view.pair.truth
     figures = [
         Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
-        Figure("Coverage", percent(float(result.measured.mean())), "Share of the pixels whose disparity was measured."),
+        Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured."),
     ]
     if result.filled.any():
         figures.append(
