@@ -42,8 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from stereolag.commands.arguments import guarded
 
         module = import_module(f"{__name__}.{given[0]}")
-        if loops := sys.modules.get("stereolag.loops.compilation"):
-            loops.load_lightly()
         return guarded(given[0], lambda: int(module.run(given[1:])))
     parser = argparse.ArgumentParser(prog="stereolag", description="Lag by correlation.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=VERSION)

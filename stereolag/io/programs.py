@@ -65,7 +65,7 @@ raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity
 disparity = np.where(raw > {none}, raw.astype(np.float32) / {subpixel}, np.float32(np.nan))
 
 np.save(FOLDER / "disparity.npy", disparity)
-print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels have a disparity")
+print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels are measured")
 """
 
 _LAG = """

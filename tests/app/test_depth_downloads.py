@@ -140,7 +140,7 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
             line.split(":")[0] for line in said.splitlines() if ": " in line
         }
         lines = whole.read("metrics.csv").decode().splitlines()
-    assert lines[0].endswith("coverage,measured,elapsed_s")
+    assert lines[0].endswith("coverage,filled,elapsed_s")
     assert lines[1].startswith("StereoBM,")
 
 

@@ -50,7 +50,7 @@ class Stages(Settings):
 def saved_by(run: Callable[[Path], str], program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Run a program in a folder, and return the maps that it saved there."""
     (folder / "program.py").write_text(program, encoding="utf-8")
-    assert "of the pixels have a disparity" in run(folder / "program.py")
+    assert "of the pixels are measured" in run(folder / "program.py")
     return np.load(folder / "disparity.npy"), sl.read_disparity(folder / "disparity.pfm")
 
 
