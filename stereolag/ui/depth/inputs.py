@@ -341,15 +341,15 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
 def _both_in(image: Image, digest: str) -> Pictures | None:
     """Return both views of a picture given as the left one, if it holds them; otherwise the right one is awaited."""
 
-    def views_of() -> tuple[Pictures | None]:
+    def views_of() -> Pictures:
         try:
             left, right, said = likely_views(image)
         except ValueError:  # one view, or an anaglyph
-            return (None,)
-        return (Pictures(left, right, digest, (said,)),)
+            return Pictures(image[:0], image[:0], "")
+        return Pictures(left, right, digest, (said,))
 
-    (found,) = remembered("both views", views_of, inputs=digest, settings="", shared=False)
-    return found
+    found = remembered("both views", views_of, inputs=digest, settings="", shared=False)
+    return found if found.digest else None
 
 
 def ask_layout(key: str) -> Layout | None:
