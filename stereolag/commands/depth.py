@@ -28,7 +28,6 @@ from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_stor
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
-from stereolag.loops.compilation import load_lightly
 from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
@@ -54,7 +53,6 @@ def run(arguments: Sequence[str]) -> int:
     _add_files(parser)
     flags = MatcherFlags(parser, arguments)
     options, matcher = flags.parsed(arguments)
-    load_lightly()
 
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)

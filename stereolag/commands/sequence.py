@@ -32,7 +32,6 @@ from stereolag.commands.pairs import (
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.images import DISPARITY_FORMATS
-from stereolag.loops.compilation import load_lightly
 from stereolag.pair import Pair, PairId, upright
 from stereolag.sequences import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
@@ -73,7 +72,6 @@ def run(arguments: Sequence[str]) -> int:
     # Imported only now, so that --help does not wait for them.
     from stereolag.sequences import diagnose_sequence, run_sequence
 
-    load_lightly()
     sequence, calibration, said = _read_sequence(options)
     diagnosis = None if options.trust else diagnose_sequence(sequence)
     known = None if diagnosis is None else diagnosis.suggested_range
