@@ -25,13 +25,12 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba
-from numba import literal_unroll
 from numba import types as numba_types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
 from numba.extending import overload as compiled_as
 
-__all__ = ["FOLDER", "compiled", "compiled_as", "literal_unroll", "numba_types"]
+__all__ = ["FOLDER", "compiled", "compiled_as", "numba_types"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -3,7 +3,8 @@
 Numba leaves it to LLVM to find the plain loops that can run on vector registers; the loops of the window correlation
 use too many arrays for it to prove that none overlap, and it gives up. So these loops are vectorised explicitly. A
 value of type ``Lanes`` is sixteen numbers side by side. LLVM maps it to the registers of the machine: one of AVX-512,
-two of AVX2, four of SSE or NEON. Inside compiled code ``+ - * & |`` work on it lane by lane. Indices count elements
+two of AVX2, four of SSE or NEON. Inside compiled code ``+ - * & | ^ >>`` work on it lane by lane, the
+last one on unsigned bits. Indices count elements
 from the start of the array, whatever its shape, and are not checked.
 """
 
@@ -130,7 +131,7 @@ def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
     source, target = lanes.dtype, dtype.dtype
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        if source == target:
+        if context.get_value_type(source) == context.get_value_type(target):
             return arguments[0]
         convert = getattr(builder, _conversion(source, target))
         return convert(arguments[0], context.get_value_type(Lanes(target)))
@@ -139,15 +140,21 @@ def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
 
 
 def _conversion(source: Any, target: Any) -> str:
-    """Return the name of LLVM's instruction; integers only ever widen here."""
+    """Return the name of LLVM's instruction; narrower integers keep their low bits."""
     from_integer, to_integer = isinstance(source, types.Integer), isinstance(target, types.Integer)
     if from_integer and to_integer:
-        return "sext" if source.signed else "zext"
+        return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
     if from_integer:
         return "sitofp" if source.signed else "uitofp"
     if to_integer:
         return "fptosi"
     return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
+
+
+def _function(builder: Any, result: Any, argument: Any, name: str) -> Any:
+    """Return one of LLVM's own functions."""
+    function = ir.FunctionType(result, [argument])
+    return cgutils.get_or_insert_function(builder.module, function, name)  # type: ignore[no-untyped-call]
 
 
 def _of_two(generate: Callable[..., Any]) -> Instruction:
@@ -173,6 +180,29 @@ paired_products = _of_two(_pairs_multiplied)
 Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
 """
 
+
+def _upper_halves_of_products(builder: Any, one: Any, other: Any) -> Any:
+    wide = ir.VectorType(ir.IntType(32), LANES)
+    product = builder.mul(builder.zext(one, wide), builder.zext(other, wide))
+    return builder.trunc(builder.lshr(product, ir.Constant(wide, [16] * LANES)), one.type)
+
+
+scaled = _of_two(_upper_halves_of_products)
+"""Return the upper 16 bits of the product of two uint16: `one` times `other` / 65536 (``vpmulhuw``)."""
+
+
+def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
+    of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # whose bits are counted by a table of half a byte
+    count = _function(builder, of_bytes, of_bytes, f"llvm.ctpop.v{2 * LANES}i8")
+    first, second = (builder.call(count, [builder.bitcast(lanes, of_bytes)]) for lanes in (one, other))
+    pairs = builder.bitcast(builder.add(first, second), one.type)
+    low = builder.and_(pairs, ir.Constant(one.type, [255] * LANES))
+    return builder.add(low, builder.lshr(pairs, ir.Constant(one.type, [8] * LANES)))
+
+
+bits_of_both = _of_two(_bits_of_both)
+"""Return the number of set bits of two uint16 together, lane by lane."""
+
 larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
 """Return the larger of two integers, lane by lane."""
 
@@ -194,16 +224,6 @@ def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) 
 
 
 @_instruction
-def halved(typing: Any, lanes: Any) -> Any:
-    """Return half of each integer, rounded down, treated as unsigned."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.lshr(arguments[0], ir.Constant(arguments[0].type, [1] * LANES))
-
-    return lanes(lanes), generate
-
-
-@_instruction
 def are_equal(typing: Any, one: Any, other: Any) -> Any:
     """Return whether all sixteen integers equal those of `other`."""
 
@@ -219,10 +239,8 @@ def _over_lanes(operation: str, number: Any) -> Instruction:
 
     def typing_and_code(typing: Any, lanes: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            reduce = ir.FunctionType(ir.IntType(number.bitwidth), [arguments[0].type])
             name = f"llvm.vector.reduce.{operation}.v{LANES}i{number.bitwidth}"
-            function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
-            return builder.call(function, arguments)
+            return builder.call(_function(builder, ir.IntType(number.bitwidth), arguments[0].type, name), arguments)
 
         return number(lanes), generate
 
@@ -264,13 +282,5 @@ _let_operator_work(operator.sub, "sub", "fsub")
 _let_operator_work(operator.mul, "mul", "fmul")
 _let_operator_work(operator.and_, "and_", None)
 _let_operator_work(operator.or_, "or_", None)
-
-
-@_instruction
-def popcount(typing: Any, word: Any) -> Any:
-    """Return the number of set bits of an unsigned integer, in its own type."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.ctpop(arguments[0])
-
-    return word(word), generate
+_let_operator_work(operator.xor, "xor", None)
+_let_operator_work(operator.rshift, "lshr", None)

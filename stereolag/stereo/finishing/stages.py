@@ -18,7 +18,6 @@ from stereolag.loops.vector_lanes import (
     LANES,
     are_equal,
     cast,
-    halved,
     larger,
     load,
     splat,
@@ -457,12 +456,13 @@ def _median(values: Array, centre: int, corner: int, side: int, spacing: int, nu
             total = total + weight
             at += LANES
     low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
-    half = halved(total + splat(1, values.dtype))
+    one = splat(1, values.dtype)
+    half = (total + one) >> one
     while not are_equal(low, high):
-        middle, below = low + halved(high - low), nothing
+        middle, below = low + ((high - low) >> one), nothing
         for at in range(0, side * side * LANES, LANES):
             below = below + where_at_most(load(numbers, at), middle, load(weights, at), nothing)
-        low = where_at_most(half, below, low, middle + splat(1, values.dtype))
+        low = where_at_most(half, below, low, middle + one)
         high = where_at_most(half, below, middle, high)
     return low
 

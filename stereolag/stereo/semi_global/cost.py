@@ -1,7 +1,7 @@
-"""Matching cost of every pixel at every lag: the settings, the terms, each listed in ``TERMS``, and their sum.
+"""Matching cost of every pixel at every lag: the settings, the features compared, the terms, and their sum.
 
-A compiled loop adds a term's cost for a run of neighbouring pixels at every lag. Inner loops over the lags are separate
-functions: in the body of the loop over the pixels they take four times as long.
+One pass over the lags, sixteen at once, computes all three terms of a pixel and writes their rounded sum. Costs are
+summed in 16 bits, in parts of 1/256 (``PARTS``). Each term has its plain formula, listed in ``TERMS``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,21 @@ from pydantic import Field, model_validator
 from stereolag.core.arrays import Array
 from stereolag.core.settings import Applies, Settings, marker
 from stereolag.loops.bands import over_bands
-from stereolag.loops.compilation import compiled, compiled_as, literal_unroll
-from stereolag.loops.vector_lanes import popcount
+from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import (
+    LANES,
+    bits_of_both,
+    cast,
+    item,
+    larger,
+    load,
+    paired_products,
+    put,
+    scaled,
+    smaller,
+    splat,
+    store,
+)
 
 MOST = 250
 """Largest sum of the weights: a volume stores costs in 8 bits."""
@@ -86,167 +99,65 @@ EightBit = npt.NDArray[np.uint8]
 Volume = npt.NDArray[np.float64]
 Costs = npt.NDArray[np.uint8]
 
-
-class Run(NamedTuple):
-    """Pixels of one row that are processed together, so that their costs stay in the processor's cache."""
-
-    y: int
-    first: int
-    end: int
-    """Columns `first` to `end`; the runs of a row follow one another."""
-    is_top: bool
-    """Whether this is the first row of its band."""
-    lags: int
-    origin: int
-    """Column of the right features, without a border, that column 0 of the left image meets at the first lag."""
-
-
-class CostTerm(NamedTuple):
-    """One term of the matching cost.
-
-    Attributes
-    ----------
-    weight
-        The field of :class:`stereolag.stereo.semi_global.cost.MatchingCost` with its highest cost.
-    kind
-        The type of its features, by which compiled code identifies the term.
-    features
-        Computes the features of one image: a named tuple of numbers and arrays, (H, W) or (H, W) with a border of the
-        window's radius; called with the image, the radius and the settings.
-    add
-        Compiled; called with the features of both images, a run, an int32 buffer kept from one row of a band to the
-        next, and the float32 costs of the run, (pixels × lags), to which it adds its own.
-    reference
-        The plain formula: (H, W, W) cost of each pixel of the left image with each pixel in the same row of the right
-        image; called with both images, the radius and the settings.
-    """
-
-    weight: str
-    kind: type[Any]
-    features: Callable[[EightBit, int, MatchingCost], Any]
-    add: Callable[..., None]
-    reference: Callable[[EightBit, EightBit, int, MatchingCost], Volume]
-
-
 NOISE = 2.0
 """Standard deviation taken for noise, grey levels of 255: a window that varies less correlates with nothing."""
 
+PARTS = 256
+"""Parts of a unit of cost in which terms are summed: MOST of them fit in 16 bits."""
 
-class CorrelationFeatures(NamedTuple):
-    """Features that the correlation term compares."""
 
-    padded: npt.NDArray[np.int16]
-    """Grey levels minus 128, with a border of the window's radius."""
+class Features(NamedTuple):
+    """Features of one image that the terms compare, each (H, W), but `levels` with a border of the window's radius."""
+
+    levels: npt.NDArray[Any]
+    """int16 grey levels minus 128; of the right image int32, see :func:`right_features`."""
     total: npt.NDArray[np.float32]
     """Sum of these levels over the window around every pixel."""
-    mean: npt.NDArray[np.float32]
     inverse: npt.NDArray[np.float32]
     """Inverse square root of the window's energy about its mean."""
-    half: np.float32
-    """Cost of a correlation of 0."""
+    gradient: npt.NDArray[np.int16]
+    """Horizontal Sobel filter."""
+    census: npt.NDArray[np.uint16]
+    """The low 16 bits of the census words."""
+    census_high: npt.NDArray[np.uint16]
+    """The 8 bits above."""
 
 
-def correlation_features(image: EightBit, radius: int, settings: MatchingCost) -> CorrelationFeatures:
-    """Return the padded image with the sums and norms of its windows."""
+def features(image: EightBit, radius: int) -> Features:
+    """Return the features of an image for windows of a radius."""
     side = 2 * radius + 1
     padded = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101).astype(np.int16)
     padded -= 128
-    inside = (slice(radius, radius + image.shape[0]), slice(radius, radius + image.shape[1]))
-    total = np.asarray(cv2.boxFilter(padded, cv2.CV_32F, (side, side), normalize=False)[inside], np.float32)
-    energy = np.asarray(cv2.sqrBoxFilter(padded, cv2.CV_32F, (side, side), normalize=False)[inside], np.float32)
+    total, energy = (
+        np.ascontiguousarray(blur(padded, cv2.CV_32F, (side, side), normalize=False)[radius:-radius, radius:-radius])
+        for blur in (cv2.boxFilter, cv2.sqrBoxFilter)
+    )
     energy += np.float32(side**2 * NOISE**2) - total * total * np.float32(1 / side**2)
-    return CorrelationFeatures(
-        padded=padded,
+    words = census(image)
+    return Features(
+        levels=padded,
         total=total,
-        mean=total * np.float32(1 / side**2),
         inverse=np.reciprocal(np.sqrt(energy, out=energy), out=energy),
-        half=np.float32(settings.correlation * 0.5),
+        gradient=np.asarray(cv2.Sobel(image, cv2.CV_16S, 1, 0), np.int16),
+        census=words.astype(np.uint16),
+        census_high=(words >> 16).astype(np.uint16),
     )
 
 
-@compiled
-def add_correlation(
-    left: CorrelationFeatures, right: CorrelationFeatures, run: Run, carried: Array, costs: Array
-) -> None:
-    """Add half the weight times one minus the correlation of the windows.
+def right_features(image: EightBit, radius: int, before: int, after: int) -> Features:
+    """Return the features of the right image, mirrored left to right, so that larger lags are at larger addresses.
 
-    Products are summed down each column of the window once and then along the row, so that the time does not depend on
-    the window size; both sums are carried from run to run. Arrays are flattened once per run: a view made for every
-    pixel takes three times as long as the arithmetic.
+    They have `before` and `after` more columns at the ends, so that every lag can be read. Each level is joined by the
+    one a window's height above it, which leaves the window when it enters: it is in the high 16 bits.
     """
-    width, stride = np.uint64(left.total.shape[1]), np.uint64(left.padded.shape[1])
-    lags, side = np.uint64(run.lags), stride - width + np.uint64(1)
-    zero, one = np.uint64(0), np.uint64(1)
-    # Column 0 stays zero: it is the column that leaves the window until the window is full.
-    columns, window = carried[lags:], carried[:lags]
-    left_pixels, right_pixels = left.padded.reshape(-1), right.padded.reshape(-1)
-    totals, inverses = right.total.reshape(-1), right.inverse.reshape(-1)
-    right_stride, origin, y = np.uint64(right.padded.shape[1]), np.uint64(run.origin), np.uint64(run.y)
-    reach = origin + side // np.uint64(2)
-    first, end = np.uint64(run.first), np.uint64(run.end)
-    if run.first == 0:
-        if run.is_top:
-            columns[:] = 0
-            for row in range(y, y + side - one):
-                for col in range(stride):
-                    newest, pixel = row * right_stride + reach - col, left_pixels[row * stride + col]
-                    _slide(columns, (col + one) * lags, zero, window, lags, right_pixels, newest, zero, pixel, 0)
-        window[:] = 0
-    incoming, outgoing = y + side - one, y if run.is_top else y - one
-    for col in range(zero if run.first == 0 else first + side - one, end + side - one):
-        here, leaving = (col + one) * lags, (col + one - side) * lags if col >= side else zero
-        newest, oldest = incoming * right_stride + reach - col, outgoing * right_stride + reach - col
-        gained, lost = left_pixels[incoming * stride + col], 0 if run.is_top else left_pixels[outgoing * stride + col]
-        _slide(columns, here, leaving, window, lags, right_pixels, newest, oldest, gained, lost)
-        if col + one >= side:
-            x = col + one - side
-            scale, source = np.float32(left.half * left.inverse[y, x]), y * right_stride + origin - x
-            target = (x - first) * lags
-            _add_scores(window, left.mean[y, x], scale, left.half, totals, inverses, source, lags, costs, target)
+    found, side = features(image, radius), 2 * radius + 1
+    levels = found.levels.astype(np.int32)
+    levels[side:] = (levels[side:] & 0xFFFF) | (levels[:-side] << 16)
 
+    def framed(array: Array) -> Array:
+        return cv2.copyMakeBorder(cv2.flip(array, 1), 0, 0, before, after, cv2.BORDER_CONSTANT)
 
-@compiled
-def _slide(
-    columns: Array,
-    here: Any,
-    leaving: Any,
-    window: Array,
-    lags: Any,
-    pixels: Array,
-    newest: Any,
-    oldest: Any,
-    gained: Any,
-    lost: Any,
-) -> None:
-    """Move a column of products down one row, and add it to the window in place of the leaving column.
-
-    `gained` and `lost` are the left image's pixels in the rows that the column gains and loses; `newest` and `oldest`
-    are where the right image's pixels of those rows begin.
-    """
-    more, less = np.int32(gained), np.int32(lost)
-    for lag in range(lags):
-        products = more * np.int32(pixels[newest + lag]) - less * np.int32(pixels[oldest + lag])
-        column = np.int32(columns[here + lag] + products)
-        columns[here + lag] = column
-        window[lag] += column - columns[leaving + lag]
-
-
-@compiled
-def _add_scores(
-    window: Array,
-    mean: Any,
-    scale: Any,
-    half: Any,
-    totals: Array,
-    inverses: Array,
-    source: Any,
-    lags: Any,
-    costs: Array,
-    target: Any,
-) -> None:
-    for lag in range(lags):
-        covariance = np.float32(window[lag]) - mean * totals[source + lag]
-        costs[target + lag] += half - covariance * scale * inverses[source + lag]
+    return Features(*(framed(one) for one in found._replace(levels=levels)))
 
 
 def correlation_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
@@ -304,35 +215,6 @@ def census_reference(image: npt.NDArray[Any]) -> Words:
     return words.astype(np.uint32)
 
 
-class CensusFeatures(NamedTuple):
-    """Features that the census term compares."""
-
-    words: npt.NDArray[np.uint32]
-    bit: np.float32
-    """Cost of one differing bit."""
-
-
-def census_features(image: EightBit, radius: int, settings: MatchingCost) -> CensusFeatures:
-    """Return the census words of an image."""
-    return CensusFeatures(census(image), np.float32(settings.census / BITS))
-
-
-@compiled
-def add_census(left: CensusFeatures, right: CensusFeatures, run: Run, carried: Array, costs: Array) -> None:
-    """Add the cost of each differing bit."""
-    words, lags = right.words.reshape(-1), np.uint64(run.lags)
-    start = np.uint64(run.y) * np.uint64(right.words.shape[1]) + np.uint64(run.origin)
-    for x in range(run.first, run.end):
-        target = np.uint64(x - run.first) * lags
-        _add_bits(left.words[run.y, x], words, start - np.uint64(x), left.bit, lags, costs, target)
-
-
-@compiled
-def _add_bits(word: Any, words: Array, source: Any, bit: Any, lags: Any, costs: Array, target: Any) -> None:
-    for lag in range(lags):
-        costs[target + lag] += bit * np.float32(popcount(np.uint32(word ^ words[source + lag])))
-
-
 def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
     """Return the cost of the census term from its formula."""
     words, others = census_reference(left), census_reference(right)
@@ -341,38 +223,6 @@ def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings
 
 SOBEL_UNIT = 4
 """The Sobel filter adds up four differences between grey levels two pixels apart."""
-
-
-class GradientFeatures(NamedTuple):
-    """Features that the gradient term compares."""
-
-    gradient: npt.NDArray[np.float32]
-    """Horizontal gradient, in units of cost."""
-    cap: np.float32
-    """Highest cost of a difference."""
-
-
-def gradient_features(image: EightBit, radius: int, settings: MatchingCost) -> GradientFeatures:
-    """Return the horizontal gradient of an image."""
-    scale = settings.gradient / settings.gradient_limit / SOBEL_UNIT
-    gradient = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=scale), np.float32)
-    return GradientFeatures(gradient, np.float32(settings.gradient))
-
-
-@compiled
-def add_gradient(left: GradientFeatures, right: GradientFeatures, run: Run, carried: Array, costs: Array) -> None:
-    """Add the difference of the gradients, up to the cap."""
-    gradients, lags = right.gradient.reshape(-1), np.uint64(run.lags)
-    start = np.uint64(run.y) * np.uint64(right.gradient.shape[1]) + np.uint64(run.origin)
-    for x in range(run.first, run.end):
-        target = np.uint64(x - run.first) * lags
-        _add_apart(left.gradient[run.y, x], gradients, start - np.uint64(x), left.cap, lags, costs, target)
-
-
-@compiled
-def _add_apart(gradient: Any, gradients: Array, source: Any, cap: Any, lags: Any, costs: Array, target: Any) -> None:
-    for lag in range(lags):
-        costs[target + lag] += min(abs(gradient - gradients[source + lag]), cap)
 
 
 def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
@@ -386,19 +236,52 @@ def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: M
     return np.asarray(settings.gradient * np.minimum(apart / settings.gradient_limit, 1))
 
 
+class CostTerm(NamedTuple):
+    """One term of the matching cost: the field of :class:`MatchingCost` with its highest cost, and its plain formula.
+
+    The formula gives the (H, W, W) cost of each pixel of the left image with each pixel in the same row of the right
+    image; it is called with both images, the radius and the settings.
+    """
+
+    weight: str
+    reference: Callable[[EightBit, EightBit, int, MatchingCost], Volume]
+
+
 TERMS = (
-    CostTerm("correlation", CorrelationFeatures, correlation_features, add_correlation, correlation_reference),
-    CostTerm("census", CensusFeatures, census_features, add_census, census_cost_reference),
-    CostTerm("gradient", GradientFeatures, gradient_features, add_gradient, gradient_reference),
+    CostTerm("correlation", correlation_reference),
+    CostTerm("census", census_cost_reference),
+    CostTerm("gradient", gradient_reference),
 )
-"""Every term, in the order their costs are added."""
+
+
+class Scale(NamedTuple):
+    """Numbers that turn a count of at most `cap` into parts of cost: ``(min(count, cap) * shift * factor) >> 16``."""
+
+    cap: int
+    shift: int
+    """A power of two with which the highest count just fits in 16 bits."""
+    factor: int
+
+    @staticmethod
+    def of(weight: int, cap: int) -> Scale:
+        """Return the scale at which a count of `cap` costs `weight`."""
+        shift = 1 << (16 - cap.bit_length())
+        return Scale(cap, shift, round(weight * PARTS / cap * 2**16 / shift))
+
+
+class Weights(NamedTuple):
+    """The settings as the loop takes them."""
+
+    half: float
+    """Cost of a correlation of 0, in parts."""
+    census: Scale
+    gradient: Scale
+    unseen: int
+    """Cost of a lag that leads out of the frame."""
 
 
 UNSEEN = 0.28
 """Cost of a lag that leads out of the frame, as a share of the highest cost: between a good match and a mismatch."""
-
-RUN_CELLS = 4096
-"""Pixels times lags of a run; their costs fill half of a core's L1 cache."""
 
 
 def matching_cost(
@@ -436,76 +319,151 @@ def matching_cost(
         (H, W, num_disparities) uint8, 0..250.
     """
     radius = window_size // 2
-    before, after = max(0, -min_disparity), max(0, min_disparity + num_disparities - 1)
-    pairs = tuple(
-        (
-            term.features(left, radius, settings),
-            _mirrored(term.features(right, radius, settings), radius, before, after),
-        )
-        for term in TERMS
+    strips = -(-num_disparities // LANES) * LANES
+    before, after = max(0, -min_disparity), max(0, min_disparity + strips - 1)
+    here, there = features(left, radius), right_features(right, radius, before, after)
+    weights = Weights(
+        half=settings.correlation * PARTS / 2,
+        census=Scale.of(settings.census, BITS),
+        gradient=Scale.of(settings.gradient, settings.gradient_limit * SOBEL_UNIT),
+        unseen=int(UNSEEN * settings.highest),
     )
-    origin, unseen = left.shape[1] - 1 + radius + before, int(UNSEEN * settings.highest)
+    # The column of the right features that column 0 meets at the first lag.
+    origin = left.shape[1] - 1 + before + min_disparity
     costs = np.empty((*left.shape, num_disparities), np.uint8)
     over_bands(
-        lambda first, end: cost_rows(pairs, radius, min_disparity, origin, unseen, first, end, costs), left.shape[0]
+        lambda first, end: cost_rows(here, there, radius, min_disparity, origin, weights, first, end, costs), len(left)
     )
     return costs
 
 
-def _add(left: Any, right: Any, run: Run, carried: Array, costs: Array) -> None:
-    """Add one term, chosen by the type of its features."""
-    next(term.add for term in TERMS if term.kind is type(left))(left, right, run, carried, costs)
-
-
-@compiled_as(_add, strict=False)
-def _add_compiled(left: Any, right: Any, run: Any, carried: Any, costs: Any) -> Any:
-    """Return the compiled form of :func:`_add`, which chooses the term at compile time."""
-    add = next(term.add for term in TERMS if term.kind is left.instance_class)
-    return lambda left, right, run, carried, costs: add(left, right, run, carried, costs)
-
-
 @compiled
 def cost_rows(
-    pairs: Any, radius: int, smallest: int, origin: int, unseen: int, first: int, end: int, costs: Costs
+    left: Features,
+    right: Features,
+    radius: int,
+    smallest: int,
+    origin: int,
+    weights: Weights,
+    first: int,
+    end: int,
+    costs: Costs,
 ) -> None:
     """Set the costs of rows `first` to `end`.
 
+    Products are summed down each column of the window once and then along the row, so that the time does not depend on
+    the window's size.
+
     Parameters
     ----------
-    pairs
-        Features of the left and the right image, for each term. Those of the right image are mirrored left to right, so
-        that larger lags are at larger addresses, and are zero beyond its frame.
+    left, right
+        From :func:`features` and :func:`right_features`.
     radius
         Radius of the correlation window, px.
     smallest
         Disparity of the first lag, px.
     origin
-        Column of the right features that corresponds to column 0 of the image.
-    unseen
-        Cost of a lag that leads out of the frame.
+        Column of the right features that column 0 of the left image meets at the first lag.
+    weights
+        The settings.
     costs
         (H, W, lags).
     """
-    width, lags = costs.shape[1], costs.shape[2]
-    pixels = max(1, RUN_CELLS // lags)
-    sums = np.empty(pixels * lags, np.float32)
-    carried = np.zeros((width + 2 * radius + 2) * lags, np.int32)
-    out = costs.reshape(-1)
+    width, side = costs.shape[1], 2 * radius + 1
+    lags = -(-costs.shape[2] // LANES) * LANES
+    columns, window = np.zeros((width + side - 1) * lags, np.int32), np.zeros(lags, np.int32)
+    last = np.empty(LANES, np.uint8)
+    share = np.float32(1 / side**2)
+    levels, right_levels = left.levels, right.levels
+    for row in range(first, first + side - 1):
+        for col in range(width + side - 1):
+            pixel = splat(np.int32(levels[row, col]) & np.int32(0xFFFF), np.int32)
+            there = row * right_levels.shape[1] + origin + 2 * radius - col
+            for lag in range(0, lags, LANES):
+                at = col * lags + lag
+                product = paired_products(load(right_levels, there + lag), pixel)
+                store(columns, at, load(columns, at) + product)
     for y in range(first, end):
-        for x in range(0, width, pixels):
-            run = Run(y, x, min(x + pixels, width), y == first, lags, origin + smallest)
-            sums[:] = 0
-            for pair in literal_unroll(pairs):
-                _add(pair[0], pair[1], run, carried, sums)
-            _round(sums, out, np.uint64((y * width + x) * lags), np.uint64((run.end - x) * lags))
-            for seen in range(x, run.end):
-                _mark_unseen(costs, y, seen, seen - smallest, unseen)
+        window[:] = 0
+        _cost_row(left, right, radius, origin, weights, share, y, y > first, columns, window, last, costs)
+        for x in range(width):
+            _mark_unseen(costs, y, x, x - smallest, weights.unseen)
 
 
 @compiled
-def _round(sums: Array, out: Array, target: Any, count: Any) -> None:
-    for cell in range(count):
-        out[target + cell] = np.uint8(np.int32(sums[cell] + np.float32(0.5)))
+def _cost_row(
+    left: Features,
+    right: Features,
+    radius: int,
+    origin: int,
+    weights: Weights,
+    share: Any,
+    y: int,
+    leaves: bool,
+    columns: Array,
+    window: Array,
+    last: Array,
+    costs: Costs,
+) -> None:
+    """Set the costs of a row: a level of the row above the window leaves each column if `leaves`."""
+    levels, totals, inverses, gradients, words, high_words = left
+    right_levels, right_totals, right_inverses, right_gradients, right_words, right_high_words = right
+    width, count, side = costs.shape[1], costs.shape[2], 2 * radius + 1
+    lags = window.size
+    stride = width + side - 1
+    half = splat(weights.half, np.float32)
+    whole, rounded = splat(8, np.uint16), splat(PARTS // 2 + 1, np.uint16)  # 1 for the fractions that the terms lose
+    steepest, gradient_shift = splat(weights.gradient.cap, np.uint16), splat(weights.gradient.shift, np.uint16)
+    gradient_factor = splat(weights.gradient.factor, np.uint16)
+    bits_shift, bits_factor = splat(weights.census.shift, np.uint16), splat(weights.census.factor, np.uint16)
+    bottom = y + side - 1
+    for col in range(stride):
+        leaving = np.int32(item(levels, (y - 1) * stride + col)) if leaves else np.int32(0)
+        entering = np.int32(item(levels, bottom * stride + col))
+        pixel = splat((entering & np.int32(0xFFFF)) - leaving * np.int32(65536), np.int32)
+        # The levels have a border on both sides, so that mirrored ones begin twice the radius farther on.
+        newest = bottom * right_levels.shape[1] + origin + 2 * radius - col
+        here = col * lags
+        if col < side - 1:
+            for lag in range(0, lags, LANES):
+                column = load(columns, here + lag) + paired_products(load(right_levels, newest + lag), pixel)
+                store(columns, here + lag, column)
+                store(window, lag, load(window, lag) + column)
+            continue
+        x = col - side + 1
+        place = y * width + x
+        mean = splat(item(totals, place) * share, np.float32)
+        scale = splat(item(inverses, place) * weights.half, np.float32)
+        gradient = splat(item(gradients, place), np.int16)
+        word, high_word = splat(item(words, place), np.uint16), splat(item(high_words, place), np.uint16)
+        there = y * right_totals.shape[1] + origin - x
+        gone = x * lags
+        for lag in range(0, lags, LANES):
+            column = load(columns, here + lag) + paired_products(load(right_levels, newest + lag), pixel)
+            store(columns, here + lag, column)
+            products = load(window, lag) + column
+            store(window, lag, products - load(columns, gone + lag))
+            covariance = cast(products, np.float32) - mean * load(right_totals, there + lag)
+            uncorrelated = half - covariance * scale * load(right_inverses, there + lag)
+            steeper = load(right_gradients, there + lag)
+            apart = smaller(cast(larger(gradient - steeper, steeper - gradient), np.uint16), steepest)
+            differing = bits_of_both(
+                word ^ load(right_words, there + lag), high_word ^ load(right_high_words, there + lag)
+            )
+            total = (
+                cast(cast(uncorrelated, np.int32), np.uint16)
+                + scaled(apart * gradient_shift, gradient_factor)
+                + scaled(differing * bits_shift, bits_factor)
+                + rounded
+            )
+            cost = cast(total >> whole, np.uint8)
+            at = place * count + lag
+            if lag + LANES <= count:
+                store(costs, at, cost)
+            else:
+                store(last, 0, cost)
+                for rest in range(count - lag):
+                    put(costs, at + rest, item(last, rest))
 
 
 @compiled
@@ -515,18 +473,6 @@ def _mark_unseen(costs: Costs, y: int, x: int, column: int, unseen: int) -> None
         costs[y, x, lag] = unseen
     for lag in range(0, min(costs.shape[2], column - costs.shape[1] + 1)):
         costs[y, x, lag] = unseen
-
-
-def _mirrored(features: Any, radius: int, before: int, after: int) -> Any:
-    """Return features with their arrays mirrored left to right, and padded so that every lag can be read."""
-    arrays = [one for one in features if isinstance(one, np.ndarray)]
-    narrowest = min(one.shape[1] for one in arrays)
-
-    def mirror(array: Array) -> Array:
-        margin = radius - (array.shape[1] - narrowest) // 2
-        return np.pad(array[:, ::-1], ((0, 0), (before + margin, after + margin)))
-
-    return type(features)(*(mirror(one) if isinstance(one, np.ndarray) else one for one in features))
 
 
 def cost_reference(
