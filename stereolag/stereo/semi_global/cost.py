@@ -102,6 +102,9 @@ Costs = npt.NDArray[np.uint8]
 NOISE = 2.0
 """Standard deviation taken for noise, grey levels of 255: a window that varies less correlates with nothing."""
 
+BORDER = cv2.BORDER_REFLECT_101
+"""Windows at the border of an image contain its mirror image."""
+
 PARTS = 256
 """Parts of a unit of cost in which terms are summed: MOST of them fit in 16 bits."""
 
@@ -126,16 +129,15 @@ class Features(NamedTuple):
 def features(image: EightBit, radius: int) -> Features:
     """Return the features of an image for windows of a radius."""
     side = 2 * radius + 1
-    padded = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101).astype(np.int16)
-    padded -= 128
+    levels = np.subtract(image, 128, dtype=np.int16)
     total, energy = (
-        np.ascontiguousarray(blur(padded, cv2.CV_32F, (side, side), normalize=False)[radius:-radius, radius:-radius])
+        np.asarray(blur(levels, cv2.CV_32F, (side, side), normalize=False, borderType=BORDER), np.float32)
         for blur in (cv2.boxFilter, cv2.sqrBoxFilter)
     )
     energy += np.float32(side**2 * NOISE**2) - total * total * np.float32(1 / side**2)
     words = census(image)
     return Features(
-        levels=padded,
+        levels=cv2.copyMakeBorder(levels, radius, radius, radius, radius, BORDER),
         total=total,
         inverse=np.reciprocal(np.sqrt(energy, out=energy), out=energy),
         gradient=np.asarray(cv2.Sobel(image, cv2.CV_16S, 1, 0), np.int16),
@@ -183,7 +185,7 @@ def census(image: npt.NDArray[Any]) -> Words:
 
     The image is mirrored at its borders. Any increasing change of brightness leaves the words unchanged.
     """
-    padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, cv2.BORDER_REFLECT_101)
+    padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, BORDER)
     words = np.empty(image.shape, np.uint32)
     over_bands(lambda first, end: _census_rows(padded, first, end, words), image.shape[0])
     return words
