@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from stereolag.commands import serving
 from stereolag.version import VERSION
 
 MEASURING = {
@@ -43,6 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         module = import_module(f"{__name__}.{given[0]}")
         return guarded(given[0], lambda: int(module.run(given[1:])))
+
+    from stereolag.commands import serving
+
     parser = argparse.ArgumentParser(prog="stereolag", description="Lag by correlation.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=VERSION)
     commands = parser.add_subparsers(dest="command", required=True, metavar="command")

@@ -1,8 +1,9 @@
 """The arguments of a command: its parser, its exit codes and errors of one sentence, and settings as flags.
 
-Each field of a settings class is a flag. pydantic-settings makes the flags; their values go into a document that the
-settings themselves validate, so that a flag is refused with the same :class:`~stereolag.core.settings.SettingsError` as
-a control or a file.
+Each field of a settings class is a flag. Their values go into a document that the settings themselves validate, so that
+a flag is refused with the same :class:`~stereolag.core.settings.SettingsError` as a control or a file.
+
+A library that makes flags, pydantic-settings, needs as many lines here and takes a tenth of a command's time to import.
 """
 
 from __future__ import annotations
@@ -12,11 +13,10 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from types import NoneType
-from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, get_args
 
-from pydantic import BaseModel, Field, create_model
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from pydantic_settings import CliSettingsSource
 
 from stereolag.core.settings import (
     Problem,
@@ -149,8 +149,8 @@ def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
 NOTHING = "none"
 """The value of a flag for a setting without a value."""
 
-ON = "{}"
-"""The value that pydantic-settings gives to a stage's flag without one: all settings of the stage are unchanged."""
+ON = "on"
+"""The value of a stage's flag without one: all settings of the stage are unchanged."""
 
 
 class SettingsFlags(Generic[S]):
@@ -179,16 +179,7 @@ class SettingsFlags(Generic[S]):
         self._hint = hint
         self._parser = parser
         self.settings = settings
-        self._source: Any = CliSettingsSource(
-            _flag_model([type(settings)], settings),  # type: ignore[arg-type]  # any model will do
-            root_parser=parser,
-            cli_avoid_json=True,
-            cli_implicit_flags=True,
-            cli_kebab_case="no_enums",
-            cli_parse_none_str=NOTHING,
-            cli_hide_none_type=True,
-            cli_shortcuts=shortcuts and dict(shortcuts),
-        )
+        _add_flags(parser, [type(settings)], settings, shortcuts or {})
 
     def parsed(self, arguments: Sequence[str]) -> tuple[argparse.Namespace, S]:
         """Return the arguments, and the settings changed by the flags; the parser reports errors.
@@ -207,7 +198,7 @@ class SettingsFlags(Generic[S]):
             self._parser.error(f"{unknown_setting(kind, name)} {self._hint(name)}")
         try:
             _check_stages(vars(options), kind)
-            document = _merged(self.settings.model_dump(), self._source(parsed_args=options)(), kind)
+            document = _merged(self.settings.model_dump(), _unfolded(vars(options), kind), kind)
             return options, kind.model_validate(document)
         except SettingsError as error:
             self._parser.error(str(error))
@@ -230,27 +221,51 @@ def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
         raise SettingsError((Problem(name, problem),))
 
 
-def _flag_model(kinds: Sequence[type[BaseModel]], values: BaseModel | None) -> type[BaseModel]:
-    """Return a model with the fields of all kinds, those of `values` first: each becomes a flag, none is validated.
+def _add_flags(
+    parser: argparse._ActionsContainer,
+    kinds: Sequence[type[BaseModel]],
+    values: BaseModel | None,
+    shortcuts: Mapping[str, str],
+    path: str = "",
+) -> None:
+    """Add a flag for each field of all kinds, those of `values` first; none is validated.
 
     A field that allows several kinds of settings needs flags for each of them.
     """
-    ordered = sorted(kinds, key=lambda kind: not isinstance(values, kind))
-    fields: dict[str, Any] = {}
-    for kind in ordered:
-        for name, field in kind.model_fields.items():
-            value = getattr(values, name, field.default)
-            if name == "kind" and len(kinds) > 1:
-                names = {one.model_fields[name].default: vars(one).get("title", one.__name__) for one in kinds}
-                said = "; ".join(f"{option}: {title}" for option, title in names.items()) + "."
-                fields.setdefault(name, (Literal[tuple(names)], Field(default=value, description=said)))
-            elif inner := nested(field):
-                model = _flag_model(inner, value)
-                said = _switched(name, field, value) if NoneType in get_args(field.annotation) else _described(field)
-                fields.setdefault(name, (model, Field(default=model(), description=said)))
-            else:
-                fields.setdefault(name, (field.annotation, Field(default=value, description=_described(field))))
-    return create_model(ordered[0].__name__, **fields)
+    fields: dict[str, FieldInfo] = {}
+    for kind in sorted(kinds, key=lambda kind: not isinstance(values, kind)):
+        fields = fields | {name: field for name, field in kind.model_fields.items() if name not in fields}
+    for name, field in fields.items():
+        value = getattr(values, name, field.default)
+        flag = f"--{_flag(path + name)}"
+        if inner := nested(field):
+            said = _switched(name, field, value) if NoneType in get_args(field.annotation) else _described(field)
+            stage = parser.add_argument_group(f"{flag.removeprefix('--')} options", said)
+            stage.add_argument(flag, nargs="?", const=ON, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+            _add_flags(stage, inner, value, shortcuts, f"{path}{name}.")
+            continue
+        said, options = _described(field), choices(field)
+        if name == "kind" and len(kinds) > 1:
+            titles = {one.model_fields[name].default: vars(one).get("title", one.__name__) for one in kinds}
+            said, options = "; ".join(f"{option}: {title}" for option, title in titles.items()) + ".", tuple(titles)
+        how: dict[str, Any] = {"metavar": f"{{{','.join(options)}}}" if options else base_type(field).__name__}
+        if base_type(field) is bool:
+            how = {"action": argparse.BooleanOptionalAction}
+        flags = [flag, *(f"--{short}" for long, short in shortcuts.items() if long == flag.removeprefix("--"))]
+        said = f"{said} (default: {NOTHING if value is None else value})".replace("%", "%%")
+        parser.add_argument(*flags, dest=path + name, default=argparse.SUPPRESS, help=said, **how)
+
+
+def _unfolded(given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
+    """Return the flags given as a document of the settings, nested as these are."""
+    document: dict[str, Any] = {}
+    for name in sorted(given):  # a stage's own flag before those of its settings
+        first, _, inner = name.partition(".")
+        if inner:
+            document.setdefault(first, {})[inner] = given[name]
+        elif first in kind.model_fields:
+            document[first] = {} if given[name] == ON and nested(kind.model_fields[first]) else given[name]
+    return document
 
 
 def _described(field: FieldInfo) -> str:
