@@ -25,6 +25,9 @@ from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]
 RANGE = ("--num-disparities", 16)
+GIVEN = (*RANGE, "--trust")
+"""For what does not ask how good the frames are: looking at them takes a second."""
+
 CONSOLE = "import sys; from stereolag.commands import main; sys.exit(main())"
 
 
@@ -65,7 +68,7 @@ def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(
         disparity = 4 + int(row["number"])
         assert float(row["nearest_m"]) == pytest.approx(50 / disparity, rel=0.1)
         assert float(row["epe_px"]) < 1
-    known = ran("sequence", *sides, "--calibration", calibration, "--out", tmp_path / "known", "--json")
+    known = ran("sequence", *sides, "--trust", "--calibration", calibration, "--out", tmp_path / "known", "--json")
     assert known.figures["range_px"] == [0, 27]
 
 
@@ -85,7 +88,7 @@ def test_settings_come_from_the_same_flags_as_those_of_a_pair(
     monkeypatch.chdir(tmp_path)
     sl.write_matcher("settings.json", sl.StereoSGBM(uniqueness_ratio=3))
     side = "--window-size" if "window_size" in type(start).model_fields else "--block-size"
-    told = ran("sequence", *sides, "--out", "out", *choice, *RANGE, side, 9)
+    told = ran("sequence", *sides, "--out", "out", *choice, *GIVEN, side, 9)
     assert (told.code, told.err) == (0, "")
     expected = changed(start.with_search_range(0, 16), {side[2:].replace("-", "_"): 9})
     assert noted(tmp_path / "out") == {folder: expected.model_dump(mode="json")}
@@ -95,7 +98,7 @@ def test_settings_come_from_the_same_flags_as_those_of_a_pair(
 
 
 def test_it_goes_on_and_refuses_other_settings(sides: tuple[Path, Path], tmp_path: Path, ran: Command) -> None:
-    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    command = ("sequence", *sides, "--out", tmp_path / "out", *GIVEN)
     assert "3 of 3 frames matched" in ran(*command).out
     again = ran(*command)
     assert again.code == 0 and "0 of 3 frames matched" in again.out and "3 were finished before" in again.out
@@ -111,7 +114,7 @@ def test_it_goes_on_and_refuses_other_settings(sides: tuple[Path, Path], tmp_pat
 def test_the_frame_before_takes_part_if_asked(
     sides: tuple[Path, Path], tmp_path: Path, flags: tuple[object, ...], steadiness: object, ran: Command
 ) -> None:
-    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    command = ("sequence", *sides, "--out", tmp_path / "out", *GIVEN)
     told = ran(*command, *flags)
     assert (told.code, told.err) == (0, "")
     assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
@@ -130,7 +133,7 @@ def test_motion_is_told_if_asked(tmp_path: Path, ran: Command) -> None:
 
 
 def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: Command) -> None:
-    given = ("--method", "bm", "--num-disparities", 32, "--calibration", rig / "rig.json", "--json", "--out")
+    given = ("--trust", "--method", "bm", "--num-disparities", 32, "--calibration", rig / "rig.json", "--json", "--out")
     raw = rig / "raw" / "left", rig / "raw" / "right"
     told = ran("sequence", *raw, *given, tmp_path / "raw")
     assert told.code == 0 and told.figures["rectified_here"] is True
@@ -167,14 +170,14 @@ def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: C
 def test_what_is_refused_is_told_in_one_line(
     sides: tuple[Path, Path], tmp_path: Path, flags: list[str] | None, code: int, sentence: str, ran: Command
 ) -> None:
-    more = [] if flags is None else ["--out", tmp_path / "out", *flags]
+    more = ["--trust", *([] if flags is None else ["--out", tmp_path / "out", *flags])]
     assert_refused(ran("sequence", *sides, *more), "sequence", code, sentence)
 
 
 def test_damaged_frames_have_an_exit_code_of_their_own(sides: tuple[Path, Path], tmp_path: Path, ran: Command) -> None:
     whole = (sides[0] / "001.png").read_bytes()
     (sides[0] / "001.png").write_bytes(b"no picture")
-    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    command = ("sequence", *sides, "--out", tmp_path / "out", *GIVEN)
     told = ran(*command)
     assert told.code == 3
     assert told.err.startswith("stereolag sequence: 001: ") and told.err.count("\n") == 1
@@ -196,7 +199,7 @@ def test_help_tells_the_codes_and_the_settings(ran: Command) -> None:
 def test_a_process_that_is_ended_midway_goes_on_where_it_was(tmp_path: Path, ran: Command) -> None:
     sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(200)])[:2]
     out = tmp_path / "out"
-    arguments = ("sequence", *sides, "--out", out, "--method", "bm", *RANGE, "--json")
+    arguments = ("sequence", *sides, "--out", out, "--method", "bm", *GIVEN, "--json")
     # Tests run in the background may ignore Ctrl-C, and child processes inherit that.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     # A signal just after a file is opened leaves closing it to the garbage collector.
