@@ -60,7 +60,7 @@ class DepthPage:
 
 
 def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenPage) -> None:
-    visit = DepthPage(open_page("Depth_maps?pair=cube"))
+    visit = DepthPage(open_page("Depth_maps?pair=cube&size=1/4"))
     visit.choose("Sweep")
     visit.page.get_by_role("radio", name="StereoBM").last.click()
     visit.settle()
