@@ -264,7 +264,7 @@ COSTS: Mapping[str, Cost] = {
     # A strip of the volume with its matches; fitting the valleys; finishing the map.
     "semi-global": Cost(
         (
-            {"grey": 1, "matches": 20, "fronts": 24, "strip": 1},
+            {"grey": 1, "matches": 20, "fronts": 12, "strip": 1},
             {"grey": 1, "matches": 20, "pixels": 70},
             {"grey": 1, "pixels": 88},
         ),

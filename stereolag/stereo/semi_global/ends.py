@@ -63,30 +63,29 @@ def fit_ends(
 ) -> None:
     """Fit the peaks of rows `first` to `end`; `left` and `right` have a border of the window's radius.
 
-    Sums over the columns of the windows are made for the part of a row that has such pixels. Equals
-    :func:`fit_ends_reference`.
+    Sums over the columns of the windows move down row by row. Equals :func:`fit_ends_reference`.
     """
     width, window = where.shape[1], left.shape[1] - where.shape[1] + 1
-    # By column of the left image: its levels and their squares, those it meets at the disparity, and three products.
-    sums, scores = np.empty((7, left.shape[1] + 2), np.int32), np.empty(3)
     low, high = max(0, disparity + 1), min(width, width + disparity - 1)
+    if low >= high:
+        return
+    # By column of the part of the left image that can be compared: its levels and their squares, then those that it
+    # meets one px beyond, at and before the disparity, and the products.
+    columns = high - low + window - 1
+    here, there = left[:, low : low + columns], right[:, low - disparity - 1 : low - disparity + columns + 1]
+    sums, scores, ones = np.zeros((7, columns + 2), np.int32), np.empty(3), np.ones(columns + 2, np.int16)
     for y in range(first, end):
-        begin, stop = high, low
+        for row in range(y if y == first else y + window - 1, y + window):
+            _add_row(here[row], there[row], 1, ones, sums)
+        if y > first:
+            _add_row(here[y - 1], there[y - 1], -1, ones, sums)
         for x in range(low, high):
-            if where[y, x]:
-                begin, stop = min(begin, x), x + 1
-        if begin >= stop:
-            continue
-        sums[:, begin : stop + window + 1] = 0
-        for row in range(y, y + window):
-            _add_row(left[row], right[row], disparity, begin, stop + window - 1, sums)
-        for x in range(begin, stop):
             if not where[y, x]:
                 continue
-            mean, deviation = _spread(sums[0], sums[1], x, window)
+            mean, deviation = _spread(sums[0], sums[1], x - low, window)
             for shift in range(3):
-                other, norm = _spread(sums[2], sums[3], x + 2 - shift, window)
-                product = _total(sums[4 + shift], x, window) / (window * window)
+                other, norm = _spread(sums[2], sums[3], x - low + 2 - shift, window)
+                product = _total(sums[4 + shift], x - low, window) / (window * window)
                 scores[shift] = (product - mean * other) / (deviation * norm)
             if scores[1] < scores[0] or scores[1] < scores[2]:
                 continue
@@ -102,18 +101,21 @@ def _logarithm(score: float) -> float:
 
 
 @compiled
-def _add_row(left: Array, right: Array, disparity: int, begin: int, end: int, sums: Array) -> None:
-    """Add a row to the sums of the columns `begin` to `end`, and of one more of the right image on either side."""
-    for x in range(begin, end):
-        level = np.int32(left[x])
-        sums[0, x] += level
-        sums[1, x] += level * level
-        for shift in range(3):
-            sums[4 + shift, x] += level * np.int32(right[x - disparity + 1 - shift])
-    for x in range(begin - 1, end + 1):
-        level = np.int32(right[x - disparity])
-        sums[2, x + 1] += level
-        sums[3, x + 1] += level * level
+def _add_row(left: Array, right: Array, sign: int, ones: Array, sums: Array) -> None:
+    """Add a row, times `sign`, to the sums of its columns; `right` has one column more on either side."""
+    width = left.size
+    _add_products(left, ones, sign, sums[0, :width])
+    _add_products(left, left, sign, sums[1, :width])
+    _add_products(right, ones, sign, sums[2])
+    _add_products(right, right, sign, sums[3])
+    for shift in range(3):
+        _add_products(left, right[2 - shift :], sign, sums[4 + shift, :width])
+
+
+@compiled
+def _add_products(one: Array, other: Array, sign: int, sums: Array) -> None:
+    for x in range(sums.size):
+        sums[x] += np.int32(sign) * np.int32(one[x]) * np.int32(other[x])
 
 
 @compiled

@@ -34,6 +34,7 @@ from stereolag.stereo.semi_global.optimisation import (
     PATHS,
     CheapestLags,
     SemiGlobal,
+    cell_size,
     cheapest_lags,
     optimise,
     place_valleys,
@@ -140,7 +141,7 @@ class SemiGlobalMatcher(StereoMatcher):
             pixels=pixels,
             # The matches of a strip, with the rows shared with its neighbours, are kept until all strips are joined.
             matches=pixels * strip / own,
-            fronts=(width + 2) * (self.num_disparities + 2),
+            fronts=(width + strip + 2) * cell_size(self.num_disparities),
             strip=strip * max(BYTES_OF_A_CELL * lags, features),
             cells=lags * height * strip / own,
         )

@@ -14,87 +14,7 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.loops.vector_lanes import LANES, cast, load, smaller, smallest, splat, store
-
-
-class PathStep(NamedTuple):
-    """Values that extend one path from a pixel to the next."""
-
-    before: np.uint64
-    """Start of the previous pixel's cell."""
-    here: np.uint64
-    least: np.uint16
-    """Lowest cost at the previous pixel."""
-    jump: np.uint16
-    """`least` plus the large penalty."""
-
-
-@compiled
-def _carry(paths: Array, step: PathStep, lag: Any, cost: Any, small: Any) -> Any:
-    """Extend one path at sixteen lags, and return their costs."""
-    one, two = np.uint64(1), np.uint64(2)
-    beside = smaller(load(paths, step.before + lag), load(paths, step.before + lag + two)) + small
-    best = smaller(smaller(load(paths, step.before + lag + one), beside), splat(step.jump, np.uint16))
-    carried = best - splat(step.least, np.uint16) + cost
-    store(paths, step.here + lag + one, carried)
-    return carried
-
-
-@compiled
-def _carry_one(paths: Array, step: PathStep, lag: Any, cost: Any, small: Any) -> Any:
-    """Extend one path at one lag, and return its cost; for the lags left over from the strips of sixteen."""
-    one, two = np.uint64(1), np.uint64(2)
-    beside = np.uint16(min(paths[step.before + lag], paths[step.before + lag + two]) + small)
-    best = min(min(paths[step.before + lag + one], beside), step.jump)
-    carried = np.uint16(np.uint16(best - step.least) + cost)
-    paths[step.here + lag + one] = carried
-    return carried
-
-
-@compiled
-def advance(
-    paths: Array,
-    costs: Array,
-    sums: Array,
-    adds: bool,
-    place: np.uint64,
-    lags: np.uint64,
-    small: np.uint16,
-    along: PathStep,
-    first: PathStep,
-    second: PathStep,
-    third: PathStep,
-) -> tuple[np.uint16, np.uint16, np.uint16, np.uint16]:
-    """Extend four paths at the lags at `place` of the volume, and return the lowest cost of each path.
-
-    Extending all four at once reads each cost and writes each sum only once. The sums are set, or added to if `adds`.
-    """
-    strip = np.uint64(LANES)
-    full = lags - lags % strip
-    small_lanes, most = splat(small, np.uint16), splat(65535, np.uint16)
-    least_0, least_1, least_2, least_3 = most, most, most, most
-    for lag in range(np.uint64(0), full, strip):
-        cost = cast(load(costs, place + lag), np.uint16)
-        cost_0 = _carry(paths, along, lag, cost, small_lanes)
-        cost_1 = _carry(paths, first, lag, cost, small_lanes)
-        cost_2 = _carry(paths, second, lag, cost, small_lanes)
-        cost_3 = _carry(paths, third, lag, cost, small_lanes)
-        least_0, least_1 = smaller(least_0, cost_0), smaller(least_1, cost_1)
-        least_2, least_3 = smaller(least_2, cost_2), smaller(least_3, cost_3)
-        four = (cost_0 + cost_1) + (cost_2 + cost_3)
-        store(sums, place + lag, four + load(sums, place + lag) if adds else four)
-    low_0, low_1, low_2, low_3 = smallest(least_0), smallest(least_1), smallest(least_2), smallest(least_3)
-    for lag in range(full, lags):
-        one_cost = np.uint16(costs[place + lag])
-        one_0 = _carry_one(paths, along, lag, one_cost, small)
-        one_1 = _carry_one(paths, first, lag, one_cost, small)
-        one_2 = _carry_one(paths, second, lag, one_cost, small)
-        one_3 = _carry_one(paths, third, lag, one_cost, small)
-        low_0, low_1, low_2, low_3 = min(low_0, one_0), min(low_1, one_1), min(low_2, one_2), min(low_3, one_3)
-        one_four = np.uint16(np.uint16(one_0 + one_1) + np.uint16(one_2 + one_3))
-        sums[place + lag] = np.uint16(one_four + sums[place + lag]) if adds else one_four
-    return low_0, low_1, low_2, low_3
-
+from stereolag.loops.vector_lanes import LANES, cast, item, load, put, smaller, smallest, splat, store
 
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
@@ -142,12 +62,12 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
     height, width, lags = costs.shape
     sums = np.empty(costs.shape, np.uint16)
     guide = np.ascontiguousarray(guide)
-    fronts = _Front.before(width, lags), _Front.before(width, lags)
+    fronts = front(height, width, lags), front(height, width, lags)
     for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):
 
         def directions(one: int, last: int, spans: tuple[Span, Span] = spans, adds: bool = adds) -> None:
             for direction in range(one, last):
-                _sweep(costs, guide, small, large, direction == 1, adds, *spans[direction], fronts[direction], sums)
+                _sweep(costs, guide, (small, large), direction == 1, adds, *spans[direction], fronts[direction], sums)
 
         over_bands(directions, 2)
         progress(spans[0][1] / height)
@@ -175,98 +95,143 @@ def _share(span: Span, step: int, steps: int) -> Span:
     return span[0] + rows * step // steps, span[0] + rows * (step + 1) // steps
 
 
-class _Front(NamedTuple):
-    """Current paths of a sweep: three paths per pixel in two rows, the previous one and the one being written."""
+class Step(NamedTuple):
+    """One path at one pixel: where it comes from, and what is the same at every lag."""
 
-    paths: Sums
-    """The path along the row, at two pixels, then both rows; each cell has a wall at either end."""
-    least: Sums
-    """Lowest cost of each path in both rows."""
-
-    @staticmethod
-    def before(width: int, lags: int) -> _Front:
-        """Return the front of a sweep that has not started."""
-        paths = np.zeros((2 + 2 * 3 * (width + 2), lags + 2), np.uint16)
-        paths[:, [0, -1]] = WALL
-        return _Front(paths.reshape(-1), np.zeros(2 * 3 * (width + 2), np.uint16))
+    before: int
+    """Place of the first lag of the pixel before it, in the front."""
+    least: Any
+    """Lowest cost there, in sixteen lanes."""
+    jump: Any
+    """`least` plus the large penalty."""
 
 
 @compiled
-def _step(guide: Pixels, first: np.uint64, second: np.uint64) -> np.uint64:
-    """Return the absolute grey-level step between two indices of the flattened guide."""
-    a, b = np.uint64(guide[first]), np.uint64(guide[second])
-    return a - b if a > b else b - a
+def _step(paths: Array, before: int, penalty: Any) -> Step:
+    least = item(paths, before + LEAST)
+    return Step(before, splat(least, np.uint16), splat(np.uint16(least + penalty), np.uint16))
+
+
+@compiled
+def _carry(paths: Array, step: Step, here: int, lag: int, cost: Any, small: Any) -> Any:
+    """Extend one path to the place `here` at sixteen lags, and return their costs."""
+    at = step.before + lag
+    beside = smaller(load(paths, at - 1), load(paths, at + 1)) + small
+    carried = smaller(smaller(load(paths, at), beside), step.jump) - step.least + cost
+    store(paths, here + lag, carried)
+    return carried
+
+
+LEAST = -LANES // 2
+"""Place of the lowest cost of a path's cell, from its first lag; between cells there is room for sixteen numbers."""
+
+
+@compiled
+def cell_size(lags: int) -> int:
+    """Return the size of a cell: whole strips of sixteen, so that they are aligned, and the room before them."""
+    return -(-lags // LANES) * LANES + LANES
+
+
+def front(height: int, width: int, lags: int) -> Sums:
+    """Return the costs of the paths of a sweep that has not started, with walls between the cells.
+
+    It has cells for the path along the row, at two pixels, then for three paths at every pixel. A row is written one
+    cell below the one it continues: over cells that are no longer needed, so that what is in use fits in a core's
+    cache. The cells of the path from behind thus start two cells lower in every row, and those of the path from above
+    one, as ``_starts`` says.
+    """
+    size = cell_size(lags)
+    paths = np.zeros((2 + 3 * (height + width + 2)) * size + LANES, np.uint16)
+    paths[::size], paths[LANES - 1 :: size] = WALL, WALL
+    return paths
+
+
+@compiled
+def _starts(height: int, width: int, row: int) -> tuple[int, int, int]:
+    """Return the cells of column 0 for the paths from behind, from above and from ahead, in a row of the sweep."""
+    left = height - row
+    return 2 + 2 * left, 4 + 2 * height + width + left, 6 + 3 * height + 2 * width
 
 
 @compiled
 def _sweep(
     costs3: Costs,
     guide2: Pixels,
-    small_penalty: int,
-    large: Array,
+    penalties: tuple[int, Array],
     backwards: bool,
     adds: bool,
     first: int,
     end: int,
-    front: _Front,
+    paths: Sums,
     sums3: Sums,
 ) -> None:
     """Sum the four paths that reach a pixel in reading order, or in reverse, for rows `first` to `end`.
 
-    The sums are set, or added to if `adds`. One array stores the costs of all paths, in this row and the previous one.
+    The sums are set, or added to if `adds`. Extending four paths at once reads each cost and writes each sum only once.
     """
     costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
-    paths, least = front.paths, front.least
-    height, width, lags = np.uint64(costs3.shape[0]), np.uint64(costs3.shape[1]), np.uint64(costs3.shape[2])
-    zero, one, two, three = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(3)
-    small = np.uint16(small_penalty)
-    cell = lags + two
-    row, row_least = (width + two) * cell, width + two
-    for i in range(np.uint64(first), np.uint64(end)):
-        y = height - one - i if backwards else i
-        previous = y if i == zero else (y + one if backwards else y - one)
-        written = i % two
-        above, above_next = two * cell + (one - written) * three * row, two * cell + written * three * row
-        least_above, least_next = (one - written) * three * row_least, written * three * row_least
-        along, along_next = zero, cell
-        for lag in range(lags):
-            paths[along + lag + one] = 0
-        least_along = np.uint16(0)
+    height, width, lags = costs3.shape
+    size = cell_size(lags)
+    large, small = penalties[1], splat(penalties[0], np.uint16)
+    most = splat(65535, np.uint16)
+    spare_costs, spare_sums = np.full(LANES, WALL, np.uint16), np.zeros(LANES, np.uint16)
+    for i in range(first, end):
+        y = height - 1 - i if backwards else i
+        previous = y if i == 0 else (y + 1 if backwards else y - 1)
+        start_1, start_2, start_3 = _starts(height, width, i)
+        # Two cells in turn; before the first pixel there is nothing, as before the first row.
+        here_0, before_0 = LANES, LANES + size
+        paths[before_0 : before_0 + size - LANES] = 0
+        paths[before_0 + LEAST] = 0
         for j in range(width):
-            x = width - one - j if backwards else j
-            behind = x if j == zero else (x + one if backwards else x - one)
-            ahead = x if j == width - one else (x - one if backwards else x + one)
+            x = width - 1 - j if backwards else j
+            behind = x if j == 0 else (x + 1 if backwards else x - 1)
+            ahead = x if j == width - 1 else (x - 1 if backwards else x + 1)
             pixel, upper = y * width + x, previous * width
-            place = pixel * lags
-            source, target = above + j * cell, above_next + (j + one) * cell
-            low, low_next = least_above + j, least_next + j + one
+            level = item(guide, pixel)
+            here_1, here_2, here_3 = (
+                (start_1 + j) * size + LANES,
+                (start_2 + j) * size + LANES,
+                (start_3 + j) * size + LANES,
+            )
+            along = _step(paths, before_0, item(large, _apart(level, item(guide, y * width + behind))))
+            from_behind = _step(paths, here_1 + size, item(large, _apart(level, item(guide, upper + behind))))
+            from_above = _step(paths, here_2 + size, item(large, _apart(level, item(guide, upper + x))))
+            from_ahead = _step(paths, here_3 + size, item(large, _apart(level, item(guide, upper + ahead))))
+            least_0, least_1, least_2, least_3 = most, most, most, most
+            for lag in range(0, lags, LANES):
+                at, rest = pixel * lags + lag, lags - lag
+                if rest >= LANES:
+                    cost = cast(load(costs, at), np.uint16)
+                else:
+                    for one in range(rest):
+                        put(spare_costs, one, item(costs, at + one))
+                        put(spare_sums, one, item(sums, at + one))
+                    cost = load(spare_costs, 0)
+                cost_0 = _carry(paths, along, here_0, lag, cost, small)
+                cost_1 = _carry(paths, from_behind, here_1, lag, cost, small)
+                cost_2 = _carry(paths, from_above, here_2, lag, cost, small)
+                cost_3 = _carry(paths, from_ahead, here_3, lag, cost, small)
+                least_0, least_1 = smaller(least_0, cost_0), smaller(least_1, cost_1)
+                least_2, least_3 = smaller(least_2, cost_2), smaller(least_3, cost_3)
+                four = (cost_0 + cost_1) + (cost_2 + cost_3)
+                if rest >= LANES:
+                    store(sums, at, four + load(sums, at) if adds else four)
+                else:
+                    store(spare_sums, 0, four + load(spare_sums, 0) if adds else four)
+                    for one in range(rest):
+                        put(sums, at + one, item(spare_sums, one))
+            put(paths, here_0 + LEAST, smallest(least_0))
+            put(paths, here_1 + LEAST, smallest(least_1))
+            put(paths, here_2 + LEAST, smallest(least_2))
+            put(paths, here_3 + LEAST, smallest(least_3))
+            here_0, before_0 = before_0, here_0
 
-            level = PathStep(
-                along,
-                along_next,
-                least_along,
-                np.uint16(least_along + large[_step(guide, pixel, y * width + behind)]),
-            )
-            start = least[low]
-            first_step = PathStep(source, target, start, np.uint16(start + large[_step(guide, pixel, upper + behind)]))
-            start = least[low + row_least + one]
-            second_step = PathStep(
-                source + row + cell, target + row, start, np.uint16(start + large[_step(guide, pixel, upper + x)])
-            )
-            start = least[low + two * row_least + two]
-            third_step = PathStep(
-                source + two * (row + cell),
-                target + two * row,
-                start,
-                np.uint16(start + large[_step(guide, pixel, upper + ahead)]),
-            )
-            least_along, low_first, low_second, low_third = advance(
-                paths, costs, sums, adds, place, lags, small, level, first_step, second_step, third_step
-            )
-            least[low_next] = low_first
-            least[low_next + row_least] = low_second
-            least[low_next + two * row_least] = low_third
-            along, along_next = along_next, along
+
+@compiled
+def _apart(one: Any, other: Any) -> Any:
+    """Return the absolute difference of two grey levels."""
+    return np.intp(max(one, other)) - np.intp(min(one, other))
 
 
 def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
