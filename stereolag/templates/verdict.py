@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
-from stereolag.templates.patterns import Pattern, warped
+from stereolag.templates.patterns import Pattern, warped, warped_shape
 from stereolag.templates.score_maps import Places, fft_score_map
 
 Reason: TypeAlias = Literal[
@@ -302,8 +302,15 @@ class _LookedAt:
         """Return what a place shows."""
         if index not in self._shown:
             row, col = int(self.places.rows[index]), int(self.places.cols[index])
-            posed = self.places.poses is not None
-            self._shown[index] = identity(self._image, self._posed(index), row, col, posed=posed)
+            scale, rotation = self._pose(index)
+            self._shown[index] = identity(
+                self._image,
+                self._posed(index),
+                row,
+                col,
+                posed=self.places.poses is not None,
+                upright=scale if rotation == 0 else 1.0,
+            )
         return self._shown[index]
 
     def mirrored(self, index: int) -> bool:
@@ -321,15 +328,25 @@ class _LookedAt:
 
     def match(self, index: int) -> TemplateMatch:
         """Return a place as a match, with what it shows if it was looked at."""
-        places = self.places
-        height, width = places.box(index)
-        scale, rotation = (1.0, 0.0) if places.poses is None else places.poses[index]
-        row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
+        (height, width), (scale, rotation) = self.places.box(index), self._pose(index)
+        row, col = int(self.places.rows[index]), int(self.places.cols[index])
+        match = TemplateMatch(row, col, height, width, float(self.places.scores[index]), scale, rotation)
         shown = self._shown.get(index)
-        return TemplateMatch(row, col, height, width, score, scale, rotation, *(vars(shown).values() if shown else ()))
+        if shown is None:
+            return match
+        told = {name: value for name, value in vars(shown).items() if name != "resized"}
+        if shown.resized != 1:
+            tall, wide = warped_shape(self._pattern.shape, scale * shown.resized, rotation)
+            told |= {"row": max(0, row + (height - tall) // 2), "col": max(0, col + (width - wide) // 2)}
+            told |= {"height": tall, "width": wide, "scale": scale * shown.resized}
+        return replace(match, **told)
+
+    def _pose(self, index: int) -> tuple[float, float]:
+        """Return the size and angle of the template at a place."""
+        return (1.0, 0.0) if self.places.poses is None else self.places.poses[index]
 
     def _posed(self, index: int) -> Pattern:
         """Return the template as it is at a place."""
-        pose = None if self.places.poses is None else self.places.poses[index]
-        posed = self._pattern if pose in (None, (1.0, 0.0)) else warped(self._pattern, *pose)
+        pose = self._pose(index)
+        posed = self._pattern if pose == (1.0, 0.0) else warped(self._pattern, *pose)
         return self._pattern if posed is None else posed

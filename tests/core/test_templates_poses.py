@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks.searches import drawn
 from stereolag import samples
@@ -258,3 +259,29 @@ def test_more_sizes_and_angles_take_longer() -> None:
     some = estimate_search(*shapes, scales=(0.9, 1.1))
     many = estimate_search(*shapes, scales=(0.9, 1.1), rotations=(-90, 90))
     assert some.seconds < many.seconds
+
+
+WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice")
+
+
+def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
+    """Return words below one another at so much of their size, with what a font rounds at each size."""
+    picture = Image.new("RGB", (round(220 * size), round(30 * size * len(named) + 20)), (252, 252, 252))
+    for number, word in enumerate(named):
+        at = round(30 * size), round((12 + 30 * number) * size)
+        ImageDraw.Draw(picture).text(at, word, fill=(40, 40, 40), font=ImageFont.load_default(14 * size))
+    return np.asarray(picture)
+
+
+@pytest.mark.parametrize(("number", "size"), [(0, 1.25), (2, 1.5), (3, 1.1)])
+def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_is_not(
+    number: int, size: float
+) -> None:
+    row, other = 12 + 30 * number, WORDS[number][:3] + "g" + WORDS[number][4:]
+    template = words(1.0)[row - 4 : row + 20, 26:100]
+    search = match_template(words(size), template, scales=(0.9, 1.6))
+    assert search.found and search.best is not None
+    assert search.best.row + search.best.height / 2 == pytest.approx((row + 8) * size, abs=2.5)
+    assert search.best.scale == pytest.approx(size, rel=0.07)
+    exchanged = tuple(other if word == WORDS[number] else word for word in WORDS)
+    assert not match_template(words(size, exchanged), template, scales=(0.9, 1.6)).found

@@ -1,0 +1,433 @@
+"""A template fitted to a place: a shift below a pixel, the light and its colours; and what remains, block by block."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.inputs import Image
+from stereolag.templates.patterns import Pattern
+
+Plane: TypeAlias = npt.NDArray[np.float32]
+Matrix: TypeAlias = npt.NDArray[np.float64]
+
+BLUR = 0.8
+"""Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
+
+BLUR_OF_COLOURS = 2.0
+"""The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
+
+BLUR_BESIDE = math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)
+"""The blur that brings a blurred brightness to that of the colours."""
+
+STEPS = 8
+"""Steps of the alignment; the first of them trust all pixels alike."""
+
+TRUSTING = 3
+
+CURVE = 3
+"""Power up to which the curve of tones goes."""
+
+FARTHEST = np.array([1.2, 1.2, 0.05, 0.05])
+"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment."""
+
+SETTLED, NONE = 0.002, 1e-6
+"""The alignment ends once a step moves no corner by so many px, and changes the colours by no more than what is no
+difference: a squared one of the last share of the variance."""
+
+TOLERANCE = 0.5
+"""Share of a pixel by which edges may be displaced without counting as a difference."""
+
+BLOCKS, LEAST_BLOCK = 7, 5
+"""Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
+
+DIFFERENT, TIMES, DISPLACED = 0.06, 2.5, 0.004
+"""Least mean squared difference of a block that disagrees, as a share of the template's variance, beside so many times
+what noise and steepness make of it in the median block; and what of it no displacement by a part of a pixel explains.
+
+Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is.
+"""
+
+THROUGH = 2.0
+"""Difference of a block, in units of what is seen of the background there if it varies as the place does."""
+
+STEADY, MOST = 0.01, 0.3
+"""Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
+the template's variance."""
+
+COUNTS, COUNTED = 0.5, 0.3
+"""Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
+
+ROUNDING = float(np.finfo(np.float32).eps)
+"""The share of its level by which a flat place may vary, computed as it is."""
+
+ALMOST_WHITE = 0.985
+"""Share of the largest value of an integer type from which pixels are taken for clipped."""
+
+
+def blocks_of(shape: tuple[int, int]) -> tuple[int, int]:
+    """Return rows and columns of the blocks of a template."""
+    side = max(LEAST_BLOCK, math.sqrt(shape[0] * shape[1]) / BLOCKS)
+    return max(1, round(shape[0] / side)), max(1, round(shape[1] / side))
+
+
+class Fit:
+    """A template fitted to a place.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the pattern.
+    pattern
+        The template, resized and rotated as at the place.
+    row, col
+        The place, accurate to a pixel.
+    posed
+        Whether size and angle are refined too.
+    """
+
+    def __init__(self, image: Image, pattern: Pattern, row: int, col: int, posed: bool) -> None:
+        self.own_weights = pattern.weights.astype(np.float32)
+        self.weights = _inside(self.own_weights, image, row, col)
+        self.shape = pattern.shape
+        on = self.weights > 0
+        self._on = slice(None) if on.all() else on.ravel()
+        self.is_opaque = bool((self.own_weights[on] >= 1).all())
+        self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
+        blur = _Blur(self.own_weights)
+        self.template = blur(self._deviations)
+        if not np.array_equal(self.weights, self.own_weights):
+            blur = _Blur(self.weights)
+        self._counts = self._flat(self.weights)
+        self._given = self._flat(self.template)
+        self._about = np.atleast_2d(np.cov(self._given.T, bias=True))
+        self._terms = np.column_stack([self._given, np.ones(len(self._given), np.float32)])
+        # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
+        level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
+        least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
+        self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+        # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
+        first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
+        mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
+        place = _Place(image, mean, row, col, self.shape)
+        channels = self._given.shape[1]
+        self._mixture = np.zeros((channels + 1, channels))
+        self._curves: list[tuple[float, Matrix] | None] = [None] * channels
+        self.seen = self.predicted = self.template
+        self.variance = 0.0
+        motion, trust = self._aligned(place, blur, posed)
+        self._beside = place.moved(motion)
+        soft, lit, shown = (
+            self._flat(blur.softened(one)).astype(np.float64) + mean
+            for one in (self.template, self.predicted, self.seen)
+        )
+        trusted = (trust * (self._counts >= COUNTS)).astype(np.float64)
+        self.recoloured = _recoloured(soft, lit, shown, trusted, image.dtype)
+        if _squares(self._residual()).max() >= NONE * self.variance:
+            self._curves = self._tones(trust.astype(np.float64))
+            self.predicted = self._as_seen(self.template)
+        behind = 0.0 if self.is_opaque else float(self._beside.var(axis=(0, 1)).sum())
+        self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
+
+    def _aligned(self, place: _Place, blur: _Blur, posed: bool) -> tuple[Matrix, Plane]:
+        """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
+        motion = moved = np.zeros(4)
+        trust = self._counts
+        on = self.weights > 0
+        reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
+        for step in range(STEPS):
+            self.seen = blur(place.moved(motion))
+            before, self._mixture = self._mixture, self._in_light(trust)
+            self.predicted = self._as_seen(self.template)
+            variance = self._varied(self._mixture)
+            rounding = ROUNDING**2 * float(np.square(self._mixture[-1]).sum())
+            self.variance = variance if variance > rounding else 0.0
+            other = self._mixture - before
+            changed = self._varied(other) + float(np.square(other[-1]).sum())
+            settled = step > TRUSTING and np.abs(moved) @ reach < SETTLED and changed < NONE * self.variance
+            if step == STEPS - 1 or settled or not self.variance > 0:
+                break
+            residual = self._residual()
+            squares = _squares(residual)
+            moved = _motion(self.predicted, residual, on, trust, posed)
+            motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
+            if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
+                usual = max(0.06 * self.variance, 2 * float(np.median(squares)))
+                trust = np.asarray(self._counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
+            elif step and squares.max() < NONE * self.variance:
+                break
+        return motion, trust
+
+    def _in_light(self, trust: Plane) -> Matrix:
+        """Return the mixture of the template's colours, and a level, that is nearest to what is seen."""
+        channels, terms = self._given.shape[1], self._terms
+        weighted = (terms * trust[:, np.newaxis]).astype(np.float64)
+        products, sums = weighted.T @ terms, weighted.T @ self._flat(self.seen)
+        # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
+        energies = (products.diagonal() - np.square(products[-1]) / products[-1, -1])[:-1]
+        common = sums[:-1].diagonal() - products[-1, :-1] * sums[-1] / products[-1, -1]
+        self._sign = float(common.sum() / energies.sum()) if energies.sum() > 0 else 0.0
+        self._slopes = common / np.where(energies > 0, energies, 1.0)
+        alike = np.vstack([self._sign * np.eye(channels), np.zeros(channels)])
+        return np.asarray(np.linalg.solve(products + self._ridge, sums + self._ridge @ alike))
+
+    def _varied(self, mixture: Matrix) -> float:
+        """Return the variance of the template in a mixture of its colours."""
+        return float((mixture[:-1].T @ self._about @ mixture[:-1]).trace())
+
+    def _residual(self) -> Plane:
+        return self._flat(self.seen) - self._flat(self.predicted)
+
+    @property
+    def contrast(self) -> float:
+        """Standard deviation of what is predicted over that of the template, negative for its negative."""
+        spread = float(self._about.trace())
+        return math.copysign(math.sqrt(self.variance / spread), self._sign) if spread > 0 else 0.0
+
+    @property
+    def gain(self) -> tuple[float, ...]:
+        """For each channel the slope of its values against those of the template, the contrast if it has but one."""
+        varies = np.ptp(self._given, axis=0) > 0
+        return tuple(float(slope) if own else self.contrast for slope, own in zip(self._slopes, varies, strict=True))
+
+    @property
+    def explained(self) -> float:
+        """Share of the variance of the place that the template explains."""
+        return explained(self._flat(self.seen), self._flat(self.predicted), self._counts)
+
+    @property
+    def counted(self) -> npt.NDArray[np.bool_]:
+        """The pixels that can disagree."""
+        return np.asarray(self.weights >= COUNTS)
+
+    def _flat(self, plane: Plane) -> Plane:
+        """Return the pixels of a plane that count, one after another."""
+        return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._on])
+
+    def _tones(self, trust: Matrix) -> list[tuple[float, Matrix] | None]:
+        """Return for each channel a curve of the predicted tones over their spread, if it rises throughout; and that.
+
+        A screen's or camera's gamma is one. What a sibling has elsewhere is none.
+        """
+        curves: list[tuple[float, Matrix] | None] = []
+        predicted, seen = (self._flat(one).astype(np.float64) for one in (self.predicted, self.seen))
+        for channel, tones in enumerate(predicted.T):
+            spread = tones.std()
+            curves.append(None)
+            if not spread > 1e-4 * np.abs(tones).max():  # its powers cannot be told apart
+                continue
+            terms = np.vander(tones / spread, CURVE + 1)
+            weighted = terms * trust[:, np.newaxis]
+            ridge = 1e-6 * trust.sum() * np.eye(CURVE + 1)
+            curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen[:, channel])
+            ends = np.linspace(tones.min(), tones.max(), 17) / spread
+            if (np.diff(np.polyval(curve, ends)) > 0).all():
+                curves[-1] = float(spread), curve
+        return curves
+
+    def _as_seen(self, plane: Plane) -> Plane:
+        """Return colours of the template in the light of the place, 0 where they do not count."""
+        mixture = self._mixture.astype(np.float32)
+        lit = plane @ mixture[:-1] + mixture[-1]
+        for channel, curve in enumerate(self._curves):
+            if curve is not None:
+                spread, powers = curve
+                lit[:, :, channel] = np.polyval(powers.astype(np.float32), lit[:, :, channel] / np.float32(spread))
+        if not isinstance(self._on, slice):
+            lit[self.weights == 0] = 0
+        return np.asarray(lit)
+
+    def differences(self, *, sharp: bool = False) -> Plane:
+        """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
+
+        Of the blurred images, or of the sharp ones.
+        """
+        predicted, seen = self.predicted, self.seen
+        if sharp:
+            predicted, seen = self._as_seen(self._deviations), self._beside
+        least = np.minimum(beyond(seen, predicted), beyond(predicted, seen))
+        return np.asarray(np.square(least).sum(axis=2) * self.counted)
+
+    def averaged(self, plane: Plane | None) -> Plane:
+        """Return the mean over each block of what counts, as a share of the variance; None: the share that counts."""
+        inside = averaged(self.counted, blocks_of(self.shape))
+        if plane is None:
+            return inside
+        total = averaged(plane * self.counted, blocks_of(self.shape))
+        return np.asarray(total / np.maximum(inside, 1e-6) / self.variance, dtype=np.float32)
+
+    def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep."""
+        if not counts.any():
+            return counts
+        left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
+        steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
+        noise = np.maximum(np.median(left[counts]), steep * np.median((left / steep)[counts]))
+        behind = THROUGH * self.averaged(self.shown_through)
+        return np.asarray((left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts)
+
+    def structure(self) -> Plane:
+        """Return the energy of each block of the template about its own mean."""
+        weights = self.own_weights[:, :, np.newaxis]
+        share = averaged(self.own_weights, blocks_of(self.shape))
+        means, squares = (
+            [
+                averaged(one, blocks_of(self.shape)) / np.maximum(share, 1e-6)
+                for one in np.moveaxis(weights * power, 2, 0)
+            ]
+            for power in (self.template, np.square(self.template))
+        )
+        energy = np.sum(squares, axis=0) - np.square(means).sum(axis=0)
+        return np.asarray(np.where(share > COUNTED, np.maximum(energy, 0) * share, 0))
+
+
+def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
+    """Return the weights, 0 outside the image and within 2 px of pixels without data."""
+    known = np.zeros(weights.shape, dtype=np.uint8)
+    top, left = max(row, 0), max(col, 0)
+    part = np.isfinite(image[top : max(row + weights.shape[0], 0), left : max(col + weights.shape[1], 0)]).all(axis=2)
+    flags = np.asarray(part, dtype=np.uint8)
+    around = flags if flags.all() else cv2.erode(flags, np.ones((5, 5), np.uint8))
+    known[top - row :, left - col :][: part.shape[0], : part.shape[1]] = around
+    return np.asarray(weights * known, dtype=np.float32)
+
+
+class _Blur:
+    """A blur without what its weights exclude, of colours more than of brightness."""
+
+    def __init__(self, weights: Plane) -> None:
+        self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
+        self._shares = {
+            blur: np.maximum(_spread(weights, blur), 1e-3)[:, :, np.newaxis]
+            for blur in (BLUR, BLUR_OF_COLOURS, BLUR_BESIDE)
+        }
+
+    def __call__(self, image: Plane) -> Plane:
+        """Return an image blurred."""
+        bright = _bright(image)
+        blurred = self._of(bright, BLUR)
+        return blurred if image.shape[2] == 1 else blurred + self._of(image - bright, BLUR_OF_COLOURS)
+
+    def softened(self, image: Plane) -> Plane:
+        """Return a blurred image with its brightness blurred as its colours are."""
+        bright = _bright(image)
+        return np.asarray(image - bright + self._of(bright, BLUR_BESIDE))
+
+    def _of(self, image: Plane, blur: float) -> Plane:
+        weighted = image if self._weights is None else image * self._weights
+        return np.asarray(_spread(weighted, blur).reshape(image.shape) / self._shares[blur])
+
+
+def _spread(image: Plane, blur: float) -> Plane:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur, borderType=cv2.BORDER_CONSTANT))
+
+
+def _bright(image: Plane) -> Plane:
+    channels = image.shape[2]
+    bright = image if channels == 1 else cv2.transform(image, np.full((1, channels), 1 / channels))
+    return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
+
+
+class _Place:
+    """What an image shows around a place, less the template's mean."""
+
+    def __init__(self, image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, int]) -> None:
+        margin = 3
+        top, left = max(0, row - margin), max(0, col - margin)
+        part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
+        self._part = np.nan_to_num((part - mean).astype(np.float32))
+        self._corner = np.array([col - left, row - top])
+        self._shape = shape
+
+    def moved(self, motion: Matrix) -> Plane:
+        """Return the place moved by (rows, cols, logarithm of size, angle)."""
+        down, right, size, angle = motion
+        cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
+        linear = np.array([[cosine, -sine], [sine, cosine]])
+        middle = (np.array(self._shape[::-1]) - 1) / 2
+        offset = middle + self._corner + np.array([right, down]) - linear @ middle
+        moved = cv2.warpAffine(
+            self._part,
+            np.column_stack([linear, offset]),
+            self._shape[::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        return np.asarray(moved, dtype=np.float32).reshape(*self._shape, -1)
+
+
+def gradient(image: Plane) -> list[Plane]:
+    """Return the derivatives down and to the right."""
+    return [
+        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8), dtype=np.float32).reshape(image.shape)
+        for order in ((0, 1), (1, 0))
+    ]
+
+
+def _motion(predicted: Plane, residual: Plane, on: npt.NDArray[Any], trust: Plane, posed: bool) -> Matrix:
+    """Return the motion of the place, as :meth:`_Place.moved` takes it, that explains most of the residual."""
+    down, right = (one[on] for one in gradient(predicted))
+    motions = [-down, -right]
+    if posed:
+        rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))
+        motions += [-(rows * down + cols * right), rows * right - cols * down]
+    terms = np.stack(motions).astype(np.float32)
+    weighted = (terms * trust[:, np.newaxis]).reshape(len(terms), -1)
+    products = (weighted @ terms.reshape(len(terms), -1).T).astype(np.float64)
+    products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
+    moved = np.zeros(4)
+    moved[: len(motions)] = np.linalg.solve(products, weighted @ residual.ravel())
+    return moved
+
+
+def _recoloured(given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]) -> float:
+    """Return how far the fitted colours are from a gain of each channel and an offset of all, as a share of variance.
+
+    A light or a camera multiplies channels; haze and exposure add to all. Pixels that the image clips could be
+    brighter, and do not count in the fit.
+    """
+    channels = given.shape[1]
+    if channels == 1:
+        return 0.0
+    top = float(np.iinfo(dtype).max) if dtype.kind == "u" else math.inf
+    products, sums = np.zeros((channels + 1, channels + 1)), np.zeros(channels + 1)
+    for one in range(channels):
+        weights = trust * (seen[:, one] < ALMOST_WHITE * top)
+        terms = np.column_stack([given[:, one], np.ones(len(given))])
+        at = np.ix_([one, channels], [one, channels])
+        products[at] += terms.T @ (terms * weights[:, np.newaxis])
+        sums[[one, channels]] += terms.T @ (weights * predicted[:, one])
+    products[np.diag_indices(channels + 1)] += 1e-12 * (1 + np.trace(products))
+    *gains, offset = np.linalg.solve(products, sums)
+    lit = np.minimum(given * gains + offset, top)
+    away = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
+    return float(np.average(away, weights=trust) / max(predicted.var(axis=0).sum(), 1e-12))
+
+
+def beyond(one: Plane, other: Plane) -> Plane:
+    """Return by how much one image leaves the range of the other within a part of a pixel around."""
+    square = np.ones((3, 3), np.uint8)
+    highest, lowest = (change(other, square).reshape(other.shape) for change in (cv2.dilate, cv2.erode))
+    upper, lower = other + TOLERANCE * (highest - other), other + TOLERANCE * (lowest - other)
+    return np.asarray(np.maximum(np.maximum(lower - one, one - upper), 0))
+
+
+def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
+    """Return the means of a plane over blocks, so many along its sides."""
+    smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.asarray(smaller, dtype=np.float32).reshape(shape)
+
+
+def explained(seen: Plane, predicted: Plane, counts: Plane) -> float:
+    """Return the share of the variance of pixels seen, one after another, that those predicted explain."""
+    varies = float(counts @ _squares(seen - counts @ seen / counts.sum()))
+    left = float(counts @ _squares(seen - predicted))
+    return max(0.0, 1 - left / varies) if varies > 0 else 0.0
+
+
+def _squares(vectors: Plane) -> Plane:
+    return np.asarray(np.einsum("ij,ij->i", vectors, vectors))
