@@ -92,17 +92,17 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
         little = reduced(flat, factor)
     small = warped(grey, 1 / factor, 0.0)
     if small is not None and (grey.weights == 1).all():  # only the rim counts less, from what is beyond it
-        small = pattern_of(small.colours, small.weights > 0)
+        rim = int((small.weights == 0).any())  # without it, running sums do for the weights
+        inner = slice(rim, -rim or None)
+        small = pattern_of(small.colours[inner, inner], small.weights[inner, inner] > 0)
     if small is None or min(small.shape) < ALONG:
         return NOWHERE
     coarse, fine = _Blocks(small), _Blocks(pattern)
     if not (coarse.varying.any() and fine.varying.any()):
         return NOWHERE
     down, across = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
-    likely = in_threads(
-        [partial(coarse.best_near, little, row, col, 1) for row, col in _roughly(little, small, progress)],
-        lambda done: progress(0.4 + 0.2 * done),
-    )
+    likely = [coarse.best_near(little, row, col, 1) for row, col in _roughly(little, small, progress)]
+    progress(0.6)
     least = max([LEAST_LIKELY, *(place.score - BELOW for place in likely)])
     refined = in_threads(
         [

@@ -102,35 +102,36 @@ class WindowEnergy:
 
     def __init__(self, planes: Sequence[npt.NDArray[Any]], height: int, width: int, memory: Memory) -> None:
         self._height, self._width = height, width
+        shape = tuple(side + 1 for side in planes[0].shape)
         # In int32 sums of tables wrap around, those of windows do not.
-        small = planes[0].dtype == np.uint8 and 255 * height * width < 2**31
-        shape, kind = tuple(side + 1 for side in planes[0].shape), np.int32 if small else np.float64
+        kinds = [
+            np.int32 if planes[0].dtype == np.uint8 and most * height * width < 2**31 else np.float64
+            for most in (255, 255**2)
+        ]
+        depths = [cv2.CV_32S if kind is np.int32 else cv2.CV_64F for kind in kinds]
         self._tables = [
             cv2.integral2(
                 plane,
-                memory.part(f"sums {number}", shape, kind),
-                memory.part(f"squares {number}", shape, np.float64),
-                sdepth=cv2.CV_32S if small else cv2.CV_64F,
-                sqdepth=cv2.CV_64F,
+                *(memory.part(f"{kind} {number}", shape, kind) for number, kind in enumerate(kinds, 2 * channel)),
+                *depths,
             )
-            for number, plane in enumerate(planes)
+            for channel, plane in enumerate(planes)
         ]
 
     def of(self, rows: slice) -> npt.NDArray[np.float64]:
         """Return the energy of the windows that begin in some rows."""
         energy: npt.NDArray[np.float64] | None = None
         for tables in self._tables:
-            total, squares = (self._sums(table, rows) for table in tables)
+            squared, squares = (self._sums(table, rows).astype(np.float64, copy=False) for table in tables)
             energy = squares if energy is None else np.add(energy, squares, out=energy)
-            squared = total.astype(np.float64)
             np.multiply(squared, squared, out=squared)
             cv2.scaleAdd(squared, -1 / (self._height * self._width), energy, energy)
         assert energy is not None
         return energy
 
     def _sums(self, table: npt.NDArray[Any], rows: slice) -> npt.NDArray[Any]:
-        down = cv2.subtract(table[rows.start + self._height : rows.stop + self._height], table[rows])
-        return np.asarray(cv2.subtract(down[:, self._width :], down[:, : -self._width]))
+        down = table[rows.start + self._height : rows.stop + self._height] - table[rows]
+        return np.asarray(down[:, self._width :] - down[:, : -self._width])
 
 
 VALUES_AT_ONCE = 1_000_000
@@ -174,7 +175,7 @@ def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: in
     return float(scores_at(image, deviations, weights, np.array([row]), np.array([col]))[0])
 
 
-LONGEST_FFT = 960
+LONGEST_FFT = 1296
 """Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
 
 FFT_UNIT = 48
@@ -454,16 +455,25 @@ class Places:
     def in_order(self, *, share: float = 0.0, taken: Sequence[int] = (), left: Indices | None = None) -> Iterator[int]:
         """Yield the positions of :meth:`best`, as many as there are."""
         left = np.arange(len(self.rows)) if left is None else left
-        order = left[np.argsort(-self.scores[left], kind="stable")]
         found: list[int] = []
-        for start in range(0, len(order), PEAKS_AT_ONCE):
-            some = order[start : start + PEAKS_AT_ONCE]
+        for some in self._sorted(left):
             for one in (*taken, *found):
                 some = self.apart(one, some, share)
             while some.size:
                 found.append(int(some[0]))
                 yield found[-1]
                 some = self.apart(found[-1], some[1:], share)
+
+    def _sorted(self, left: Indices) -> Iterator[Indices]:
+        """Yield positions best first, some at a time; the many after the first ones are sorted only when wanted."""
+        scores = -self.scores[left]
+        first = np.ones(len(left), dtype=bool)
+        if len(left) > PEAKS_AT_ONCE:
+            first = scores <= np.partition(scores, PEAKS_AT_ONCE)[PEAKS_AT_ONCE]
+        for part in (first, ~first):
+            order = left[part][np.argsort(scores[part], kind="stable")]
+            for start in range(0, len(order), PEAKS_AT_ONCE):
+                yield order[start : start + PEAKS_AT_ONCE]
 
     def box(self, index: int) -> tuple[int, int]:
         """Return height and width, px, of the upright box at a position."""
@@ -503,7 +513,8 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
     def band(first: int) -> Indices:
         start = max(0, first - 1)  # compared with the adjacent rows too
         part = np.fmax(score_map[start : first + ROWS_AT_ONCE + 1], np.float32(-2.0))  # in place of NaN
-        highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= -1.0)
+        around = cv2.dilate(part, NEIGHBOURS).reshape(part.shape)
+        highest = part >= np.maximum(around, np.float32(-1.0), out=around)
         return np.asarray(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
 
     found = in_threads([partial(band, first) for first in range(0, len(score_map), ROWS_AT_ONCE)], silent)
