@@ -91,7 +91,8 @@ def estimate_search(
         places=places,
         hidden=hidden.memory,
         hidden_values=hidden.values,
-        points=tiles.shared + at_once * tiles.points,
+        # 8 bits are transformed in single precision, and summed as integers.
+        points=(tiles.shared + at_once * tiles.points) / (2 if np.dtype(dtype) == np.uint8 else 1),
         turns=tiles.turns / at_once,
     )
 

@@ -30,7 +30,7 @@ from stereolag.templates import estimate_search, match_template
 
 GB = 10**9
 
-SMALL = {"StereoBM": 64 * 10**6, "template by fft": 64 * 10**6}
+SMALL = {"StereoBM": 64 * 10**6}
 """Bytes by which the estimate of a small job may be too large, where it is more than half of that."""
 
 
