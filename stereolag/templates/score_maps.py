@@ -104,18 +104,17 @@ class WindowEnergy:
         self._height, self._width = height, width
         shape = tuple(side + 1 for side in planes[0].shape)
         # In int32 sums of tables wrap around, those of windows do not.
-        kinds = [
-            np.int32 if planes[0].dtype == np.uint8 and most * height * width < 2**31 else np.float64
-            for most in (255, 255**2)
-        ]
-        depths = [cv2.CV_32S if kind is np.int32 else cv2.CV_64F for kind in kinds]
+        whole = [planes[0].dtype == np.uint8 and most * height * width < 2**31 for most in (255, 255**2)]
+        sums, squares = (np.int32 if fits else np.float64 for fits in whole)
         self._tables = [
             cv2.integral2(
                 plane,
-                *(memory.part(f"{kind} {number}", shape, kind) for number, kind in enumerate(kinds, 2 * channel)),
-                *depths,
+                memory.part(f"sums {number}", shape, sums),
+                memory.part(f"squares {number}", shape, squares),
+                sdepth=cv2.CV_32S if whole[0] else cv2.CV_64F,
+                sqdepth=cv2.CV_32S if whole[1] else cv2.CV_64F,
             )
-            for channel, plane in enumerate(planes)
+            for number, plane in enumerate(planes)
         ]
 
     def of(self, rows: slice) -> npt.NDArray[np.float64]:
