@@ -103,8 +103,6 @@ def test_a_link_opens_the_page_as_it_was_and_its_files_have_addresses_nobody_els
 
     before = DepthPage(open_page(ADDRESS))
     own_address, own_map = taken(before)
-    assert before.download("Settings JSON")[1].count(b'"block_size": 25') == 1  # for the full-size images
-    assert before.download("Session ZIP")[1].startswith(b"PK")
 
     after = DepthPage(open_page(OTHER_ADDRESS))
     page, window = after.page, after.page.get_by_role("slider", name="Window")

@@ -22,7 +22,7 @@ from tests.app.uploads import wav
 from tests.browser.serving import PROJECT
 
 RATE = 8_000
-SECONDS = 26
+SECONDS = 17
 SAMPLE = 64 * 1024
 
 VISITORS, MOVES = 4, 7
