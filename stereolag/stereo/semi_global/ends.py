@@ -67,25 +67,28 @@ def fit_ends(
     """
     width, window = where.shape[1], left.shape[1] - where.shape[1] + 1
     low, high = max(0, disparity + 1), min(width, width + disparity - 1)
-    if low >= high:
-        return
-    # By column of the part of the left image that can be compared: its levels and their squares, then those that it
-    # meets one px beyond, at and before the disparity, and the products.
-    columns = high - low + window - 1
-    here, there = left[:, low : low + columns], right[:, low - disparity - 1 : low - disparity + columns + 1]
-    sums, scores, ones = np.zeros((7, columns + 2), np.int32), np.empty(3), np.ones(columns + 2, np.int16)
+    top, bottom, begin, stop = end, first, high, low
     for y in range(first, end):
-        for row in range(y if y == first else y + window - 1, y + window):
-            _add_row(here[row], there[row], 1, ones, sums)
-        if y > first:
-            _add_row(here[y - 1], there[y - 1], -1, ones, sums)
         for x in range(low, high):
+            if where[y, x]:
+                top, bottom, begin, stop = min(top, y), y + 1, min(begin, x), max(stop, x + 1)
+    # By column of the part of the left image that is compared: its levels and their squares, then those that it meets
+    # one px beyond, at and before the disparity, and the products.
+    columns = max(0, stop - begin) + window - 1
+    sums, scores, ones = np.zeros((7, columns + 2), np.int32), np.empty(3), np.ones(columns + 2, np.int16)
+    meets = begin - disparity - 1
+    for y in range(top, bottom):
+        if y > top:
+            _add_row(left, right, y - 1, begin, meets, -1, ones, sums)
+        for row in range(y if y == top else y + window - 1, y + window):
+            _add_row(left, right, row, begin, meets, 1, ones, sums)
+        for x in range(begin, stop):
             if not where[y, x]:
                 continue
-            mean, deviation = _spread(sums[0], sums[1], x - low, window)
+            mean, deviation = _spread(sums, 0, x - begin, window)
             for shift in range(3):
-                other, norm = _spread(sums[2], sums[3], x - low + 2 - shift, window)
-                product = _total(sums[4 + shift], x - low, window) / (window * window)
+                other, norm = _spread(sums, 2, x - begin + 2 - shift, window)
+                product = _total(sums, 4 + shift, x - begin, window) / (window * window)
                 scores[shift] = (product - mean * other) / (deviation * norm)
             if scores[1] < scores[0] or scores[1] < scores[2]:
                 continue
@@ -101,15 +104,19 @@ def _logarithm(score: float) -> float:
 
 
 @compiled
-def _add_row(left: Array, right: Array, sign: int, ones: Array, sums: Array) -> None:
-    """Add a row, times `sign`, to the sums of its columns; `right` has one column more on either side."""
-    width = left.size
-    _add_products(left, ones, sign, sums[0, :width])
-    _add_products(left, left, sign, sums[1, :width])
-    _add_products(right, ones, sign, sums[2])
-    _add_products(right, right, sign, sums[3])
+def _add_row(left: Array, right: Array, row: int, begin: int, meets: int, sign: int, ones: Array, sums: Array) -> None:
+    """Add a row, times `sign`, to the sums: from column `begin` of the left image and column `meets` of the right on.
+
+    A plain product of two rows is what the compiler turns into vector instructions.
+    """
+    size = sums.shape[1]
+    here, there = left[row][begin : begin + size - 2], right[row][meets : meets + size]
+    _add_products(here, ones, sign, sums[0, : size - 2])
+    _add_products(here, here, sign, sums[1, : size - 2])
+    _add_products(there, ones, sign, sums[2])
+    _add_products(there, there, sign, sums[3])
     for shift in range(3):
-        _add_products(left, right[2 - shift :], sign, sums[4 + shift, :width])
+        _add_products(here, there[2 - shift :], sign, sums[4 + shift, : size - 2])
 
 
 @compiled
@@ -119,19 +126,19 @@ def _add_products(one: Array, other: Array, sign: int, sums: Array) -> None:
 
 
 @compiled
-def _total(sums: Array, x: int, window: int) -> int:
+def _total(sums: Array, one: int, x: int, window: int) -> int:
     total = 0
     for col in range(x, x + window):
-        total += sums[col]
+        total += sums[one, col]
     return total
 
 
 @compiled
-def _spread(sums: Array, squares: Array, x: int, window: int) -> tuple[float, float]:
-    """Return the mean and the deviation, with noise, of a window from the sums of its columns."""
+def _spread(sums: Array, one: int, x: int, window: int) -> tuple[float, float]:
+    """Return the mean and the deviation, with noise, of a window: of sums `one` over its columns, and their squares."""
     area = window * window
-    mean = _total(sums, x, window) / area
-    return mean, math.sqrt(_total(squares, x, window) / area - mean * mean + NOISE**2)
+    mean = _total(sums, one, x, window) / area
+    return mean, math.sqrt(_total(sums, one + 1, x, window) / area - mean * mean + NOISE**2)
 
 
 def fit_ends_reference(left: Array, right: Array, disparity: int, where: Mask, inside: Mask, offset: FloatMap) -> None:
