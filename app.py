@@ -9,6 +9,7 @@ from stereolag.figures.legends import disparity_range
 from stereolag.figures.maps import image_into_map
 from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
+from stereolag.figures.verdicts import curve_in_words, place
 from stereolag.pair import example_pair
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -19,10 +20,8 @@ from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
 from stereolag.ui.inputs import example_pictures, example_recordings
-from stereolag.ui.lag.sentences import curve_in_words
 from stereolag.ui.navigation import page
 from stereolag.ui.results import computed
-from stereolag.ui.search.sentences import place
 from stereolag.ui.sentences import CURVES
 
 

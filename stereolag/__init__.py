@@ -37,7 +37,7 @@ recordings
     `align` puts one recording on the clock of another
 results
     `SignalLag`; `TemplateSearch`, with a `TemplateMatch` for every place found; `DisparityMap`, with a `Reason` for
-    every pixel
+    every pixel; notebooks show them, and `show` does so elsewhere, or with the image
 accuracy
     `evaluate` a map against ground truth: an `Evaluation`; `diagnose` a pair before matching: a `Diagnosis`
 metres
@@ -50,9 +50,12 @@ The names are listed in ``__init__.pyi``; each is imported on first use.
 
 import lazy_loader
 
+from stereolag.core.showing import DRAWN_IN
 from stereolag.version import VERSION
 
 __version__ = VERSION
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]
+
+DRAWN_IN.append("stereolag.figures.notebooks")

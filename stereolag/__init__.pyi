@@ -2,6 +2,7 @@
 
 from .assess.diagnosis import Diagnosis, diagnose
 from .assess.suggestion import Suggestion, suggest
+from .core.showing import show
 from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
@@ -56,6 +57,7 @@ __all__ = [
     "read_signal",
     "rectify",
     "scene_flow",
+    "show",
     "signal_lag",
     "suggest",
     "write_disparity",

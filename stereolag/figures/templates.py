@@ -91,12 +91,15 @@ def match_close_up(
     return png(shown)
 
 
-def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[TemplateMatch]) -> bytes:
+def score_map_png(
+    score_map: npt.NDArray[np.float32], matches: Sequence[TemplateMatch], factor: int | None = None
+) -> bytes:
     """Return the score of every place as a PNG: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
 
-    A pixel that stands for several places shows the best of them, because a peak is one place wide.
+    A pixel that stands for `factor` × `factor` places, as many as the page has room for unless given, shows the best of
+    them, because a peak is one place wide.
     """
-    factor = block_side(score_map)
+    factor = factor or block_side(score_map)
     shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
     for match in matches:
         centre = (match.col // factor, match.row // factor)

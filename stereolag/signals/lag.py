@@ -18,6 +18,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
+from stereolag.core.showing import Shown
 from stereolag.signals.correlation import (
     SHORTEST_BLOCK,
     ConvertedRecording,
@@ -197,7 +198,7 @@ _SEARCHING = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class SignalLag:
+class SignalLag(Shown):
     """The lag of `signal_2` behind `signal_1`, and how reliable it is.
 
     The lag is the one that all evidence speaks for, whatever curve the method shows; with drift, the one in the middle

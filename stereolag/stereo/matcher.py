@@ -18,6 +18,7 @@ from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_stereo_pair, in_eight_bits, transparent, with_border_transparent
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
+from stereolag.core.showing import Shown
 
 
 class Reason(IntEnum):
@@ -217,7 +218,7 @@ def grey_bytes(shape: tuple[int, ...], dtype: npt.DTypeLike) -> int:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DisparityMap:
+class DisparityMap(Shown):
     """Disparity map in the frame of the left image, with reason, score and displacement of every pixel.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
+from stereolag.core.showing import Shown
 from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped, warped_shape
 from stereolag.templates.score_maps import Places, fft_score_map
@@ -99,7 +100,7 @@ class TemplateMatch:
 
 
 @dataclass(frozen=True)
-class TemplateSearch:
+class TemplateSearch(Shown):
     """The result of :func:`match_template`.
 
     Parameters

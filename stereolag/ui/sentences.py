@@ -66,17 +66,6 @@ CHOICE_NAMES = {
 }
 """Display names of the choices in settings."""
 
-REASON_WORDS = {
-    Reason.MEASURED: "measured",
-    Reason.FILLED: "filled in",
-    Reason.OUT_OF_FRAME: "out of frame",
-    Reason.LOW_TEXTURE: "too little texture",
-    Reason.AMBIGUOUS: "ambiguous",
-    Reason.LEFT_RIGHT: "left and right disagree",
-    Reason.SPECKLE: "speckle",
-    Reason.AT_SEARCH_EDGE: "at the edge of the search",
-}
-
 REASONS_EXPLAINED = {
     Reason.FILLED: "Not measured: filled in from the surface behind.",
     Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",

@@ -43,6 +43,15 @@ from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.match import window_grid
+from stereolag.figures.verdicts import (
+    REASON_WORDS,
+    curve_in_words,
+    doubtful,
+    framed_in_words,
+    headline,
+    verdict_explained,
+    verdict_in_words,
+)
 from stereolag.io.clocks import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import phasors, signal_lag
@@ -70,23 +79,17 @@ from stereolag.ui.depth.sentences import (
 )
 from stereolag.ui.lag.sentences import (
     blocks_in_words,
-    curve_in_words,
     drift_in_words,
     heard_in_words,
     own_facts,
     own_in_words,
     ribbon_in_words,
     run_times_in_words,
-    verdict_explained,
-    verdict_in_words,
     waveforms_in_words,
 )
 from stereolag.ui.search.sentences import (
     differences,
-    doubtful,
     found_in_words,
-    framed_in_words,
-    headline,
     left_out_in_words,
     lesson,
     nearest_in_words,
@@ -96,7 +99,7 @@ from stereolag.ui.search.sentences import (
     why_no_score_map,
     why_not_found,
 )
-from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED
+from stereolag.ui.sentences import REASONS_EXPLAINED
 from tests.app import uploads
 from tests.snapshots import Snapshot
 

@@ -133,7 +133,10 @@ def test_only_the_upper_layers_know_the_screen(screen: str) -> None:
 
 @pytest.mark.parametrize(
     ("line", "absent"),
-    [("import stereolag", {"numpy", "numba", "cv2"}), ("from stereolag import *", {"streamlit", "plotly"})],
+    [
+        ("import stereolag", {"numpy", "numba", "cv2"}),
+        ("from stereolag import *", {"streamlit", "plotly", "stereolag.figures.notebooks"}),
+    ],
 )
 def test_importing_the_library_brings_in_nothing_before_it_is_used_and_never_a_screen(
     line: str, absent: set[str]

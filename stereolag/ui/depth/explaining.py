@@ -41,6 +41,7 @@ from stereolag.figures.match import (
     window_grid,
 )
 from stereolag.figures.pictures import CORRELATION, VIRIDIS, as_rgb
+from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
@@ -61,7 +62,6 @@ from stereolag.ui.depth.sentences import (
     SQUARE_FIT,
     TOO_MUCH_TO_FOLLOW,
     all_blanks_in_words,
-    blanks_in_words,
     fit_in_words,
     markdown_table,
     match_verdict,
@@ -71,7 +71,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.elements import show_chart, show_png, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
+from stereolag.ui.sentences import OPENCV_REASONS, REASONS_EXPLAINED, percent
 
 _hovered_match = component("hovered_match")
 

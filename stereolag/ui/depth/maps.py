@@ -17,6 +17,7 @@ from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, edge_path, thinned
+from stereolag.figures.verdicts import REASON_WORDS
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
@@ -48,7 +49,7 @@ from stereolag.ui.linked_pictures import (
     send_picture,
 )
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
-from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
+from stereolag.ui.sentences import beyond_the_colours, duration, percent
 
 Pixel = tuple[int, int]
 

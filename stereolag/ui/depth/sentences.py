@@ -16,10 +16,11 @@ from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typeset, typesets
 from stereolag.figures.match import WindowGrid
+from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.matcher import Reason
-from stereolag.ui.sentences import REASON_WORDS, percent
+from stereolag.ui.sentences import percent
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."
 
@@ -185,17 +186,6 @@ def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None =
 def photograph_in_words(image: Image) -> str:
     """Return the size of a photograph in words."""
     return f"photograph, {image.shape[1]:,} by {image.shape[0]:,} pixels"
-
-
-@typesets
-def blanks_in_words(reason: ReasonMap) -> str:
-    """Return how much of a map has no measurement, and why, the most frequent reason first."""
-    shares = {cause: float(np.mean(reason == cause)) for cause in Reason if cause is not Reason.MEASURED}
-    found = sorted(((share, cause) for cause, share in shares.items() if share), reverse=True)
-    if not found:
-        return "every pixel is measured"
-    said = ", ".join(f"{REASON_WORDS[cause]} {100 * share:.1f} %" for share, cause in found)
-    return f"{100 * sum(shares.values()):.1f} % without a measurement: {said}"
 
 
 @typesets

@@ -10,6 +10,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
+from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
 from stereolag.io.alignment import aligned_file, check_wav
 from stereolag.io.programs import lag_command, lag_script
 from stereolag.io.results import curve_csv, lag_json
@@ -25,12 +26,9 @@ from stereolag.ui.elements import Number, announce, show_numbers
 from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
     blocks_in_words,
-    curve_in_words,
     drift_in_words,
     heard_in_words,
     ribbon_in_words,
-    verdict_explained,
-    verdict_in_words,
 )
 from stereolag.ui.results import remembered
 from stereolag.ui.sentences import CURVES, duration

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
 from stereolag.figures.recordings import band_of_chance
+from stereolag.figures.verdicts import MOST_NAMED, together
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
@@ -23,116 +24,6 @@ from stereolag.ui.sentences import duration
 
 ECHO_S = 0.03
 """Seconds; sounds closer together are heard as one (Haas, 1951)."""
-
-LEAST_SPREAD = 0.01
-"""Samples; a smaller spread is reported as less than this."""
-
-
-def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
-    """Return which sensor hears the sound later, by how much, how sure that is, and the path difference.
-
-    `assumed` names the settings that neither a file nor the visitor gave.
-    """
-    over_time = result.over_time
-    if over_time is not None and over_time.shows:
-        rate = f", at {_assumed_rate(result)}" if over_time.steps and "sampling_rate" in assumed else ""
-        return f"Sensor 2 hears it **{over_time_in_words(over_time, result.sampling_rate)}**{rate}."
-    doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, LEAST_SPREAD):.1g}"
-    if result.lag == 0:
-        return f"Both sensors hear it **at the same time**{f' (0{doubt} samples)' if doubt else ''}."
-    later, earlier = (2, 1) if result.lag > 0 else (1, 2)
-    samples = f"{abs(result.lag_subsample):,.{_decimals(result.uncertainty)}f}{doubt} samples"
-    given = [f"{result.speed:,.10g} m/s"] if "speed" in assumed else []
-    given += [f"{result.sampling_rate:,.10g} Hz"] if "sampling_rate" in assumed else []
-    at = f", at {' and '.join(given)}, {'both ' if len(given) > 1 else ''}assumed" if given else ""
-    return (
-        f"Sensor {later} hears it **{abs(result.time_s):.4g} s** ({samples}) after sensor {earlier}: its path is "
-        f"**{result.distance_m:,.2f} m** longer{at}."
-    )
-
-
-def _assumed_rate(result: SignalLag) -> str:
-    return f"{result.sampling_rate:,.10g} Hz, assumed"
-
-
-def _decimals(doubt: float) -> int:
-    """Return how many decimals a number has that is off by this much, at most two; none if that is unknown."""
-    return 0 if np.isnan(doubt) or doubt >= 1 else 1 if doubt >= 0.1 else 2
-
-
-def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
-    """Return the lag if it is sure, otherwise why none can be given."""
-    judgement = result.judgement
-    if judgement.verdict == "sure":
-        return lag_in_words(result, assumed)
-    if judgement.reason == "repeats" and judgement.spacing is not None:
-        return f"Cannot tell: it repeats every **{_samples(judgement.spacing)} samples**."
-    if judgement.verdict == "ambiguous":
-        lags = sorted((result.lag, *judgement.rivals))
-        if len(lags) <= _MOST_NAMED:
-            return f"Cannot tell: **{_together([f'{lag:,}' for lag in lags])} samples** fit equally well."
-        return f"Cannot tell: **at least {len(lags) - 1} other lags fit** as well."
-    return _NOTHING_WORDS[judgement.reason]
-
-
-_MOST_NAMED = 4
-
-
-def _together(words: Sequence[str]) -> str:
-    """Return words as in a sentence: "a", "a and b", "a, b and c"."""
-    *others, last = words
-    return f"{', '.join(others)} and {last}" if others else last
-
-
-_NOTHING_WORDS = {
-    "chance": "Nothing in common found: the highest point is at chance level.",
-    "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
-    "few_votes": "Nothing found by sampling: hardly two samples vote for the same lag.",
-    "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
-}
-
-
-def verdict_explained(result: SignalLag) -> list[str]:
-    """Return the details of a verdict: arrivals, clocks, rivals, a reversed microphone, advice."""
-    judgement, over_time = result.judgement, result.over_time
-    said = []
-    if over_time is not None and over_time.shows:
-        said.append("A lag that changes is not due to the path alone, so no metres are given.")
-    if len(result.arrivals) > 1 and judgement.reason != "repeats":
-        shown = ", ".join(f"{round(one.lag):,} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
-        said.append(f"Arrivals beyond chance, samples: {shown}. The direct sound and its echoes, or several sounds.")
-    if judgement.opposite_lag is not None:
-        said.append(
-            f"With its sign reversed, recording 2 fits at {judgement.opposite_lag:,} samples: swap the wires of one "
-            "microphone, or negate one file."
-        )
-    elif judgement.verdict == "ambiguous":
-        fit = "" if len(judgement.rivals) < _MOST_NAMED else f"{_nearest(result)} fit about equally well. "
-        said.append(f"{fit}A stretch that does not repeat, or a smaller largest lag, can decide.")
-    elif judgement.reason == "few_votes" and result.arrivals:
-        lag, sigma = result.arrivals[0]
-        said.append(f"All samples together agree on a lag of {round(lag):,} ({sigma:.1f} σ): choose the method FFT.")
-    elif judgement.verdict == "nothing":
-        said.append(
-            "Use a longer stretch with a distinct sound that both sensors hear, and check that both files cover it."
-        )
-    return said
-
-
-_MOST_LISTED = 5
-
-
-def _nearest(result: SignalLag) -> str:
-    """Return the lag and the rivals nearest to it in words, and how many more were found."""
-    lags = sorted((result.lag, *result.rivals[: _MOST_LISTED - 1]))
-    more = 1 + len(result.rivals) - len(lags)
-    return f"The lags {'; '.join(f'{lag:,}' for lag in lags)} and at least {more} more"
-
-
-def _samples(spacing: float) -> str:
-    whole = round(spacing)
-    return f"{whole:,}" if abs(spacing - whole) < 0.05 or spacing >= 100 else f"{spacing:.1f}"
-
 
 _RIBBON_EXPLAINED = {
     "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
@@ -233,30 +124,6 @@ def upload_limits() -> str:
         f"At most {st.get_option('server.maxUploadSize')} MB and {samples / 1e6:,.0f} million samples per file, over "
         f"all channels: {samples / rate / 60:,.0f} minutes of one channel at {rate:,.10g} Hz."
     )
-
-
-@typesets
-def curve_in_words(result: SignalLag) -> str:
-    """Return a description of the lag curve: where it is highest, and whether that peak stands alone."""
-    if result.lags is None:
-        votes = (result.votes or {}).get(result.lag, 0)
-        return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
-    searched = f"Correlation at the lags {result.lags[0]:,} to {result.lags[-1]:,} samples"
-    over_time = result.over_time
-    if over_time is not None and over_time.shows:
-        lags = f"{over_time.lowest:,.0f} to {over_time.highest:,.0f}"
-        return f"{searched}: the lag changes, which spreads the peak over the lags {lags}."
-    if result.verdict == "sure":
-        return f"{searched}: one clear peak at {result.lag:,}, score {result.score:.3f}."
-    if result.verdict == "ambiguous":
-        return f"{searched}: highest at {result.lag:,}, and {_others(len(result.rivals))} about as high."
-    if result.judgement.opposite_lag is not None:
-        return f"{searched}: no peak, but a clear trough at {result.judgement.opposite_lag:,}."
-    return f"{searched}: no peak is beyond chance; the highest point is at {result.lag:,}."
-
-
-def _others(count: int) -> str:
-    return "1 other peak is" if count == 1 else f"{count} other peaks are"
 
 
 @typesets
@@ -498,8 +365,8 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "spacing": judgement.spacing,
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
-            if len(rivals) >= _MOST_NAMED
-            else f"{_together([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
+            if len(rivals) >= MOST_NAMED
+            else f"{together([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
         ),
         "where": "In the middle" if reason in {"drift", "steps"} else "Highest at",
         "start": over_time and over_time.start,

@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereolag.core.jobs import Estimate
 from stereolag.figures.templates import trial_jpeg
+from stereolag.figures.verdicts import is_cut_off
 from stereolag.templates import TemplateSearch, estimate_search
 from stereolag.templates.trials import (
     Degradation,
@@ -26,7 +27,7 @@ from stereolag.ui.elements import show_jpeg
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_before, computed_in_turn, computed_or_refused
-from stereolag.ui.search.sentences import OUTCOMES, differences, is_cut_off, lesson, numbers_of, table
+from stereolag.ui.search.sentences import OUTCOMES, differences, lesson, numbers_of, table
 
 TASK: Final = "template search by OpenCV"
 

@@ -10,6 +10,7 @@ import streamlit as st
 from stereolag.core.inputs import Image
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
+from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
@@ -21,14 +22,9 @@ from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, show_score_map
 from stereolag.ui.search.sentences import (
-    doubtful,
     found_in_words,
-    framed_in_words,
-    headline,
-    is_cut_off,
     left_out_in_words,
     nearest_in_words,
-    place,
     why_no_score_map,
     why_not_found,
 )

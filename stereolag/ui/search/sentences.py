@@ -8,30 +8,14 @@ import numpy as np
 
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import FRAME, VIRIDIS
-from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.figures.verdicts import EQUAL, is_cut_off, place, remark_on
+from stereolag.templates import TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
 from stereolag.ui.sentences import TEMPLATE_METHODS, duration
 
-EQUAL = 0.005
-"""Scores that differ by less are reported as equal."""
-
-SCORES_TOLD = 5
-
 RESEMBLES = 0.7
 """Least score of a place told as a look-alike."""
-
-REMARKS: Final[dict[str, str]] = {
-    "lower_contrast": ", with lower contrast",
-    "higher_contrast": ", with higher contrast",
-    "partly_covered": ", partly covered",
-    "other_colours": " in these colours",
-    "mirrored": ", but its mirror image is there",
-    "differs": ", but something similar is there",
-}
-"""What a verdict adds to found or not found."""
-
-COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 
 SAME_SCORE: Final = 1e-4
 """Scores of the two implementations that differ by less are equal up to rounding."""
@@ -42,35 +26,6 @@ OUTCOMES: Final = {
     "missed": "not found",
     "refused": "cannot search here",
 }
-
-
-def headline(result: TemplateSearch) -> str:
-    """Return the result in one line."""
-    if result.best is None:
-        return "Not found"
-    if result.found:
-        best, remark = result.matches[0], REMARKS.get(result.reason, "")
-        if result.clear > 1:
-            return f"Found at {_counted(result.clear).lower()} places{remark}"
-        posed = "" if _is_upright(best) else f", {_pose(best)}"
-        if is_cut_off(result):
-            remark = ", partly outside the image"
-        return f"Found at row {best.row}, column {best.col}{posed}{remark}"
-    if result.reason == "look_alikes":
-        scores = [one.score for one in result.look_alikes]
-        if scores[0] - scores[-1] < EQUAL:
-            return f"{_counted(len(scores))} places fit equally well"
-        told = " ".join(f"{score:.3f}" for score in scores[:SCORES_TOLD])
-        return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
-    return f"Not found{REMARKS.get(result.reason, '')}"
-
-
-def is_cut_off(result: TemplateSearch) -> bool:
-    """Return whether the best place found is partly outside the image, where the score map has no place for it."""
-    if not result.found or result.score_map is None:
-        return False
-    row, col = result.matches[0].row, result.matches[0].col
-    return min(row, col) < 0 or row >= result.score_map.shape[0] or col >= result.score_map.shape[1]
 
 
 def found_by_parts(result: TemplateSearch) -> bool:
@@ -93,20 +48,6 @@ def left_out_in_words(result: TemplateSearch) -> str:
         return ""
     share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
     return f"{share} of the places hold missing values and were left out."
-
-
-def remark_on(match: TemplateMatch) -> str:
-    """Return what a place shows if it is not simply the template, as a sentence; empty otherwise."""
-    differing = sum(not agrees for line in match.blocks for agrees in line)
-    blocks = f"{differing} of {sum(map(len, match.blocks))} blocks"
-    if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
-        return f"It has {match.contrast:.2f} × the template’s contrast."
-    return {
-        "partly_covered": f"{blocks} are covered or missing in the image; all others agree.",
-        "other_colours": "The shape is the same, but no light on the template gives these colours.",
-        "differs": f"It differs from the template in {blocks}.",
-        "not_there": f"It differs from the template in {blocks}.",
-    }.get(match.kind or "", "")
 
 
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
@@ -152,40 +93,6 @@ def why_no_score_map(query: TemplateQuery) -> str:
     if query.resized:
         return "With other sizes and angles a place has many scores: there is no score map to show."
     return "“Sampled” scores a few places only: there is no score map to show."
-
-
-def place(match: TemplateMatch) -> str:
-    """Return the position and score of a match, and its size and angle if they differ from the template's."""
-    posed = "" if _is_upright(match) else f", {_pose(match)}"
-    return f"row {match.row}, column {match.col}, score {match.score:.3f}{posed}"
-
-
-def _is_upright(match: TemplateMatch) -> bool:
-    return (match.scale, match.rotation) == (1.0, 0.0)
-
-
-def _pose(match: TemplateMatch) -> str:
-    way = "counter-clockwise" if match.rotation > 0 else "clockwise"
-    turned = f"turned {abs(match.rotation):.1f}° {way}" if match.rotation else "upright"
-    return f"{match.scale:.2f} × its size, {turned}"
-
-
-def _counted(number: int) -> str:
-    return COUNTED[number] if number < len(COUNTED) else f"{number}"
-
-
-def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
-    """Return the places to frame if nothing is found: the look-alikes, or the best one."""
-    if result.found or result.best is None:
-        return []
-    return result.look_alikes or [result.best]
-
-
-def framed_in_words(result: TemplateSearch) -> str:
-    """Return a text alternative for the framed image."""
-    framed = [place(match) for match in (result.matches[: result.clear] or doubtful(result))[:SCORES_TOLD]]
-    said = f"The image: {headline(result)}."
-    return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
 
 
 def numbers_of(trial: Trial) -> str:

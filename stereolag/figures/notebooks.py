@@ -1,0 +1,241 @@
+"""Results as notebooks show them: the verdict in words, the numbers with their units, one picture without a network."""
+
+from __future__ import annotations
+
+import html
+import io
+import math
+import re
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+from PIL import Image as PillowImage
+from PIL import ImageDraw, ImageFont
+
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
+from stereolag.core.showing import Drawing, drawing
+from stereolag.core.typography import typeset
+from stereolag.figures.legends import INK, LEGEND, PAPER, round_values, searched_range, with_legend
+from stereolag.figures.pictures import CORRELATION, VIRIDIS, coloured, data_url, fitted
+from stereolag.figures.recordings import correlation_curve
+from stereolag.figures.templates import framed, score_map_png
+from stereolag.figures.verdicts import (
+    blanks_in_words,
+    curve_in_words,
+    doubtful,
+    framed_in_words,
+    headline,
+    place,
+    remark_on,
+    verdict_explained,
+    verdict_in_words,
+)
+from stereolag.signals import SignalLag
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.templates import TemplateMatch, TemplateSearch
+
+Font: TypeAlias = ImageFont.FreeTypeFont | ImageFont.ImageFont
+
+MOST_PIXELS = 260_000
+"""Larger pictures are reduced: of noise in 256 colours, these make a PNG of 260 kB, in text 350 kB."""
+
+MOST_PLACES = 5
+
+CHART = 1280, 560
+"""Px, at twice the size it is shown, so that its lines are smooth."""
+
+LEFT, RIGHT, TOP, BOTTOM = 110, 60, 60, 100
+"""Margins of a chart, px."""
+
+TEXT = 26
+CHANCE, GRID, DRIFT = (228, 228, 228), (200, 200, 200), (248, 214, 224)
+
+
+@drawing.register
+def _lag(result: SignalLag, image: Image | None) -> Drawing:
+    if image is not None:
+        raise ValueError("image is given for a SignalLag; two recordings have none.")
+    judgement, sure = result.judgement, result.verdict == "sure"
+    numbers = [f"score {result.score:.3f}" if sure else f"the highest point scores {result.score:.3f}"]
+    if not math.isnan(judgement.evidence):
+        numbers.append(f"evidence {judgement.evidence:.1f} σ, {judgement.needed:.1f} σ are needed")
+    numbers.append(f"{result.sampling_rate:,.10g} samples a second")
+    if sure and not (judgement.over_time and judgement.over_time.shows):
+        numbers.append(f"{result.speed:,.10g} m/s")
+    curve = correlation_curve(result, "votes" if result.lags is None else "correlation")
+    note = "Grey: what chance reaches." if any(trace.name == "chance" for trace in curve.data) else ""
+    said = [verdict_in_words(result), *verdict_explained(result), _told(numbers, result.elapsed_s)]
+    return _drawing(said, _still(curve, labelled=sure), curve_in_words(result), note, zoom=2)
+
+
+@drawing.register
+def _search(result: TemplateSearch, image: Image | None) -> Drawing:
+    found, unsure = result.matches[: result.clear], doubtful(result)
+    said = [f"**{headline(result)}.**"]
+    if len(found) > 1:
+        said.append(_sentence("; ".join(map(place, found[:MOST_PLACES])) + "."))
+    if found:
+        said += filter(None, [remark_on(found[0])])
+    elif unsure:
+        why = "None of these places has a clear lead: " if result.look_alikes else "The best place does not show it: "
+        said.append(why + "; ".join(map(place, unsure[:MOST_PLACES])) + f". {remark_on(unsure[0])}".rstrip())
+    numbers = [f"score {found[0].score:.3f}"] if found else []
+    if found and result.rivals:
+        numbers.append(f"the best rival has {result.rivals[0].score:.3f}")
+    said.append(_told([*numbers, f"{result.candidates:,} places scored"], result.elapsed_s))
+    if image is not None:
+        return _drawing(said, _read(framed(image, found, unsure, width=_width(image.shape))), framed_in_words(result))
+    if result.score_map is None:
+        return _drawing([*said, "To see where: sl.show(result, image)."])
+    note = (
+        "Score of the template with its top-left corner at each place: dark at 0 and below, yellow at 1, flat places "
+        "grey, ringed the places named above. To see them in the image: sl.show(result, image)."
+    )
+    picture = _scores(result.score_map, found or unsure)
+    return _drawing(said, picture, f"Scores of {result.candidates:,} places. {headline(result)}.", note)
+
+
+@drawing.register
+def _map(result: DisparityMap, image: Image | None) -> Drawing:
+    rows, cols = result.disparity.shape
+    if image is not None and image.shape[:2] != (rows, cols):
+        raise ValueError(f"image is {image.shape[1]} × {image.shape[0]} pixels and the map {cols} × {rows}.")
+    known = result.disparity[result.valid]
+    shares = {"filled in": float(result.filled.mean()), "blank": float(1 - result.valid.mean())}
+    others = "".join(f", {100 * share:.1f} % {what}" for what, share in shares.items() if share)
+    said = [f"**{100 * result.coverage:.1f} % of the pixels measured**{others}."]
+    if not known.size:
+        said = ["**No pixel has a disparity.**"]
+    if shares["blank"] and result.settings.gives_reasons:
+        said.append(_sentence(f"{blanks_in_words(result.reason)}."))
+    numbers = [f"{cols} × {rows} px", f"by {type(result.settings).__name__}"]
+    if known.size:
+        least, median, most = np.percentile(known, (1, 50, 99))
+        numbers.append(f"disparities {least:.1f} to {most:.1f} px (98 % of them), median {median:.1f} px")
+    said.append(_told(numbers, result.elapsed_s))
+    low, high = searched_range([result])
+    width = _width((rows, cols))
+    picture = coloured(_thinned(result.disparity, width), low, high)
+    if image is not None:
+        picture = np.hstack((fitted(image, width)[: len(picture)], picture))
+    alternative = f"Disparity map, from {low:g} px (dark) to {high:g} px (bright). {said[0]}"
+    return _drawing(said, with_legend(picture, low, high, VIRIDIS, LEGEND), alternative)
+
+
+def _told(numbers: Sequence[str], seconds: float) -> str:
+    """Return numbers as a sentence, the time last."""
+    return _sentence("; ".join([*numbers, f"computed in {seconds:.3g} s."]))
+
+
+def _sentence(said: str) -> str:
+    return f"{said[:1].upper()}{said[1:]}"
+
+
+def _drawing(
+    said: Sequence[str], picture: Rgb | None = None, alternative: str = "", note: str = "", *, zoom: int = 1
+) -> Drawing:
+    """Return sentences with Markdown's bold, the verdict first, above a picture with a note, shown at 1 / `zoom`.
+
+    Colours of the text are those of the notebook, light or dark; pictures bring their own paper.
+    """
+    verdict, *others = map(_bold, said)
+    lines = f'<p style="font-size: 1.15em">{verdict}</p>' + "".join(f"<p>{one}</p>" for one in others)
+    if picture is None:
+        return Drawing(f"<div>{lines}</div>", None)
+    png = _png(picture)
+    shown = f'<img src="{data_url(png)}" alt="{html.escape(typeset(alternative.replace("**", "")))}"'
+    shown += f' width="{picture.shape[1] // zoom}" style="max-width: 100%; height: auto">'
+    return Drawing(f"<div>{lines}{shown}{f'<p><small>{_bold(note)}</small></p>' if note else ''}</div>", png)
+
+
+def _bold(text: str) -> str:
+    return re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", html.escape(typeset(text), quote=False))
+
+
+def _png(picture: Rgb) -> bytes:
+    """Return a picture in 256 colours, which is nearly all of a map's, as a small PNG."""
+    file = io.BytesIO()
+    PillowImage.fromarray(picture).quantize(256).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def _read(png: bytes) -> Rgb:
+    return np.asarray(PillowImage.open(io.BytesIO(png)).convert("RGB"))
+
+
+def _width(shape: Sequence[int]) -> int:
+    """Return the width to which a picture of (rows, cols) is reduced."""
+    return min(shape[1], max(1, math.isqrt(MOST_PIXELS * shape[1] // shape[0])))
+
+
+def _thinned(values: FloatMap, width: int) -> FloatMap:
+    """Return every so many rows and columns; a blend would stand for a value that no pixel has."""
+    height = max(1, round(values.shape[0] * width / values.shape[1]))
+    rows, cols = (np.arange(new) * old // new for new, old in zip((height, width), values.shape, strict=True))
+    return values[np.ix_(rows, cols)]
+
+
+def _scores(score_map: FloatMap, marked: Sequence[TemplateMatch]) -> Rgb:
+    factor = math.ceil(score_map.shape[1] / _width(score_map.shape))
+    return _read(score_map_png(score_map, marked, factor))
+
+
+def _still(figure: go.Figure, *, labelled: bool) -> Rgb:
+    """Return a chart of lines, bars, bands and rings as a picture, with labels at the rings if wanted."""
+    drawn = [(trace, np.array(trace.x, np.float64), np.array(trace.y, np.float64)) for trace in figure.data]
+    heights = np.concatenate([[0.0], *(y for _, _, y in drawn)])
+    room = 0.08 * float(np.ptp(heights)) or 1.0
+    low, high = heights.min() - room * bool(heights.min()), heights.max() + room
+    places = figure.layout.xaxis.range or np.concatenate([x for _, x, _ in drawn])
+    first, last = min(places), max(max(places), min(places) + 1)
+
+    def points(x: npt.ArrayLike, y: npt.ArrayLike) -> list[tuple[float, float]]:
+        across = LEFT + (np.array(x) - first) / (last - first) * (CHART[0] - LEFT - RIGHT)
+        down = TOP + (high - np.array(y)) / (high - low) * (CHART[1] - TOP - BOTTOM)
+        return list(zip(across.tolist(), down.tolist(), strict=True))
+
+    canvas = PillowImage.new("RGB", CHART, PAPER)
+    draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(TEXT)
+    for band in figure.layout.shapes:
+        draw.rectangle([*points([band.x0, band.x1], [high, low])], DRIFT)
+    for trace, x, y in drawn:
+        if trace.name == "chance":
+            draw.polygon(points(x, y), CHANCE)
+    for value in round_values(low, high, 5):
+        (start, end) = points([first, last], [value, value])
+        draw.line([start, end], GRID, 2)
+        draw.text((LEFT - 12, start[1]), f"{value:g}", INK, font, anchor="rm")
+    for value in round_values(first, last, 6):
+        ((across, down),) = points([value], [low])
+        draw.line([(across, down), (across, down + 8)], INK, 2)
+        draw.text((across, down + 14), f"{value:,.10g}", INK, font, anchor="mt")
+    draw.text((LEFT, TOP - 14), figure.layout.yaxis.title.text, INK, font, anchor="lb")
+    middle = (LEFT + CHART[0] - RIGHT) / 2
+    draw.text((middle, CHART[1] - 12), figure.layout.xaxis.title.text, INK, font, anchor="mb")
+    for trace, x, y in drawn:
+        if trace.type == "bar":
+            for bar in zip(points(x, y), points(x, [0] * x.size), strict=True):
+                draw.line(bar, CORRELATION, 4)
+        elif trace.mode != "lines":
+            _draw_rings(draw, points(x, y), trace, font if labelled else None)
+        elif trace.name != "chance":
+            draw.line(points(x, y), CORRELATION, 3, joint="curve")
+    return np.asarray(canvas)
+
+
+def _draw_rings(
+    draw: ImageDraw.ImageDraw,
+    centres: Sequence[tuple[float, float]],
+    trace: go.Scatter,
+    font: Font | None,
+) -> None:
+    radius, colour = trace.marker.size, trace.marker.color
+    for across, down in centres:
+        draw.ellipse((across - radius, down - radius, across + radius, down + radius), None, colour, 5)
+    if font is not None and trace.text:
+        (across, down), left = centres[0], trace.textposition == "middle left"
+        draw.text((across + radius * (-1 if left else 1), down), trace.text[0], colour, font, "rm" if left else "lm")
