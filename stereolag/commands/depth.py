@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,10 @@ def run(arguments: Sequence[str]) -> int:
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
     pair, said = _read_pair(options)
-    diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
+    with ThreadPoolExecutor(1) as aside:  # loading takes as long as a diagnosis
+        loaded = aside.submit(_load_loops, matcher, pair)
+        diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
+        loaded.result()
     known = None if diagnosis is None else diagnosis.suggested_range
     if pair.num_disparities is not None:
         known = pair.min_disparity, pair.num_disparities
@@ -65,7 +69,6 @@ def run(arguments: Sequence[str]) -> int:
     if diagnosis is not None:
         diagnosis = diagnosis.over(matcher.search_range())
 
-    _load_loops(matcher, pair)
     result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
     pair = upright(pair)
     figures = _figures(pair, result) | {"notes": said, "findings": findings_as_figures(diagnosis)}

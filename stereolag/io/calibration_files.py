@@ -16,8 +16,6 @@ from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # scipy.io is loaded only on first use
-import yaml
 from defusedxml import DefusedXmlException, ElementTree
 
 from stereolag.io.sources import ZIP_MAGIC, parse_npy, quote
@@ -154,10 +152,6 @@ _SECTION = re.compile(r"^[ \t]*\[[ \t]*([A-Za-z][\w /.-]*)\][ \t]*$")
 _OPENCV_DIRECTIVE = re.compile(r"\A\s*%YAML:[^\n]*")
 """OpenCV writes ``%YAML:1.0``, which is not a YAML directive."""
 
-# Every scalar stays text and every tag is ignored: no tag makes an object, and no type of YAML 1.1 is resolved (its
-# base-60 numbers alone can take minutes). The loader in C is ten times as fast; every wheel of PyYAML has it.
-_LOADER: Any = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
-
 TOO_DEEP = f"The calibration is nested more than {MAX_DEPTH} levels deep."
 TOO_MANY = f"The calibration holds more than {MAX_VALUES:,} values, its aliases followed."
 
@@ -218,6 +212,8 @@ def _arrays(data: bytes) -> dict[str, Matrix | str]:
 
 def _structs(data: bytes) -> Any:
     """Return the variables of a MAT file, its structs as dictionaries."""
+    import scipy  # commands on pairs rarely need it
+
     if data.startswith(MAT_MAGIC[1]):
         raise ValueError("The calibration is a MAT file of version 7.3, which is not read; save it with -v7.")
     try:
@@ -310,11 +306,16 @@ def _json(text: str) -> Any:
 
 def _yaml(text: str) -> Any:
     """Return the first document of a YAML text."""
+    import yaml  # commands on pairs rarely need it
+
+    # Every scalar stays text and every tag is ignored: no tag makes an object, and no type of YAML 1.1 is resolved (its
+    # base-60 numbers alone can take minutes). The loader in C is ten times as fast; every wheel of PyYAML has it.
+    loader: Any = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
     text = _OPENCV_DIRECTIVE.sub("", text, count=1)
     depth = 0
     try:
         # The loader in C would overflow the stack of its process at a few 10,000 levels.
-        for number, event in enumerate(yaml.parse(text, Loader=_LOADER)):
+        for number, event in enumerate(yaml.parse(text, Loader=loader)):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise ValueError(TOO_DEEP)
@@ -322,7 +323,7 @@ def _yaml(text: str) -> Any:
                 raise ValueError(TOO_MANY)
             if isinstance(event, yaml.DocumentEndEvent):
                 break
-        return next(yaml.load_all(text, Loader=_LOADER), None)
+        return next(yaml.load_all(text, Loader=loader), None)
     except yaml.MarkedYAMLError as error:
         line = "" if error.problem_mark is None else f" at line {error.problem_mark.line + 1}"
         raise ValueError(f"The calibration cannot be parsed as YAML: it is broken or cut short{line}.") from error
