@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -161,16 +162,34 @@ def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: fl
     distances = np.array([one.distance for one in found])
     start, end = places[0][indices[0]], places[1][indices[1]]
     if len(start):
-        flow, ok, _ = cv2.calcOpticalFlowPyrLK(
-            *views, start, end.copy(), winSize=(PATCH, PATCH), maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
-        )
-        near = (ok.ravel() == 1) & (np.abs(flow - end).max(axis=1) < FARTHEST_REFINED_PX)
+        flow, ok = _flow(views, start, end)
+        near = ok & (np.abs(flow - end).max(axis=1) < FARTHEST_REFINED_PX)
         end = np.where(near[:, None], flow, end)
         if binary:
             start, end, indices, distances = start[near], end[near], indices[:, near], distances[near]
-    # A pixel of the small image stands for the centre of a block of the large one.
+    return FeatureMatches(_at_full_size(start, end, shape, scale), places, codes, indices, distances, norm)
+
+
+def _flow(
+    views: tuple[Eight, Eight], start: Points, end: Points, levels: int = 0, weakest: float = 1e-4
+) -> tuple[Points, Chosen]:
+    """Return where points of the first view are in the second one, searched from `end`, and which were found."""
+    flow, ok, _ = cv2.calcOpticalFlowPyrLK(
+        *views,
+        start,
+        end.copy(),
+        winSize=(PATCH, PATCH),
+        maxLevel=levels,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        minEigThreshold=weakest,
+    )
+    return np.asarray(flow, np.float32), np.asarray(ok.ravel() == 1)
+
+
+def _at_full_size(start: Points, end: Points, shape: tuple[int, int], scale: float) -> Correspondences:
+    """Return the matches of reduced images, whose pixels stand for the centres of blocks of the large ones."""
     left, right = (np.asarray((points + 0.5) / scale - 0.5, dtype=np.float32) for points in (start, end))
-    return FeatureMatches(Correspondences(left, right, shape, scale), places, codes, indices, distances, norm)
+    return Correspondences(left, right, shape, scale)
 
 
 USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
@@ -352,7 +371,7 @@ def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
     # A step of the fit may try impossible cameras; their cost is infinite.
     with np.errstate(all="ignore"):
         left, right = _rectified(parameters, points.shape, points.left, points.right)
-    return np.asarray(right[:, 1] - left[:, 1])
+        return np.asarray(right[:, 1] - left[:, 1])
 
 
 def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:
@@ -429,6 +448,9 @@ GRID, GRID_NEIGHBOURS = 16, 5
 EVIDENCE = 20.0
 """Decrease in the summed logarithms of the row errors that justifies more parameters."""
 
+SURE_LENS = 5.0
+"""Standard deviations from 0 at which matches tell a lens coefficient."""
+
 RECTIFIED_GAIN = 0.6
 """Share of the original row residuals below which a rectification must bring held-out row errors to be worthwhile."""
 
@@ -484,27 +506,32 @@ def row_terms(points: Correspondences) -> DoubleMap:
     return np.column_stack([np.ones(len(points)), x, y, x * y, right[:, 0] * y, y * y, lens])
 
 
-def bend_of(points: Correspondences) -> DoubleMap:
-    """Return the bend of the rows in each cell of a grid over the image, px; 0 everywhere if it is only noise.
+def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
+    """Return the bend of the rows in each cell of a grid over the image, px, and the lens coefficient that bends them.
 
-    It is the dy due to rotations and lens, minus the best offset, rotation and scale; on a grid, because matches follow
-    texture and are rare in the corners, where rows bend most.
+    The bend is the dy due to rotations and lens, minus the best offset, rotation and scale, and 0 everywhere if it is
+    only noise; on a grid, because matches follow texture and are rare in the corners, where rows bend most. The lens
+    coefficient is OpenCV's k1 for a focal length of one width; 0 if the matches do not surely tell it.
     """
     dy, terms = points.dy.astype(np.float64), row_terms(points)
     bent, straight = robust_fit(terms, dy), robust_fit(terms[:, :3], dy)
-    noise = max(LEAST_NOISE_PX, row_spread(dy - terms @ bent))
-    gain = np.log1p(((dy - terms[:, :3] @ straight) / noise) ** 2) - np.log1p(((dy - terms @ bent) / noise) ** 2)
+    left_over = dy - terms @ bent
+    noise = max(LEAST_NOISE_PX, row_spread(left_over))
+    gain = np.log1p(((dy - terms[:, :3] @ straight) / noise) ** 2) - np.log1p((left_over / noise) ** 2)
     rows, cols = points.shape
     x, y = np.meshgrid((np.arange(GRID) + 0.5) * cols / GRID, (np.arange(GRID) + 0.5) * rows / GRID)
     left = np.column_stack([x.ravel(), y.ravel()])
     if gain.sum() < EVIDENCE:
-        return np.zeros(len(left))
+        return np.zeros(len(left)), 0.0
     near = nearest_neighbours(points.left, left, GRID_NEIGHBOURS)
     right = left + np.column_stack([np.median(points.dx[near], axis=1), np.zeros(len(left))])
     there = row_terms(Correspondences(left.astype(np.float32), right.astype(np.float32), points.shape))
     bend = there @ bent
     plane, *_ = np.linalg.lstsq(there[:, :3], bend, rcond=None)
-    return np.asarray(bend - there[:, :3] @ plane)
+    weights = 1 / (1 + (left_over / (2 * noise)) ** 2)
+    deviation = noise * np.sqrt(np.linalg.pinv((terms.T * weights) @ terms)[-1, -1])
+    lens = float(bent[-1]) / cols if abs(bent[-1]) > SURE_LENS * deviation else 0.0
+    return np.asarray(bend - there[:, :3] @ plane), lens
 
 
 def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], most: int) -> npt.NDArray[np.intp]:
@@ -557,6 +584,14 @@ UNBENT_PX = 0.3
 AGREEMENT = 2.5
 """On an easy pair, a match whose dy is off by more than this many standard deviations is dropped."""
 
+CORNER_CELLS, CORNERS, CORNER_QUALITY = 8, 20, 0.05
+"""Cells across and down in which corners are tracked, their largest number in each, and the least quality of a corner,
+as a share of the best one in its cell."""
+
+PYRAMID_LEVELS, WEAKEST_CORNER, RETURNED_PX = 3, 5e-3, 0.3
+"""Halvings of the images in which a corner is tracked, its least eigenvalue as OpenCV scales it, which the blocks of a
+JPEG do not reach in flat places, and how far from its start it may return, px."""
+
 FEWEST_FITTED = 8
 """Fewest matches to which a model of the views is fitted."""
 
@@ -573,9 +608,10 @@ TOLERANCES_PX = (7.0, 4.0, 2.0, 1.5, 1.5)
 def find_correspondences(left: Image, right: Image) -> Correspondences:
     """Match features and keep the matches that agree on the relative orientation of the views.
 
-    On a nearly rectified pair these are mutual ORB matches whose dy fits small rotations and a lens distortion,
-    starting from those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). If there are few
-    of them, SIFT matches are added, and those consistent with two rotated cameras and one lens coefficient are kept.
+    On a nearly rectified pair these are corners spread evenly over the image, tracked from the displacement of the next
+    mutual ORB match; of both, the dy fits small rotations and a lens distortion, starting from the matches on the
+    epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). If there are few of them, SIFT matches are
+    added, and those consistent with two rotated cameras and one lens coefficient are kept.
 
     Their ``dy`` are the row differences: about 0 on a rectified pair.
 
@@ -593,9 +629,13 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     scale = min(1.0, LARGEST_SIDE / max(shape))
     views = _stretched(left, scale), _stretched(right, scale)
     quick = match_features(views, shape, scale, binary=True)
-    easy = _nearly_rectified(quick.points)
+    easy = _nearly_rectified(quick.points, _epipolar(quick.points))
     if len(easy) >= ENOUGH:
-        return _followed(quick.points, easy) if np.std(bend_of(easy)) * scale > UNBENT_PX else easy
+        every = _tracked_evenly(views, easy)
+        even = _nearly_rectified(every, np.ones(len(every), np.bool_))
+        if len(even) < ENOUGH:
+            every, even = quick.points, easy
+        return _followed(every, even) if np.std(bend_of(even)[0]) * scale > UNBENT_PX else even
     thorough = match_features(views, shape, scale, binary=False)
     distinct = quick.distinctive().joined(thorough.distinctive())
     every = replace(quick.points.joined(thorough.points), candidates=distinct)
@@ -629,12 +669,12 @@ def _epipolar(points: Correspondences) -> Chosen:
     return np.zeros(len(points), np.bool_) if found is None else found[1]
 
 
-def _nearly_rectified(points: Correspondences) -> Correspondences:
-    """Return the matches of an easy pair whose dy fits small rotations and a lens; none for any other pair."""
-    none = points.chosen(np.arange(0))
-    if len(points) < ENOUGH:
-        return none
-    terms, agreeing = row_terms(points), _epipolar(points)
+def _nearly_rectified(points: Correspondences, agreeing: Chosen) -> Correspondences:
+    """Return the matches of an easy pair whose dy fits small rotations and a lens; none for any other pair.
+
+    The model is fitted first to the matches of the mask `agreeing`.
+    """
+    none, terms = points.chosen(np.arange(0)), row_terms(points)
     for _ in range(3):
         if agreeing.sum() < ENOUGH:
             return none
@@ -642,6 +682,31 @@ def _nearly_rectified(points: Correspondences) -> Correspondences:
         spread = row_spread(residuals[agreeing]) * points.scale
         agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, NOISE_PX)
     return points.chosen(agreeing) if spread < EVEN_PX and agreeing.mean() > EASY_SHARE else none
+
+
+def _tracked_evenly(views: tuple[Eight, Eight], seeds: Correspondences) -> Correspondences:
+    """Return matches of corners spread evenly over the image, tracked from the displacement of the nearest seed.
+
+    Features crowd where texture is fine, mostly far away, while the rows of near things bend most.
+    """
+    rows, cols = (np.linspace(0, side, CORNER_CELLS + 1).astype(int) for side in views[0].shape)
+    places = [np.empty((0, 2), np.float32)]
+    for top, bottom in pairwise(rows):
+        for left, right in pairwise(cols):
+            cell = views[0][top:bottom, left:right]
+            found = cv2.goodFeaturesToTrack(cell, CORNERS, CORNER_QUALITY, APART_PX) if cell.size else None
+            if found is not None:
+                places.append(found.reshape(-1, 2).astype(np.float32) + np.array([left, top], np.float32))
+    start = np.concatenate(places)
+    if not len(start):
+        return seeds.chosen(np.arange(0))
+    nearest = nearest_neighbours(seeds.left, (start + 0.5) / seeds.scale - 0.5, 1)[:, 0]
+    guess = (seeds.right - seeds.left)[nearest] * np.float32(seeds.scale)
+    end, ok = _flow(views, start, start + guess, PYRAMID_LEVELS, WEAKEST_CORNER)
+    back, same = _flow((views[1], views[0]), end, end - guess, PYRAMID_LEVELS, WEAKEST_CORNER)
+    inside = np.minimum(end, np.array(views[0].shape[::-1]) - end).min(axis=1) > PATCH / 2
+    good = ok & same & inside & (np.abs(back - start).max(axis=1) < RETURNED_PX)
+    return _at_full_size(start[good], end[good], seeds.shape, seeds.scale)
 
 
 def _on_a_plane(points: Correspondences) -> Chosen:
