@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag import optical_flow, preset, read_calibration, read_image
-from stereolag.geometry.scene import rigid_motion
+from stereolag.geometry.calibration import Calibration
 from stereolag.io.images import read_stored_disparity
 from stereolag.motion.moving_objects import KMH
 from stereolag.motion.scene_flow import scene_flow
@@ -38,6 +38,49 @@ class Judged:
     speeds: list[float] = field(default_factory=list)
     untold: int = 0
     wrong: int = 0
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """Motion of every pixel from one frame to the next, all ``(height, width)`` float32, px.
+
+    Attributes
+    ----------
+    dy, dx
+        Position of the pixel's point in the next frame minus its position in this one; NaN where the point will be
+        behind the camera. It may be outside the next frame, or hidden there.
+    disparity_change
+        Disparity of the point in the next frame minus its disparity in this one.
+    """
+
+    dy: npt.NDArray[np.float32]
+    dx: npt.NDArray[np.float32]
+    disparity_change: npt.NDArray[np.float32]
+
+
+def rigid_motion(
+    disparity: npt.NDArray[np.floating], objects: Masks, motions: npt.NDArray[np.floating], calibration: Calibration
+) -> RigidMotion:
+    """Return the optical flow and the change of disparity caused by rigid motions.
+
+    Entry `n` of the (bodies, 4, 4) motions takes the body that `objects` numbers so from the left camera's coordinates
+    in this frame (metres) to those in the next. A disparity of 0 or NaN means infinitely far: a point is represented
+    as ``(x, y, z, 1) / z``, whose last component is then 0, which leaves only the rotation (Menze & Geiger, "Object
+    Scene Flow for Autonomous Vehicles", 2015).
+    """
+    shift = np.where(disparity > 0, disparity + calibration.doffs_px, 0.0)
+    focal, scale = calibration.focal_px, calibration.focal_px * calibration.baseline_m
+    height, width = shift.shape
+    cx, cy = calibration.centre(width, height)
+    rows, columns = np.mgrid[:height, :width].astype(np.float64)
+    point = np.stack([(columns - cx) / focal, (rows - cy) / focal, np.ones(shift.shape), shift / scale], -1)
+    moved = np.einsum("hwij,hwj->hwi", motions[objects], point)
+    ahead = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
+    return RigidMotion(
+        dy=(focal * moved[..., 1] / ahead + cy - rows).astype(np.float32),
+        dx=(focal * moved[..., 0] / ahead + cx - columns).astype(np.float32),
+        disparity_change=(shift / ahead - shift).astype(np.float32),
+    )
 
 
 def _truths(drive: DriveExample, number: int) -> tuple[npt.NDArray[np.float32], Masks]:

@@ -73,12 +73,7 @@ class Epipole:
 def mirrored_matches(left: Image, right: Image, found: int) -> int:
     """Return how many features of the left picture agree with the mirror image of the right one; 0 if not many more.
 
-    Parameters
-    ----------
-    left, right
-        (H, W) or (H, W, 3 | 4) images of one size.
-    found
-        Number of features that agree with the right one as it is; from ``FEW_MATCHES`` on nothing is tried.
+    Nothing is tried where ``FEW_MATCHES`` or more are `found` to agree with the right one as it is.
     """
     if found >= FEW_MATCHES:
         return 0

@@ -185,14 +185,8 @@ def judge_matches(count: int) -> Finding:
 def judge_identical(difference: float, moved: float | None, scale: float) -> Finding:
     """Judge whether both pictures show one view.
 
-    Parameters
-    ----------
-    difference
-        Mean pixel difference, as a share of the grey-level range.
-    moved
-        Largest displacement of nearly all features, px; None with too few of them.
-    scale
-        Scale at which the features were matched.
+    By their mean difference, a share of the grey-level range, and the largest displacement of nearly all features, px,
+    None with too few of them; `scale` is that at which they were matched.
     """
     same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
     numbers = {} if moved is None else {"moved_px": moved}
@@ -234,12 +228,8 @@ def judge_sides(lowest: float, highest: float) -> Finding:
 def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: float) -> Finding:
     """Judge whether the sides of an unrectified pair are swapped.
 
-    Parameters
-    ----------
-    lowest, highest
-        Ends of the disparity range after an uncalibrated rectification, px.
-    in_front, behind
-        Shares of the features whose disparity is certainly above 0, and certainly below 0, as with swapped sides.
+    By the ends of its disparity range after an uncalibrated rectification, px, and the shares of its features that are
+    certainly in front of infinity, and certainly behind it, as with swapped sides.
     """
     known = max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
     numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
@@ -307,16 +297,10 @@ def judge_border(left_share: float, right_share: float) -> Finding:
 def judge_searched(
     seen: tuple[float, float], searched: tuple[int, int], suggested: tuple[int, int], repeats: float = 0.0
 ) -> Finding:
-    """Judge a search range.
+    """Judge a search range: first disparity, px, and number, as is the suggested one.
 
-    Parameters
-    ----------
-    seen
-        Lowest and highest disparity in the pair, px.
-    searched, suggested
-        First disparity, px, and number of disparities.
-    repeats
-        Distance at which the picture repeats along its rows, px; 0 if it does not.
+    `seen` are the lowest and the highest disparity, and `repeats` the distance at which the picture repeats along its
+    rows, px; 0 if it does not.
     """
     (lowest, highest), (first, count) = seen, searched
     missing = max(0.0, first - INFINITY_SLACK_PX - lowest, highest - (first + count))
@@ -552,20 +536,7 @@ def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) 
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:
-    """Judge another search range for a pair that has been examined.
-
-    Parameters
-    ----------
-    diagnosis
-        The result of :func:`diagnose` for the pair.
-    min_disparity, num_disparities
-        The search range, px.
-
-    Returns
-    -------
-    finding
-        None if the range of the pair could not be determined, or its sides are swapped.
-    """
+    """Judge another search range, px, for a pair that has been examined; None if the sides or the range are unknown."""
     if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
     searched = min_disparity, num_disparities
@@ -652,16 +623,9 @@ class _CoarseRange:
 def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> _CoarseRange | None:
     """Return the range of disparities in a pair; None if neither pixels nor features reveal it.
 
-    Combines a coarse semi-global search, far wider than any pair should need, with the matched features. Features alone
-    would miss near objects, which fill few but important pixels; they help if the search is too narrow or rows are too
-    far off.
-
-    Parameters
-    ----------
-    left, right
-        Checked images of one size, with matched exposure.
-    points
-        Matches between them, by which the rows are aligned first; None with too few.
+    Combines a coarse semi-global search, far wider than any pair should need, with the matched features, by which the
+    rows are aligned first; None with too few of them. Features alone would miss near objects, which fill few but
+    important pixels; they help if the search is too narrow or rows are too far off. Both images have one exposure.
     """
     scale = min(1.0, COARSE_WIDTH / left.shape[1])
     coarse = [_reduced(image, COARSE_WIDTH) for image in (left, right)]
@@ -878,12 +842,7 @@ def _levelling(points: Correspondences) -> DoubleMap:
 def _exposure(left: Image, right: Image, points: Correspondences | None = None) -> tuple[float, float]:
     """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
 
-    Parameters
-    ----------
-    left, right
-        (H, W), (H, W, 3) or (H, W, 4) images of one type.
-    points
-        Matches at which to compare the images; by default they are compared as a whole.
+    They are compared at matched points, or as a whole without.
     """
     samples: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
     if points is not None:

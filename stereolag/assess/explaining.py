@@ -269,21 +269,11 @@ class MatchExplanation:
         return float("nan") if self.peak is None or self.at_edge else -(self.peak[1] + self.offset[1])
 
     def fit(self, offsets: npt.ArrayLike) -> Surface:
-        """Return the fitted curve along dx whose maximum is the sub-pixel peak.
+        """Return the fitted curve along dx whose maximum is the sub-pixel peak, at (n,) offsets from the peak, px.
 
         For a search along the row it is the Gaussian through the peak and its two neighbours; for a square search, the
         section of the two-dimensional Gaussian fitted to the nine scores, at the dy of its maximum. If a score is not
-        positive, a parabola or paraboloid is fitted instead.
-
-        Parameters
-        ----------
-        offsets
-            (n,) dx from the peak, px.
-
-        Returns
-        -------
-        ndarray
-            (n,) float64 scores; NaN if a neighbour is missing.
+        positive, a parabola or paraboloid is fitted instead. It is NaN if a neighbour is missing.
         """
         at, scores = np.asarray(offsets, dtype=np.float64), self.around.astype(np.float64)
         middle = scores[len(scores) // 2]
@@ -433,25 +423,11 @@ FILTERS: tuple[tuple[Reason, str, int], ...] = (
 def blank_reasons(
     result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
 ) -> ReasonMap:
-    """Return the reason of every pixel of a map, inferring those of blank pixels for OpenCV's matchers.
+    """Return the reason of every pixel of a map, (H, W) uint8, inferring those of blank pixels for OpenCV's matchers.
 
     This library's own matchers record their reasons. For OpenCV's, the pair is matched again with the filters switched
     off one after another, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
-    pixel that no filter blanked is too close to the border for the search.
-
-    Parameters
-    ----------
-    result
-        The map computed from the pair with its ``settings``.
-    left, right
-        The pair.
-    progress
-        Called with the fraction done after every run.
-
-    Returns
-    -------
-    ndarray
-        (H, W) uint8 of :class:`~stereolag.stereo.matcher.Reason`.
+    pixel that no filter blanked is too close to the border for the search. `progress` is told after every run.
     """
     matcher = result.settings
     if matcher.gives_reasons:
@@ -512,16 +488,7 @@ def example_pixel(
 ) -> Pixel | None:
     """Return the (row, col) in the left image that best shows a kind of match; None if the pair has no example.
 
-    Parameters
-    ----------
-    kind
-        The kind to look for.
-    matcher
-        Provides window, search area and score.
-    left, right
-        The pair: (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
-    progress
-        Called with the fraction done.
+    The matcher provides window, search area and score; the pair is as for :func:`explain_match`.
     """
     images = as_stereo_pair(left, right)
     if kind is ExampleKind.HIDDEN:

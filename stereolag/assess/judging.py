@@ -269,24 +269,10 @@ def measured_reference(
     search_range: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> FloatMap:
-    """Return the disparities measured by the accurate preset, the reference for maps without ground truth.
+    """Return the (H, W) disparities measured by the accurate preset, the reference for maps without ground truth.
 
-    Pixels that it filled in or left blank are not judged. Its own errors are few and affect all compared settings
-    alike, so the ranking is nearly the ranking by ground truth.
-
-    Parameters
-    ----------
-    left, right
-        Images of one size and type.
-    search_range
-        First disparity and number, px; by default the preset's own.
-    progress
-        Called with the fraction done.
-
-    Returns
-    -------
-    ndarray
-        (H, W) float32 px; NaN where nothing was measured.
+    Pixels that it filled in or left blank are NaN, not judged. Its own errors are few and affect all compared settings
+    alike, so the ranking is nearly the ranking by ground truth. The arguments are as for :meth:`TuningPair.of`.
 
     Raises
     ------

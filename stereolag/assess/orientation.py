@@ -303,14 +303,8 @@ def fit_rectification(
 ) -> UncalibratedRectification:
     """Fit the model to matches robustly, by damped least squares of the row differences with Cauchy weights.
 
-    Parameters
-    ----------
-    points
-        Matches, mostly right.
-    lens
-        Whether to fit the lens coefficient too; otherwise it is 0.
-    start
-        Model to start from; by default, cameras side by side.
+    The matches are mostly right. The lens coefficient is 0 unless `lens` is set. It starts from another model, or from
+    cameras side by side.
     """
     if len(points) > MOST_POINTS:
         points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
@@ -788,13 +782,7 @@ class RowEvidence:
 
 
 def row_evidence(given: tuple[Image, Image], rectified: tuple[Image, Image]) -> RowEvidence:
-    """Compare the rows of a pair as given with those after rectification.
-
-    Parameters
-    ----------
-    given, rectified
-        The left and right images: (H, W) or (H, W, 3 | 4), uint8, uint16 or float.
-    """
+    """Compare the rows of a pair as given, left and right image, with those after rectification."""
     differences = [np.abs(find_correspondences(*pair).dy) for pair in (given, rectified)]
     before, after = (float(np.median(one)) if len(one) >= FEWEST_MATCHES else np.nan for one in differences)
     return RowEvidence(before, after, len(differences[0]), len(differences[1]))

@@ -336,22 +336,8 @@ class _Search:
     ) -> tuple[bool, list[Trial]]:
         """Try settings one after another; return whether all were tried, and the trials, best first.
 
-        Parameters
-        ----------
-        pairs
-            The pairs, or strips of them.
-        those
-            The settings.
-        steps
-            Total number of trials in the search.
-        whole
-            Whether the pairs are whole.
-        reserved_s
-            Seconds that must remain after a trial.
-        at_least
-            Number to try however little time is left.
-        despite_cancel
-            Whether to try these even if the search was cancelled.
+        The pairs are whole, or strips of them; of all `steps` of the search, `at_least` so many are made however little
+        time is left, others only if `reserved_s` seconds remain after them. A cancel ends it unless `despite_cancel`.
         """
         before = self.before if whole else self._judged(self.start, pairs)
         share = pairs[0].left.shape[0] / self.pairs[0].left.shape[0]

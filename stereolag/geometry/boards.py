@@ -140,14 +140,9 @@ def charuco_board(board: Board) -> Any:
 
 
 def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
-    """Return the board as printed, (rows, cols) uint8, with a white margin of one square around it.
+    """Return the board as printed, squares of so many px, with a white margin of one square around it.
 
-    Parameters
-    ----------
-    board
-        The board.
-    square_px
-        Side of a square, px. The first inner corner is between the pixels at ``2 * square_px``.
+    The first inner corner is between the pixels at ``2 * square_px``.
     """
     squares = board.columns + 1, board.rows + 1
     margin = MARGIN_SQUARES * square_px
@@ -192,13 +187,6 @@ def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
     Corners are found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one
     by the squares' outlines), then refined in the full picture by ``cv2.cornerSubPix``, each in a window that fits
     between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
-
-    Parameters
-    ----------
-    grey
-        (rows, cols) uint8.
-    board
-        The board, for its number of corners.
     """
     picture, factor = reduced(grey, LARGEST_SIDE)
     found = _detected(picture, (board.columns, board.rows))
@@ -218,17 +206,7 @@ def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
 
 
 def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
-    """Return the corners of a whole board refined in a picture; None if they move too far.
-
-    Parameters
-    ----------
-    grey
-        (rows, cols) uint8.
-    points
-        (n, 2) px, row by row of the board.
-    board
-        The board, for its number of corners.
-    """
+    """Return the (n, 2) corners of a whole board, row by row, refined in a picture; None if they move too far."""
     spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
     moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
     if (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any():
@@ -249,15 +227,10 @@ def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.fl
 
 
 def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
-    """Return the chessboard that most of the pictures show; None if none shows one.
+    """Return the chessboard that most of the pictures show; None if none shows one. No more are read than needed.
 
     In each, the largest full grid is detected. A grid with a row too many, formed by something beside the board, or
     too few, where the board is cut off, occurs by chance, but the right one again and again.
-
-    Parameters
-    ----------
-    pictures
-        (rows, cols) uint8 each; no more are read than needed.
     """
     votes: Counter[tuple[int, int]] = Counter()
     seen: list[Grey8] = []
@@ -353,15 +326,7 @@ class SeenMarkers(NamedTuple):
 
 
 def find_charuco(grey: Grey8, board: Board) -> Corners | None:
-    """Return the corners of a ChArUco board in a picture, None if it shows fewer than six or a single row.
-
-    Parameters
-    ----------
-    grey
-        (rows, cols) uint8.
-    board
-        The board, with its markers.
-    """
+    """Return the corners of a ChArUco board in a picture, None if it shows fewer than six or a single row."""
     assert board.markers is not None
     picture, factor = reduced(grey, LARGEST_MARKERS_SIDE)
     points, numbers, _, _ = _detector(board).detectBoard(picture)
@@ -382,12 +347,7 @@ def find_charuco(grey: Grey8, board: Board) -> Corners | None:
 def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None) -> Board | None:
     """Return the ChArUco board that the pictures show; None if they show none.
 
-    Parameters
-    ----------
-    pictures
-        (rows, cols) uint8 each.
-    size
-        Columns and rows of inner corners, in either order, if known.
+    Its columns and rows of inner corners, in either order, help if they are known.
     """
     small = [reduced(grey, GUESSED_SIDE)[0] for grey in pictures]
     dictionary = _likeliest(small[:FIRST_PICTURES])
@@ -580,14 +540,9 @@ def find_boards(
 
 
 def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
-    """Return the board that the pictures show.
+    """Return the board that the pictures show, of which only a few are examined.
 
-    Parameters
-    ----------
-    pairs
-        As for :func:`find_boards`; only a few are examined.
-    size
-        Columns and rows of inner corners, if known: then only the kind of board is guessed.
+    If its columns and rows of inner corners are known, only the kind of board is guessed.
 
     Raises
     ------

@@ -195,25 +195,9 @@ def calibrate(
 
 
 def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Collection[int] = ()) -> StereoCalibration:
-    """Calibrate a stereo camera from the corners of a board, and report on each pair.
+    """Calibrate a stereo camera from the corners of a board, and report on each pair; errors as for :func:`calibrate`.
 
-    Parameters
-    ----------
-    views
-        Positions of the corners.
-    square_m
-        Side of a square, metres.
-    leave_out
-        Numbers of pairs to leave out.
-
-    Returns
-    -------
-    StereoCalibration
-
-    Raises
-    ------
-    ValueError
-        As for :func:`calibrate`.
+    `leave_out` are the numbers of pairs to leave out.
     """
     check_positive(square_m, "square_m")
     reasons = _unusable(views, leave_out)
@@ -453,19 +437,10 @@ def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int
 
     Between the two stands the standard error of the focal length, as a share of it.
 
-    Parameters
-    ----------
-    sights
-        At least three.
-    size
-        Width and height of the pictures, px.
-    flags
-        One of :data:`LENSES`.
-
     Raises
     ------
     ValueError
-        Corners that do not determine a camera.
+        Corners that do not determine a camera, for which three pictures are the least.
     """
     camera, focal_error, errors = _fitted_camera(sights, size, flags)
     limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
@@ -479,14 +454,7 @@ def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int
 def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> int:
     """Return the flags of the simplest model of :data:`LENSES` that predicts pictures it was not fitted to as well.
 
-    In turn, every third picture is left out and predicted from the others, if there are enough.
-
-    Parameters
-    ----------
-    cameras
-        The pictures of each camera.
-    size
-        Width and height of the pictures, px.
+    In turn, every third picture of each camera is left out and predicted from the others, if there are enough.
     """
     enough = min(len(sights) for sights in cameras) >= ENOUGH_TO_LEAVE_OUT
     folds, worthwhile = (FOLDS, WORTHWHILE) if enough else (1, WORTHWHILE_ON_ITS_OWN)

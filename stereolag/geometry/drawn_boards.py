@@ -60,14 +60,9 @@ class DrawnCamera:
         self._rays = cv2.convertPointsToHomogeneous(rays)[:, 0].astype(np.float64)
 
     def picture(self, board: Board, rotation: DoubleMap, translation: npt.NDArray[np.float64]) -> Grey8:
-        """Return the picture of a board, (height, width) uint8.
+        """Return the picture of a board, (height, width) uint8, at a pose whose unit of length is the side of a square.
 
-        Parameters
-        ----------
-        board
-            The board; the unit of length is the side of a square.
-        rotation, translation
-            (3, 3) and (3,): a point at ``x`` on the board is at ``rotation @ x + translation`` in the camera's frame.
+        A point at ``x`` on the board is at ``rotation @ x + translation`` in the camera's frame.
         """
         onto = self._rays @ np.linalg.inv(np.column_stack((rotation[:, :2], translation))).T
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -106,25 +101,7 @@ def drawn_pairs(
 ) -> Iterator[tuple[Grey8, Grey8]]:
     """Draw pairs of a board held at various positions and tilts in front of a stereo camera.
 
-    Parameters
-    ----------
-    rig
-        The cameras, with their ``width`` and ``height``.
-    board
-        The board held in front of them.
-    count
-        Number of pairs.
-    square_m
-        Side of a square, metres.
-    seed
-        Seed of the positions, tilts and noise.
-    partly
-        Whether up to half of the board may be outside a picture.
-
-    Yields
-    ------
-    left, right
-        (height, width) uint8.
+    The seed gives the positions, tilts and noise; `partly`: up to half of the board may be outside a picture.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -43,9 +43,6 @@ from stereolag.io.sources import (
     read_bytes,
     write_file,
 )
-
-if TYPE_CHECKING:
-    from stereolag.stereo.matcher import DisparityMap
 
 IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif", "mpo", "jps", "pns")
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
@@ -818,16 +815,6 @@ DISPARITY_FORMATS = {
     f".{one.suffixes[0]}": one for one in sorted(FORMATS, key=lambda one: one.holds != "any disparity")
 }
 """The formats by the suffix under which they are written, those that store any disparity first."""
-
-
-def valid_mask_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of a result: 255 where there is a disparity, measured or filled, and 0 elsewhere."""
-    return image_png(result.valid)
-
-
-def measured_mask_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, 0 where it is filled or missing."""
-    return image_png(result.measured)
 
 
 def confidence_png(sure: npt.ArrayLike) -> bytes:

@@ -307,10 +307,7 @@ class PicturesOfFiles:
 def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
     """Return the names of pairs of pictures, and the pairs, decoded on demand.
 
-    Parameters
-    ----------
-    given
-        Two patterns, a folder, a ZIP, or files matched by their names.
+    Given are two patterns, a folder, a ZIP, or files matched by their names.
 
     Raises
     ------

@@ -99,14 +99,8 @@ if not result.found:
 def script(matcher: StereoMatcher, left_name: str, right_name: str) -> str:
     """Return a Python program that measures the same disparities again, bit for bit.
 
-    The program reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there.
-
-    Parameters
-    ----------
-    matcher
-        Every setting is written out, so that a later release with other defaults gives the same result.
-    left_name, right_name
-        The names of the two files, for example ``left.png``; folders in them are dropped.
+    It reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there. Every setting is
+    written out, so that a later release with other defaults gives the same result.
     """
     return _program(
         "Measure the disparity of a stereo pair, px: positive in front of infinity, NaN where there is none.",
@@ -125,16 +119,8 @@ def opencv_script(
 ) -> str:
     """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
 
-    The program reads the two images beside it, and writes ``disparity.npy`` there.
-
-    Parameters
-    ----------
-    matcher
-        StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
-    left_name, right_name
-        The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
-    images
-        What they hold, which decides how they become 8 bits; needed unless they have 8.
+    It reads the two images beside it, PNG, or TIFF with grey floats, and writes ``disparity.npy`` there. Every setting
+    is written out under OpenCV's name. What the images hold decides how they become 8 bits; needed unless they have 8.
     """
     black, level, colours = 0.0, 1.0, "image"
     if images is not None:
@@ -179,15 +165,7 @@ def lag_command(search: LagSearch, first: str, second: str) -> str:
 
 
 def lag_script(search: LagSearch, first: str, second: str) -> str:
-    """Return a Python program that measures the same lag; every setting is written out.
-
-    Parameters
-    ----------
-    search
-        The settings.
-    first, second
-        The names of the two files beside the program; folders in them are dropped.
-    """
+    """Return a Python program that measures the same lag; every setting is written out."""
     return _program(
         "Measure the lag between two recordings: positive where the second hears the event later.",
         "The recordings lie beside this file.",
@@ -204,13 +182,7 @@ def find_command(query: TemplateQuery, image: str, template: str, mask: str | No
 def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
     """Return a Python program that finds the same places; every setting is written out.
 
-    Parameters
-    ----------
-    query
-        The settings.
-    image, template, mask
-        The names of the files beside the program; folders in them are dropped. A mask is above 0 where the template
-        counts; None for no mask.
+    A mask is above 0 where the template counts.
     """
     settings = _arguments(query.arguments)
     return _program(
@@ -271,14 +243,7 @@ def constructor(settings: Settings, *, before: str = "") -> str:
     """Return the call that makes equal settings: every number and choice, and every nested setting that was changed.
 
     Classes of the public API are written ``sl.Name``, others ``Name``: :func:`imports` returns their imports. A call
-    too long for a line has one argument per line.
-
-    Parameters
-    ----------
-    settings
-        Their fields may be settings, numbers, texts, booleans, None, and lists and tuples of these.
-    before
-        Text before the call on its line, for example ``"matcher = "``; it is part of the result.
+    too long for a line, with the text `before` it, for example ``"matcher = "``, has one argument per line.
     """
     return _written(settings, before, 0)
 

@@ -195,14 +195,9 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
 
 
 def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
-    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
+    """Return finite numbers as a 16-bit WAV file, as loud as it can be without clipping.
 
-    Parameters
-    ----------
-    signal
-        (samples,) finite numbers.
-    sampling_rate
-        Samples per second, rounded, since a WAV file stores a whole number.
+    The sampling rate is rounded, since a WAV file stores a whole number.
     """
     samples = np.asarray(signal, dtype=np.float64)
     loudest = float(np.abs(samples).max(initial=0.0)) or 1.0

@@ -130,14 +130,8 @@ def matches_csv(result: TemplateSearch) -> str:
 def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()) -> dict[str, Any]:
     """Return the figures of a lag by name, as printed by ``stereolag lag --json``, and the settings of the search.
 
-    The command adds ``recordings``: the facts about its files.
-
-    Parameters
-    ----------
-    result, search
-        The lag, and how it was searched.
-    assumed
-        The settings that neither a file nor the user gave: ``"speed"``, ``"sampling_rate"``.
+    The command adds ``recordings``: the facts about its files. `assumed` are the settings that neither a file nor the
+    user gave: ``"speed"``, ``"sampling_rate"``.
     """
     over_time = result.over_time
     return {
@@ -232,16 +226,8 @@ def lag_json(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()
 def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) -> str:
     """Return the curve of a lag as CSV: ``lag_samples``, ``time_s`` and ``correlation``, by ascending lag.
 
-    Every number has all its digits. The method "sampled" has ``votes`` in place of a correlation.
-
-    Parameters
-    ----------
-    result
-        The result of :func:`stereolag.signal_lag`.
-    sampling_rate
-        Samples per second.
-    most
-        Largest number of lags, taken around the lag found; all by default.
+    Every number has all its digits. The method "sampled" has ``votes`` in place of a correlation. At most so many lags
+    are taken, around the lag found; all by default.
     """
     if result.lags is not None and result.correlation is not None:
         name, lags, heights = "correlation", np.asarray(result.lags), result.correlation

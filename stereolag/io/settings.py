@@ -281,24 +281,9 @@ def session_json(
 ) -> str:
     """Return a session as JSON.
 
-    Parameters
-    ----------
-    files
-        The names of the pair's files beside it, by role: "left", "right", and if known "truth", "visible" and
-        "calibration".
-    matchers
-        The settings of all methods, for the images as they are in these files.
-    shown
-        The short names of the methods shown.
-    size
-        Size at which the pair is shown: a name in :data:`stereolag.ui.pairs.SIZES`.
-    colours
-        The fields of :class:`Colours`; "low" and "high", px of disparity in these images, only if the visitor chose
-        them.
-    description, history
-        Description of the pair and of its processing.
-    num_disparities, min_disparity
-        The range that the pair needs, px, if known.
+    Its arguments are the fields of :class:`SessionDocument`, :class:`SavedPair` and :class:`Colours`, for the images as
+    they are in the files: their names by role are "left", "right", and if known "truth", "visible" and "calibration".
+    The range of the colours, "low" and "high", is given only if the visitor chose it.
     """
     document = SessionDocument.model_construct(
         stereolag=VERSION,

@@ -41,12 +41,7 @@ HEADER_BYTES = 4096
 def read_bytes(source: Source, what: str) -> bytes:
     """Return all bytes of `source`; a file object is read from its beginning and left at its end.
 
-    Parameters
-    ----------
-    source
-        A path, bytes, or a binary file object.
-    what
-        Its name in errors, for example ``"image"``.
+    `what` is its name in errors, for example ``"image"``.
 
     Raises
     ------
@@ -114,15 +109,8 @@ def escape(text: str) -> str:
 def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
     """Write a temporary file beside `path` and move it there once it is complete.
 
-    Parameters
-    ----------
-    path
-        Path of the file, in an existing folder.
-    data
-        Content of the file.
-    synced
-        Wait until the data is on the disk. If not, a power failure may leave half a file, but an interrupted process
-        still cannot.
+    Unless `synced`, which waits until the data is on the disk, a power failure may leave half a file; an interrupted
+    process never does.
 
     Raises
     ------
@@ -207,25 +195,14 @@ def is_archive(data: bytes) -> bool:
 
 
 def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
-    """Read the directory of a ZIP archive.
-
-    Parameters
-    ----------
-    source
-        A path, the bytes of the file, or a binary file object.
-    max_files
-        Largest number of files.
-
-    Returns
-    -------
-    archive
-        The files, without folders, hidden files and those added by macOS.
+    """Read the directory of a ZIP archive; folders, hidden files and those added by macOS do not count.
 
     Raises
     ------
     ValueError
-        An archive that is damaged, encrypted or packed by a method other than "deflate", or that has too many files or
-        none, two of the same name, more than 256 MB unpacked, or names that are too long or lead out of it.
+        An archive that is damaged, encrypted or packed by a method other than "deflate", or that has more than
+        `max_files` files or none, two of the same name, more than 256 MB unpacked, or names that are too long or lead
+        out of it.
     """
     packed = read_bytes(source, "archive")
     _check_directory(packed)
@@ -293,12 +270,7 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
 def bundle(files: Mapping[str, bytes | str]) -> bytes:
-    """Return a ZIP of all the files, in their order.
-
-    Parameters
-    ----------
-    files
-        {name: bytes or text}; :func:`file_name` makes each name harmless.
+    """Return a ZIP of all the files, bytes or text, in their order; :func:`file_name` makes each name harmless.
 
     Raises
     ------

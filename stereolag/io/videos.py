@@ -83,18 +83,9 @@ class VideoFile:
         return len(self._shown)
 
     def frame(self, number: int) -> Image:
-        """Return a frame.
+        """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
 
-        Parameters
-        ----------
-        number
-            From 0. Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe
-            before it.
-
-        Returns
-        -------
-        image
-            (rows, cols) grey or (rows, cols, 3) RGB, uint8.
+        Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe before it.
 
         Raises
         ------

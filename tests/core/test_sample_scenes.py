@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.drive_motion import RigidMotion, rigid_motion
 from stereolag import read_calibration, samples
-from stereolag.geometry.scene import RigidMotion, rigid_motion
 
 STEREO = samples.ASSETS / "stereo"
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from benchmarks.drive_motion import rigid_motion
 from stereolag import Calibration
 from stereolag.geometry.scene import (
     SeenPoint,
@@ -18,7 +19,6 @@ from stereolag.geometry.scene import (
     clean_point_cloud,
     distance_between,
     flying_pixels,
-    rigid_motion,
     seen_from_above,
     subsampled,
     typical_error,
@@ -234,9 +234,6 @@ FLAT, BODY, CLOUD = np.ones(SHAPE), np.zeros(SHAPE, np.uint8), np.ones((1, 3), n
         (lambda: subsampled(CLOUD, BODY[:1, :3], 0), "max_points is 0"),
         (lambda: seen_from_above(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
         (lambda: seen_from_above(CLOUD, GREY, cells=0), "cells is 0"),
-        (lambda: rigid_motion(FLAT, BODY[:2, :2], np.eye(4)[None], CALIBRATION), r"objects is \(2, 2\)"),
-        (lambda: rigid_motion(FLAT, BODY, np.eye(4), CALIBRATION), r"motions is \(4, 4\)"),
-        (lambda: rigid_motion(FLAT, BODY + np.uint8(2), np.eye(4)[None], CALIBRATION), "number 2; allowed are 0 to 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused(act, message: str) -> None:

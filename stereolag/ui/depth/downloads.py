@@ -21,9 +21,7 @@ from stereolag.io.images import (
     image_png,
     image_tiff,
     kitti_png,
-    measured_mask_png,
     pfm,
-    valid_mask_png,
 )
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
@@ -399,11 +397,11 @@ EXPORTS: list[Export] = [
         ),
         "As shown, with a legend.",
     ),
-    Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.as_taken), "White where there is a disparity."),
+    Export("Valid mask", "valid.png", lambda it: image_png(it.as_taken.valid), "White where there is a disparity."),
     Export(
         "Measured mask",
         "measured.png",
-        lambda it: measured_mask_png(it.as_taken),
+        lambda it: image_png(it.as_taken.measured),
         "White where the disparity was measured, black where it was filled in or there is none.",
     ),
     Export(
