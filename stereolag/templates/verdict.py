@@ -244,18 +244,21 @@ def _reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
 
     A copy of the template's own contrast comes before a paler one, and that before one that is partly covered.
     """
-    whole = [(one, shown.contrast) for one, shown in copies if shown.is_template]
+    whole = [(one, shown) for one, shown in copies if shown.is_template]
     if whole:
-        nearest = min((contrast for _, contrast in whole), key=lambda contrast: abs(math.log(contrast)))
+        # Of another contrast is a shape of fewer strokes too: no contrast but its own counts more than the fit.
+        own = [shown.contrast for _, shown in whole if shown.kind == "same"]
+        best = max((shown for _, shown in whole), key=lambda shown: shown.explained)
+        nearest = min(own or [best.contrast], key=lambda contrast: abs(math.log(contrast)))
         limits = nearest / CHANGED_CONTRAST, nearest * CHANGED_CONTRAST
-        alike = [one for one, contrast in whole if limits[0] <= contrast <= limits[1]]
+        alike = [one for one, shown in whole if limits[0] <= shown.contrast <= limits[1]]
     else:
         alike = [one for one, _ in copies]
     if len(alike) <= most:
         return alike
     fits = {one: shown.explained for one, shown in copies}
-    best = sorted(alike, key=lambda one: -fits[one])
-    before = _before_gap(best, [fits[one] for one in best], most)
+    order = sorted(alike, key=lambda one: -fits[one])
+    before = _before_gap(order, [fits[one] for one in order], most)
     return [one for one in alike if one in before]
 
 
