@@ -21,6 +21,9 @@ BLUR = 0.8
 BLUR_OF_COLOURS = 2.0
 """The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
 
+BRIGHTNESS = np.array([[0.299, 0.587, 0.114]])
+"""Shares of red, green and blue in a brightness, as JPEG keeps it."""
+
 BLUR_BESIDE = math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)
 """The blur that brings a blurred brightness to that of the colours."""
 
@@ -64,6 +67,9 @@ COUNTS, COUNTED = 0.5, 0.3
 
 ROUNDING = float(np.finfo(np.float32).eps)
 """The share of its level by which a flat place may vary, computed as it is."""
+
+GRAIN = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
+"""Filter that keeps the variance of noise and nothing of planes."""
 
 ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
@@ -199,6 +205,26 @@ class Fit:
         """Share of the variance of the place that the template explains."""
         return explained(self._flat(self.seen), self._flat(self.predicted), self._counts)
 
+    def explained_in(self, blocks: npt.NDArray[np.bool_]) -> float:
+        """Return the same share of these blocks alone."""
+        counts = self._flat((self.over(blocks) & self.counted).astype(np.float32))
+        return explained(self._flat(self.seen), self._flat(self.predicted), counts) if counts.any() else 0.0
+
+    def grain_in(self, blocks: npt.NDArray[np.bool_]) -> float:
+        """Return the mean square of the grain of the place in these blocks, over that of what remains there.
+
+        Grain is what no plane through nine pixels holds: noise has 8 times as much of it as of what a blur leaves.
+        """
+        where = self.over(blocks) & self.counted
+        grain = cv2.filter2D(self._beside, -1, GRAIN).reshape(self._beside.shape)[where]
+        remains = (self.seen - self.predicted)[where]
+        return float(np.square(grain).sum() / max(float(np.square(remains).sum()), 1e-12))
+
+    def over(self, blocks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return which pixels are in these blocks."""
+        inside = cv2.resize(blocks.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        return np.asarray(inside > 0)
+
     @property
     def counted(self) -> npt.NDArray[np.bool_]:
         """The pixels that can disagree."""
@@ -328,7 +354,7 @@ def _spread(image: Plane, blur: float) -> Plane:
 
 def _bright(image: Plane) -> Plane:
     channels = image.shape[2]
-    bright = image if channels == 1 else cv2.transform(image, np.full((1, channels), 1 / channels))
+    bright = image if channels == 1 else cv2.transform(image, BRIGHTNESS)
     return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
 
 
