@@ -310,7 +310,7 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
 
 def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
     """Return whether the blocks that disagree are one thing in front that comes in over the rim of the template."""
-    if not FROM_RIM[0] <= disagrees.mean() <= FROM_RIM[1]:
+    if math.prod(fit.shape) < SMALL or not FROM_RIM[0] <= disagrees.mean() <= FROM_RIM[1]:
         return False
     _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
     region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
