@@ -28,8 +28,8 @@ How far away is an object that two cameras see? A large disparity means near.
 Every public name has an example of its own: ``help(sl.signal_lag)``.
 
 files
-    `read_signal`, `read_image`, `read_disparity`, `read_calibration`, `read_matcher`; `write_disparity`,
-    `write_matcher`
+    `read_signal`, `read_image`, `read_disparity`, `read_depth`, `read_calibration`, `read_matcher`;
+    `write_disparity`, `write_depth`, `write_matcher`
 matchers
     `CorrelationMatcher` over a `SearchArea`, `SemiGlobalMatcher`, `StereoBM`, `StereoSGBM`; `preset` makes one;
     `suggest` finds better settings for a pair and returns a `Suggestion`

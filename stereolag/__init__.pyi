@@ -7,6 +7,7 @@ from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
 from .io.calibrations import read_calibration
+from .io.depths import read_depth, write_depth
 from .io.images import read_disparity, read_image, write_disparity
 from .io.recordings import read_signal
 from .io.settings import read_matcher, write_matcher
@@ -51,6 +52,7 @@ __all__ = [
     "optical_flow",
     "preset",
     "read_calibration",
+    "read_depth",
     "read_disparity",
     "read_image",
     "read_matcher",
@@ -60,6 +62,7 @@ __all__ = [
     "show",
     "signal_lag",
     "suggest",
+    "write_depth",
     "write_disparity",
     "write_matcher",
 ]

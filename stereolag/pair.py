@@ -245,6 +245,9 @@ class Pair:
         The pair before its sides were divided; None if they were not.
     turn
         Quarters, counter-clockwise, by which both images were turned; :func:`upright` turns all back.
+    raw
+        The pair before it was turned and rectified with its calibration; None if it was not rectified, or its
+        calibration no longer holds.
     """
 
     left: Image
@@ -261,6 +264,7 @@ class Pair:
     rectification: RectificationDecision | None = None
     full: Pair | None = None
     turn: int = 0
+    raw: Pair | None = None
 
     @property
     def digest(self) -> str:
@@ -734,6 +738,7 @@ def turned_for_rows(pair: Pair) -> Pair:
         calibration=known.turned(cols, rows),
         id=replace(pair.id, size=_joined(pair.id.size, f"turned {known.turn}")),
         turn=known.turn,
+        raw=None if known.rig is None else pair,
     )
 
 
@@ -764,7 +769,7 @@ def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, 
         return pair
     rig = calibration.rig
     alpha = alpha if rig.rectification is None else None
-    bare = replace(pair, truth=None, visible=None)
+    bare = replace(pair, truth=None, visible=None, raw=None)
     again = memo(
         "rectified pair",
         lambda: replace(bare, **rectify(pair.left, pair.right, calibration, alpha=alpha)._asdict()),
@@ -780,7 +785,8 @@ def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, 
     )
     done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
     decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
-    pair = replace(pair, calibration=again.calibration, rectification=decision)
+    raw = (pair.raw or pair) if done else None
+    pair = replace(pair, calibration=again.calibration, rectification=decision, raw=raw)
     images: dict[str, Any] = {}
     if done:
         images = {"left": again.left, "right": again.right, "truth": None, "visible": None}
@@ -797,7 +803,9 @@ def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
 
 def remedied(pair: Pair, remedy: Remedy, memo: Memo = no_memo) -> Pair:
     """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
-    return memo("remedy", lambda: _remedied(pair, remedy), pair, f"{remedy} {pair.calibration}")
+    bare = replace(pair, raw=None)
+    treated = memo("remedy", lambda: _remedied(bare, remedy), pair, f"{remedy} {pair.calibration}")
+    return replace(treated, raw=None if treated.calibration is None else pair.raw)
 
 
 def _remedied(pair: Pair, remedy: Remedy) -> Pair:

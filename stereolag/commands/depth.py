@@ -6,8 +6,11 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import stereolag as sl
 from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, read, read_frames, tell
@@ -25,7 +28,8 @@ from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.images import image_png, image_tiff, kitti_png, pfm, read_stored_disparity
+from stereolag.io.depths import DEPTH_FORMATS, FARTHEST_M, depth_png, depth_tiff, too_far
+from stereolag.io.images import image_file, kitti_png, pfm, read_stored_disparity
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
@@ -48,13 +52,16 @@ def run(arguments: Sequence[str]) -> int:
         "Match a rectified stereo pair; with the calibration of both cameras, a raw one too. Flags of single "
         "settings depend on the method: to see those of another one, give --help with its --preset, --method or "
         "--settings.",
-        "LEFT [RIGHT] [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
+        "LEFT [RIGHT] [--out DIR] [--preset NAME] [--calibration FILE] [--depth FILE] [--truth FILE] [--json] "
+        "[settings]",
         f"; {DOUBTFUL} done, but something is wrong with the pair: the findings say what",
     )
     _add_files(parser)
     flags = MatcherFlags(parser, arguments)
     options, matcher = flags.parsed(arguments)
 
+    if options.depth is not None:
+        _check_depth(parser, options)
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
     pair, said = _read_pair(options)
@@ -72,6 +79,9 @@ def run(arguments: Sequence[str]) -> int:
     result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
     pair = upright(pair)
     figures = _figures(pair, result) | {"notes": said, "findings": findings_as_figures(diagnosis)}
+    if options.depth is not None and pair.calibration is not None:
+        sl.write_depth(options.depth, pair.calibration.depth(result.disparity))
+        figures["depth"] = str(options.depth)
     if options.out is not None:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
         files, left_out = _written(Path(options.out), wanted)
@@ -103,11 +113,32 @@ def _add_files(parser: CommandParser) -> None:
     add_calibration(files)
     add_trust(files)
     files.add_argument(
+        "--depth",
+        metavar="FILE",
+        type=Path,
+        help=f"write the depth to this file, for which --calibration is needed: .tif has metres as 32-bit floats, NaN "
+        f"where there is none; .png whole millimetres up to {FARTHEST_M} m in 16 bits, as ROS has it, 0 where there is "
+        "none. Of a raw pair it is that of the rectified left image",
+    )
+    files.add_argument(
         "--out",
         metavar="DIR",
         help="write the map to this folder: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
-        "settings.json, and with a calibration cloud.ply; nothing is written unless given",
+        "settings.json, and with a calibration cloud.ply, depth.tif, depth_mm.png and calibration.json; nothing is "
+        "written unless given",
     )
+
+
+def _check_depth(parser: CommandParser, options: argparse.Namespace) -> None:
+    """Refuse ``--depth`` for a file of another kind, or without a calibration, before anything is read."""
+    if options.depth.suffix.lower() not in DEPTH_FORMATS:
+        *others, last = DEPTH_FORMATS
+        parser.error(f"--depth is {options.depth}; its name ends in {', '.join(others)} or {last}.")
+    if options.calibration is None:
+        raise ValueError(
+            "Depth in metres takes a calibration: give --calibration with that of the cameras, or with a file "
+            '{"focal_px": 1000, "baseline_m": 0.1} for a rectified pair.'
+        )
 
 
 def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
@@ -164,6 +195,9 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
     }
+    if pair.calibration is not None:
+        depth = pair.calibration.depth(result.disparity)
+        figures |= {"depth_coverage": float(np.isfinite(depth).mean()), "too_far_for_png": too_far(depth)}
     if pair.truth is not None:
         judged = figures_of(sl.evaluate(result.disparity, pair.truth))
         figures |= {name: judged[name] for name in FIGURES}
@@ -185,9 +219,13 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
             f"against the ground truth: bad-2 {figures['bad_2_percent']:.2f} %, EPE {figures['epe_px']:.3f} px, "
             f"D1-all {figures['d1_all_percent']:.2f} %"
         )
+    if "depth" in figures:
+        lines.append(f"depth of {figures['depth_coverage']:.1%} of the pixels written to {figures['depth']}")
     if "files" in figures:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")
         lines += [f"{name} is left out: {why}" for name, why in figures["left_out"].items()]
+    if figures.get("too_far_for_png") and ("files" in figures or figures.get("depth", "").lower().endswith(".png")):
+        lines.append(f"{figures['too_far_for_png']:,} pixels are beyond {FARTHEST_M} m: 0 in a PNG of depth")
     return lines
 
 
@@ -201,15 +239,18 @@ def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[
         "disparity_kitti.png": lambda: kitti_png(disparity),
     }
     if calibration is not None:
-        files["cloud.ply"] = lambda: cloud_ply(calibration, disparity, pair.left)
+        files |= {
+            "cloud.ply": lambda: cloud_ply(calibration, disparity, pair.left),
+            "depth.tif": lambda: depth_tiff(calibration.depth(disparity)),
+            "depth_mm.png": lambda: depth_png(calibration.depth(disparity)),
+            "calibration.json": lambda: calibration_json(calibration).encode(),
+        }
     files["settings.json"] = lambda: settings_json(result.settings).encode()
-    if calibration is not None and _rectified_here(pair):
-        files["calibration.json"] = lambda: calibration_json(calibration).encode()
     files["disparity_coloured.png"] = lambda: coloured_png(disparity, *searched_range([result]), palette)
     if _rectified_here(pair):
-        writer, ending = (image_tiff, "tif") if pair.left.dtype.kind == "f" else (image_png, "png")
-        files[f"left.{ending}"] = lambda: writer(pair.left)
-        files[f"right.{ending}"] = lambda: writer(pair.right)
+        for side, image in (("left", pair.left), ("right", pair.right)):
+            name, write = image_file(side, image)
+            files[name] = partial(write, image)
     return files
 
 

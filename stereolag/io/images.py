@@ -477,6 +477,11 @@ def image_tiff(image: npt.ArrayLike) -> bytes:
     return stream.getvalue()
 
 
+def image_file(name: str, image: Image) -> tuple[str, Callable[[npt.ArrayLike], bytes]]:
+    """Return the name and the writer of the file that keeps every value of an image: ``name.tif`` or ``name.png``."""
+    return (f"{name}.tif", image_tiff) if image.dtype.kind == "f" else (f"{name}.png", image_png)
+
+
 # Disparity maps.
 
 MAP = "disparity map"
@@ -692,7 +697,7 @@ def pfm(disparity: npt.ArrayLike) -> bytes:
     divides by it: from a Middlebury file with the scale 0.003922 (1/255) it reads disparities 255 times too large. At
     -1.0 all readers agree. Format: https://www.pauldebevec.com/Research/HDR/PFM/
     """
-    values = _as_map(disparity)
+    values = as_map(disparity)
     stored = np.where(np.isfinite(values), values, np.inf).astype("<f4")
     return f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode() + stored[::-1].tobytes()
 
@@ -717,7 +722,7 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
     Format: the development kit of Geiger, Lenz & Urtasun, "Are we ready for autonomous driving?", CVPR 2012.
     """
     check_kitti(disparity)
-    values = _as_map(disparity)
+    values = as_map(disparity)
     known = np.isfinite(values)
     pixels = np.zeros(values.shape, dtype=np.uint16)
     pixels[known] = np.maximum(1, np.rint(values[known] * KITTI_SCALE))
@@ -732,7 +737,7 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
     ValueError
         As :func:`kitti_png` does.
     """
-    values = _as_map(disparity)
+    values = as_map(disparity)
     known = values[np.isfinite(values)]
     if known.size == 0:
         return
@@ -745,10 +750,11 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
         )
 
 
-def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
-    values = np.asarray(disparity)
+def as_map(numbers: npt.ArrayLike, name: str = "disparity") -> npt.NDArray[np.floating[Any]]:
+    """Return a (rows, cols) map of floats; ValueError, with its name, for another shape."""
+    values = np.asarray(numbers)
     if values.ndim != 2 or values.size == 0:
-        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
+        raise ValueError(f"{name} has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
     return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
 
 
@@ -762,7 +768,7 @@ def _stored_image(data: bytes) -> npt.NDArray[Any]:
 
 
 def _npy_map(disparity: npt.ArrayLike) -> bytes:
-    values = _as_map(disparity).astype(np.float32)
+    values = as_map(disparity).astype(np.float32)
     return npy(np.where(np.isfinite(values), values, np.float32(np.nan)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from stereolag.core.settings import Settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import SUBPIXEL, BlockMatcher, StereoSGBM
 from stereolag.version import VERSION
+
+if TYPE_CHECKING:
+    from stereolag.assess.diagnosis import Remedy
 
 _PROGRAM = '''\
 """{purpose}
@@ -32,13 +35,25 @@ FOLDER = Path(__file__).resolve().parent
 _DISPARITY = """
 left = sl.read_image(FOLDER / {left})
 right = sl.read_image(FOLDER / {right})
-
+{prepared}
 {matcher}
 result = matcher.compute(left, right)
 
 np.save(FOLDER / "disparity.npy", result.disparity)
 sl.write_disparity(FOLDER / "disparity.pfm", result.disparity)
 print(f"{{result.coverage:.1%}} of the pixels are measured; it took {{result.elapsed_s:.2f}} s")
+"""
+
+_RECTIFIED = """
+cameras = sl.read_calibration(FOLDER / {cameras})
+left, right, camera = sl.rectify(left, right, cameras, alpha={alpha})
+"""
+
+_DEPTH = """
+depth = camera.depth(result.disparity)  # of the {of} image's pixels, metres; NaN where there is none
+sl.write_depth(FOLDER / "depth.tif", depth)
+sl.write_depth(FOLDER / "depth_mm.png", depth)  # millimetres; 0 where there is none, and beyond 65.535 m
+print(f"{{np.isfinite(depth).mean():.1%}} of the pixels have a depth")
 """
 
 _OPENCV = """
@@ -96,21 +111,71 @@ if not result.found:
 """
 
 
-def script(matcher: StereoMatcher, left_name: str, right_name: str) -> str:
-    """Return a Python program that measures the same disparities again, bit for bit.
+class Cameras(NamedTuple):
+    """How the program gets from raw images to rectified ones.
 
-    It reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there. Every setting is
-    written out, so that a later release with other defaults gives the same result.
+    Attributes
+    ----------
+    name
+        The name of the file with the calibration of both cameras.
+    alpha
+        The frame, as for :func:`stereolag.rectify`.
+    remedies
+        The input doctor's remedies applied after that, in order.
     """
+
+    name: str
+    alpha: float | None = None
+    remedies: Sequence[Remedy] = ()
+
+
+def script(
+    matcher: StereoMatcher,
+    left_name: str,
+    right_name: str,
+    calibration_name: str | None = None,
+    *,
+    cameras: Cameras | None = None,
+) -> str:
+    """Return a Python program that measures the same disparities again, bit for bit, and the depth if it can.
+
+    The program reads the files beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there; with a calibration
+    ``depth.tif``, metres, and ``depth_mm.png``, millimetres, too.
+
+    Parameters
+    ----------
+    matcher
+        Every setting is written out, so that a later release with other defaults gives the same result.
+    left_name, right_name
+        The names of the two images, for example ``left.png``; folders in the names of files are dropped.
+    calibration_name
+        The name of the calibration of the rectified pair; None if there is none, or it is that of `cameras`.
+    cameras
+        How the program rectifies the images; None if they are rectified.
+    """
+    prepared, classes = "", imports(matcher)
+    if cameras is not None:
+        prepared = _RECTIFIED.format(cameras=_file_literal(cameras.name), alpha=cameras.alpha)
+        prepared += "".join(f"left, right = apply_remedy(left, right, Remedy.{one.name})\n" for one in cameras.remedies)
+        if cameras.remedies:
+            classes = sorted([*classes, "from stereolag.assess.diagnosis import Remedy, apply_remedy"])
+    if calibration_name is not None:
+        prepared += f"camera = sl.read_calibration(FOLDER / {_file_literal(calibration_name)})\n"
+    steps = _DISPARITY.format(
+        left=_file_literal(left_name),
+        right=_file_literal(right_name),
+        prepared=prepared,
+        matcher=constructor(matcher, before="matcher = "),
+    )
+    purpose = "Measure the disparity of a stereo pair, px: positive in front of infinity, NaN where there is none."
+    if prepared:
+        purpose = f"{purpose}\n\nFrom that, the depth along the optical axis, in metres."
+        steps += _DEPTH.format(of="left" if cameras is None else "rectified left")
     return _program(
-        "Measure the disparity of a stereo pair, px: positive in front of infinity, NaN where there is none.",
+        purpose,
         "The images lie beside this file, and so will the results.",
-        ["import numpy as np", "", "import stereolag as sl", *imports(matcher)],
-        _DISPARITY.format(
-            left=_file_literal(left_name),
-            right=_file_literal(right_name),
-            matcher=constructor(matcher, before="matcher = "),
-        ),
+        ["import numpy as np", "", "import stereolag as sl", *classes],
+        steps,
     )
 
 

@@ -12,16 +12,27 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
+from stereolag import (
+    CorrelationMatcher,
+    SearchArea,
+    StereoBM,
+    read_calibration,
+    read_depth,
+    read_disparity,
+    read_image,
+    read_matcher,
+)
+from stereolag.assess.diagnosis import Remedy
 from stereolag.core.jobs import Estimate
 from stereolag.figures.legends import Colours
-from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.rectification import turned
 from stereolag.io.images import VERTEX
 from stereolag.io.settings import settings_json
-from stereolag.pair import Pair, PairId, resized
+from stereolag.pair import Pair, PairId, Preparation, Rows, assemble_pair, prepare, resized
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.downloads import EXPORTS, Download, archive, files
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.maps import DepthView, KnownDistance
 from tests.app import keys
 from tests.programs import run_program
 
@@ -132,7 +143,10 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
     backwards = StereoBM(num_disparities=16, block_size=9, min_disparity=-16)
     download = Download(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
     refusals = {file.name: file.refusal for file in files(download) if file.refusal}
-    assert refusals.keys() == {"disparity_kitti.png", "cloud.ply"}
+    assert refusals.keys() == {"disparity_kitti.png", "cloud.ply", "depth.tif", "depth_mm.png"}
+    assert {refusals[name] for name in ("cloud.ply", "depth.tif", "depth_mm.png")} == {
+        "Depth in metres takes a calibration, or one point whose distance is known."
+    }
     with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
         assert not refusals.keys() & set(whole.namelist())
         said = whole.read("README.txt").decode()
@@ -197,6 +211,7 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
         whole.extractall(tmp_path)
     enlarged = "_enlarged_2x" if heavy else ""
     names = {path.name for path in tmp_path.iterdir()}
+    assert {f"depth{enlarged}.tif", f"depth{enlarged}_mm.png"} <= names
     assert {f"disparity{enlarged}.pfm", f"disparity{enlarged}.npy", f"disparity{enlarged}_coloured.png"} <= names
     assert ("enlarged, its disparities multiplied by 2" in (tmp_path / "README.txt").read_text("utf-8")) == heavy
     matcher = read_matcher(tmp_path / "settings.json")
@@ -206,8 +221,11 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
     disparity = np.load(tmp_path / f"disparity{enlarged}.npy")
     assert disparity.shape == full.left.shape
     assert np.nanmedian(disparity) == pytest.approx(20, abs=0.3)
-    for name in ("valid.png", "measured.png", "confidence.png"):
+    measured = read_image(tmp_path / "measured.png") > 0
+    np.testing.assert_array_equal(measured, download.as_taken.measured)
+    for name in ("valid.png", "confidence.png"):
         assert read_image(tmp_path / name).shape == full.left.shape
+    np.testing.assert_allclose(read_depth(tmp_path / f"depth{enlarged}.tif"), 800 * 0.1 / disparity, rtol=1e-6)
     expected = matcher.compute(full.left, full.right).disparity
     assert np.array_equal(disparity, expected, equal_nan=True) != heavy
     storage = cv2.FileStorage(str(tmp_path / "opencv.yml"), cv2.FILE_STORAGE_READ)
@@ -219,6 +237,61 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
         np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), expected)
     figures = {line.split(",")[0]: line.split(",") for line in (tmp_path / "metrics.csv").read_text().splitlines()}
     assert figures["StereoBM"][1] == str(480 * 800)  # pixels with ground truth
+
+
+def rectified_here(above: bool, remedies: tuple[Remedy, ...] = ()) -> Pair:
+    """Return a pair of two lenses that the page rectified; `above`: the second camera stands below the first."""
+    matrix, lens = np.array([[90.0, 0, 59], [0, 91, 41], [0, 0, 1]]), [-0.1, 0.02, 0, 0, 0]
+    rig = StereoRig(matrix, lens, matrix, lens, np.eye(3), [-0.1, 0, 0])
+    scene = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (80, 126)).astype(np.uint8), (0, 0), 1.5)
+    left, right = scene[:, :-6], scene[:, 6:]
+    if above:
+        rig = rig.turned(-1, (120, 80))
+        left, right = turned(left, -1), turned(right, -1)
+    calibration = Calibration(90.0, 0.1, rig=rig, turn=rig.turn)
+    pair = assemble_pair(left, right, None, calibration, id=PairId("raw noise"))
+    return prepare(replace(pair, shared=True), Preparation(rows=Rows.RAW, alpha=0.3, remedies=remedies))
+
+
+@pytest.mark.parametrize(
+    ("above", "remedies", "known"),
+    [(False, (), False), (True, (), False), (False, (Remedy.MATCH_EXPOSURE,), True)],
+    ids=["side by side", "above each other", "treated, one distance known"],
+)
+def test_the_program_goes_from_the_raw_pair_in_the_zip_to_its_metres(
+    above: bool, remedies: tuple[Remedy, ...], known: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = rectified_here(above, remedies)
+    view = view_of(pair, BLOCK)
+    if known:
+        twice = replace(pair.calibration, baseline_m=2 * pair.calibration.baseline_m)
+        monkeypatch.setattr(DepthView, "known_distance", KnownDistance(20, 40, 3.0, twice))
+    download = Download(view, "StereoBM")
+    with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
+        whole.extractall(tmp_path)
+    left, calibration = read_image(tmp_path / "left.png"), read_calibration(tmp_path / "calibration.json")
+    np.testing.assert_array_equal(left, pair.left)
+    assert calibration == download.calibration
+    depth = read_depth(tmp_path / "depth.tif")
+    assert np.isfinite(depth).mean() > 0.3
+    expected = (
+        calibration.focal_px * calibration.baseline_m / (view.results["StereoBM"].disparity + calibration.doffs_px)
+    )
+    np.testing.assert_allclose(depth, np.where(expected > 0, expected, np.nan), rtol=1e-6)
+    made = {name: (tmp_path / name).read_bytes() for name in ("depth.tif", "depth_mm.png")}
+    for name in (*made, "left.png", "right.png", *(() if known else ("calibration.json",))):
+        (tmp_path / name).unlink()
+    assert "of the pixels have a depth" in run_program(tmp_path / "reproduce.py")
+    assert {name: (tmp_path / name).read_bytes() for name in made} == made
+
+
+def test_the_depth_in_millimetres_says_how_many_pixels_are_beyond_it() -> None:
+    pair = replace(small_pair(), calibration=Calibration(1e4, 0.1, width=100, height=60))
+    download = Download(view_of(pair, BLOCK), "StereoBM")
+    told = next(file.meaning for file in files(download) if file.name == "depth_mm.png")
+    beyond = (1e4 * 0.1 / download.result.disparity > 65.5355).sum()
+    assert beyond > 100
+    assert f"beyond 65.535 m: {beyond:,} of the 6,000 pixels shown are." in told
 
 
 def test_settings_that_the_own_size_does_not_allow_are_refused_and_the_map_is_enlarged() -> None:
@@ -266,9 +339,24 @@ def offered(app: AppTest) -> set[str]:
 def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> None:
     app = opened(small_pair())
     buttons = {button.proto.label: button.proto.disabled for button in app.get("download_button")}
-    assert buttons.keys() >= {one.label for one in EXPORTS if one.label and isinstance(one.label, str)}
-    assert [label for label, disabled in buttons.items() if disabled] == ["Point cloud PLY"]
-    assert buttons.keys() >= {"All in one ZIP", "Session ZIP", "Left PNG", "Right PNG"}
+    labels = {one.label for one in EXPORTS if one.label and isinstance(one.label, str)}
+    of_a_calibration = {"Calibration JSON", "Raw calibration JSON"}
+    assert buttons.keys() >= labels - of_a_calibration | {"All in one ZIP", "Session ZIP", "Left PNG", "Right PNG"}
+    in_metres = ["Point cloud PLY", "Depth TIFF, m", "Depth PNG, mm"]
+    assert [label for label, disabled in buttons.items() if disabled] == in_metres
+    assert first_line(app) == ["All in one ZIP", "Python script"]
+    assert any(caption.value.startswith("Depth in metres takes a calibration") for caption in app.caption)
+    calibrated = opened(replace(small_pair(), calibration=Calibration(100.0, 0.1, width=100, height=60)))
+    assert first_line(calibrated) == ["All in one ZIP", "Python script", *in_metres]
+    assert "calibration.json" in offered(calibrated)
+    assert not any(caption.value.startswith("Depth in metres takes") for caption in calibrated.caption)
+
+
+def first_line(app: AppTest) -> list[str]:
+    """Return the labels of the buttons that are not behind "More files"."""
+    more = next(block for block in app.get("popover"))
+    behind = {button.key for button in more.get("download_button")}
+    return [button.proto.label for button in app.get("download_button") if button.key not in behind]
 
 
 def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() -> None:

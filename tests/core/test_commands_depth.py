@@ -21,6 +21,8 @@ from stereolag.core.inputs import Image
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.geometry.rectification import mode_for
+from stereolag.io.calibrations import calibration_json
+from stereolag.io.depths import depth_png, depth_tiff
 from stereolag.io.images import image_png, kitti_png, pfm
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
@@ -78,13 +80,17 @@ def test_the_files_are_those_of_the_page(folder: Path, preset: str, tmp_path: Pa
     result = sl.preset(preset).compute(left, right)  # type: ignore[arg-type]
     disparity, palette = result.disparity, VIRIDIS[::-1] if preset == "report" else VIRIDIS
     low, high = (-9, 11) if preset == "report" else (0, 64)
+    known = sl.read_calibration(calibration)
     expected = {
         "disparity.pfm": pfm(disparity),
         "disparity.npy": npy(disparity),
         "disparity_kitti.png": kitti_png(disparity),
         "disparity_coloured.png": coloured_png(disparity, low, high, palette),
         "settings.json": settings_json(result.settings).encode(),
-        "cloud.ply": cloud_ply(sl.read_calibration(calibration), disparity, left),
+        "cloud.ply": cloud_ply(known, disparity, left),
+        "depth.tif": depth_tiff(known.depth(disparity)),
+        "depth_mm.png": depth_png(known.depth(disparity)),
+        "calibration.json": calibration_json(known).encode(),
     }
     assert {path.name: path.read_bytes() for path in out.iterdir()} == expected
     assert sorted(told["files"]) == sorted(expected)
@@ -143,7 +149,8 @@ def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: 
     straight = ran("depth", rig / "straight/left/0.png", rig / "straight/right/0.png", *arguments)
     assert straight.figures["rectified_here"] is False
     assert not (tmp_path / "left.png").exists()
-    raw = ran("depth", rig / "raw/left/0.png", rig / "raw/right/0.png", *arguments)
+    depth = tmp_path / "metres.tif"
+    raw = ran("depth", rig / "raw/left/0.png", rig / "raw/right/0.png", *arguments, "--depth", depth)
     assert raw.figures["rectified_here"] is True
     made = sl.rectify(*raw_pair(), sl.read_calibration(rig / "rig.json"))
     np.testing.assert_array_equal(sl.read_image(tmp_path / "left.png"), made.left)
@@ -151,6 +158,29 @@ def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: 
     assert sl.read_calibration(tmp_path / "calibration.json") == made.calibration
     known = sl.read_disparity(tmp_path / "disparity.npy")
     assert np.nanmedian(np.abs(known - 14)) < 0.5
+    np.testing.assert_array_equal(sl.read_depth(depth), made.calibration.depth(known))
+    assert depth.read_bytes() == (tmp_path / "depth.tif").read_bytes()
+
+
+@pytest.mark.parametrize(("focal_px", "beyond"), [(100.0, False), (1e4, True)])
+def test_the_depth_in_millimetres_says_how_much_is_beyond_it(
+    focal_px: float, beyond: bool, folder: Path, tmp_path: Path, ran: Command
+) -> None:
+    known = sl.Calibration(focal_px, 0.2)
+    calibration, depth = tmp_path / "calibration.json", tmp_path / "depth.png"
+    calibration.write_text(calibration_json(known))
+    pair = folder / "left.png", folder / "right.png", "--trust", "--method", "bm", "--calibration", calibration
+    figures = ran("depth", *pair, "--depth", depth, "--json").figures
+    assert sorted(tmp_path.iterdir()) == [calibration, depth]
+    stored = cv2.imread(str(depth), cv2.IMREAD_UNCHANGED)
+    if beyond:
+        assert not stored.any()
+    else:
+        assert np.median(stored[stored > 0]) == pytest.approx(1000 * focal_px * 0.2 / SHIFT, rel=0.02)
+    assert figures["depth"] == str(depth)
+    assert (stored > 0).sum() + figures["too_far_for_png"] == round(figures["depth_coverage"] * stored.size)
+    said = f"{figures['too_far_for_png']:,} pixels are beyond 65.535 m: 0 in a PNG of depth"
+    assert (figures["too_far_for_png"] > 1000) == beyond == (said in ran("depth", *pair, "--depth", depth).out)
 
 
 @pytest.mark.parametrize(
@@ -185,6 +215,8 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         (["left.png", "right.png", "--block-size", "9"], 2, "There is one with --method bm or sgbm."),
         (["left.png", "right.png", "--method", "bm", "--block-size", "61"], 4, "block_size is 61 px and the images"),
         (["left.png", "right.png", "--out", "truth.pfm"], 4, "truth.pfm: File exists."),
+        (["left.png", "right.png", "--depth", "depth.tif"], 4, "Depth in metres takes a calibration: give --calib"),
+        (["left.png", "right.png", "--depth", "depth.pfm"], 2, "its name ends in .tif, .tiff or .png."),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(

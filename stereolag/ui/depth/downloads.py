@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TypeVar, cast
 
+import numpy.typing as npt
 import streamlit as st
 
 from stereolag.core.arrays import FloatMap
@@ -15,19 +16,13 @@ from stereolag.core.jobs import format_bytes, limits
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.images import (
-    check_kitti,
-    confidence_png,
-    image_png,
-    image_tiff,
-    kitti_png,
-    pfm,
-)
-from stereolag.io.programs import opencv_script, script
+from stereolag.io.depths import FARTHEST_M, depth_png, depth_tiff, too_far
+from stereolag.io.images import check_kitti, confidence_png, image_file, image_png, kitti_png, pfm
+from stereolag.io.programs import Cameras, opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json
 from stereolag.io.sources import npy
-from stereolag.pair import upright
+from stereolag.pair import Pair, upright
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
@@ -49,6 +44,8 @@ BYTES_OF_A_PIXEL = 100
 WANTED = f"{KEY}.wanted"
 """Session-state key of the maps that the visitor wants computed at their pair's own size."""
 
+NO_METRES = "Depth in metres takes a calibration, or one point whose distance is known."
+
 T = TypeVar("T")
 Text = str | Callable[["Download"], str]
 
@@ -66,6 +63,7 @@ def show_downloads(view: DepthView) -> None:
             _compute_in_own_size(download)
         rows, cols = download.pair.left.shape[:2]
         memory = BYTES_OF_A_PIXEL * rows * cols
+        first = [one for one in EXPORTS if one.first and not one.refusal(download)]
         with st.container(horizontal=True, gap="small"):
             show_zip_button(
                 partial(archive, download),
@@ -73,16 +71,20 @@ def show_downloads(view: DepthView) -> None:
                 key=KEY,
                 more="Upload it as the left image to reopen the page as it is now.",
             )
-            download_button(
-                "Session ZIP",
-                partial(run_queued, partial(archive, download, PAIR_EXPORTS), memory),
-                "stereolag-session.zip",
-                "application/zip",
-                key=f"{KEY}.session",
-                meaning="The pair and the page’s settings, without the results: enough to continue from here.",
-                icon=":material/bookmark:",
-            )
-            show_file_buttons(files(download), memory, key=KEY)
+            show_file_buttons(files(download, first), memory, key=KEY)
+            with st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more"):
+                download_button(
+                    "Session ZIP",
+                    partial(run_queued, partial(archive, download, PAIR_EXPORTS), memory),
+                    "stereolag-session.zip",
+                    "application/zip",
+                    key=f"{KEY}.session",
+                    meaning="The pair and the page’s settings, without the results: enough to continue from here.",
+                    icon=":material/bookmark:",
+                )
+                show_file_buttons(files(download, [one for one in EXPORTS if one not in first]), memory, key=KEY)
+        if download.calibration is None:
+            prose.caption(NO_METRES)
         prose.caption(" ".join([size_in_words(download), *(change.sentence for change in download.pair.changes)]))
         _load_settings(1 / download.factor)
 
@@ -209,6 +211,16 @@ class Download:
         return self._enlarged(self.method)
 
     @property
+    def raw(self) -> Pair | None:
+        """Return the pair as the cameras took it, with their calibration, if it was rectified with that."""
+        return self.pair.raw if self.calibration is not None else None
+
+    @property
+    def depth(self) -> FloatMap:
+        """Return the depth of the left image as it is matched, which the calibration is for, metres; NaN: none."""
+        return _known(self.calibration).depth(self.result.disparity)
+
+    @property
     def as_taken(self) -> DisparityMap:
         """Return that map as the images were taken, turned back if they were turned to be matched."""
         return self.result.turned(-self.pair.turn)
@@ -252,6 +264,8 @@ class Export:
         Returns why the file is not available; "" if it is.
     offered
         Returns whether the file makes sense for this result at all.
+    first
+        Whether its button stands in the first line while the file is available.
     """
 
     label: Text
@@ -260,26 +274,50 @@ class Export:
     meaning: Text
     refusal: Callable[[Download], str] = lambda download: ""
     offered: Callable[[Download], bool] = lambda download: True
+    first: bool = False
 
 
-def image_name(side: str, image: Image) -> str:
-    """Return the file name of an image, in a format that keeps every value."""
-    return f"{side}.tif" if image.dtype.kind == "f" else f"{side}.png"
+RAW = "raw_"
+"""What the names of the files of the pair as it was taken begin with."""
 
 
-def image_names(download: Download) -> tuple[str, str]:
-    """Return the file names of the two images."""
-    return image_name("left", download.pair.left), image_name("right", download.pair.right)
+def image_names(pair: Pair, before: str = "") -> tuple[str, str]:
+    """Return the file names of the two images of a pair; `before` is at the beginning of both."""
+    return image_file(f"{before}left", pair.left)[0], image_file(f"{before}right", pair.right)[0]
 
 
-def _image_export(side: str, image_of: Callable[[Download], Image]) -> Export:
-    """Return the export of one image of the pair."""
+def _image_export(stem: str, image_of: Callable[[Download], Image | None], meaning: str) -> Export:
+    """Return the export of one image, as a file whose name begins so."""
+
+    def file_of(download: Download) -> tuple[str, Callable[[npt.ArrayLike], bytes]]:
+        return image_file(stem, _known(image_of(download)))
+
     return Export(
-        lambda it: f"{side.capitalize()} {'TIFF' if image_of(it).dtype.kind == 'f' else 'PNG'}",
-        lambda it: image_name(side, image_of(it)),
-        lambda it: image_tiff(image_of(it)) if image_of(it).dtype.kind == "f" else image_png(image_of(it)),
-        f"The {side} image as it is matched, at full size.",
+        lambda it: f"{stem.replace('_', ' ').capitalize()} {file_of(it)[0].rpartition('.')[2].upper()}",
+        lambda it: file_of(it)[0],
+        lambda it: file_of(it)[1](_known(image_of(it))),
+        meaning,
+        offered=lambda it: image_of(it) is not None,
     )
+
+
+def _raw_calibration(download: Download) -> str:
+    """Return the calibration of both cameras, for images of the size of the raw ones if it states none."""
+    raw = _known(download.raw)
+    known = _known(raw.calibration)
+    rig, (rows, cols) = _known(known.rig), raw.left.shape[:2]
+    return calibration_json(replace(known, rig=replace(rig, width=rig.width or cols, height=rig.height or rows)))
+
+
+def _script(download: Download) -> str:
+    """Return the program that goes from the images to the map, and from a raw pair on if it was rectified here."""
+    pair, raw, calibration, cameras = download.pair, download.raw, None, None
+    if raw is not None:
+        cameras = Cameras(str(RAW_CALIBRATION.name), _known(pair.rectification).alpha, pair.id.remedies)
+    if download.calibration is not None and (raw is None or download.view.known_distance is not None):
+        calibration = str(CALIBRATION.name)
+    names = image_names(pair) if raw is None else image_names(raw, RAW)
+    return script(_known(download.settings), *names, calibration, cameras=cameras)
 
 
 TRUTH = Export(
@@ -297,12 +335,25 @@ VISIBLE = Export(
     offered=lambda it: it.pair.visible is not None,
 )
 CALIBRATION = Export(
-    "",
+    "Calibration JSON",
     "calibration.json",
     lambda it: calibration_json(_known(it.calibration)),
-    "Focal length in px, baseline in m; the pair is rectified.",
-    offered=lambda it: it.calibration is not None and it.calibration.rig is None,
+    "Of the left image as it is matched: focal length and principal point in px, baseline in m.",
+    offered=lambda it: it.calibration is not None,
 )
+RAW_CALIBRATION = Export(
+    "Raw calibration JSON",
+    f"{RAW}calibration.json",
+    _raw_calibration,
+    "Both cameras before rectification, under OpenCV’s names; lengths in m.",
+    offered=lambda it: it.raw is not None,
+)
+RAW_EXPORTS = [
+    _image_export(f"{RAW}left", lambda it: it.raw.left if it.raw else None, "The left image as it was taken."),
+    _image_export(f"{RAW}right", lambda it: it.raw.right if it.raw else None, "The right image as it was taken."),
+    RAW_CALIBRATION,
+]
+"""The pair as it was taken, and its cameras: what the program begins with."""
 
 SESSION_EXPORT = Export(
     "",
@@ -312,8 +363,8 @@ SESSION_EXPORT = Export(
 )
 
 PAIR_EXPORTS = [
-    _image_export("left", lambda it: it.pair.left),
-    _image_export("right", lambda it: it.pair.right),
+    _image_export("left", lambda it: it.pair.left, "The left image as it is matched, at full size."),
+    _image_export("right", lambda it: it.pair.right, "The right image as it is matched, at full size."),
     TRUTH,
     VISIBLE,
     CALIBRATION,
@@ -324,15 +375,15 @@ PAIR_EXPORTS = [
 
 def pair_files(download: Download) -> dict[str, str]:
     """Return the file names of the pair, by their names in a session."""
-    left, right = image_names(download)
+    left, right = image_names(download.pair)
     others = {"truth": TRUTH, "visible": VISIBLE, "calibration": CALIBRATION}
     offered = {what: str(export.name) for what, export in others.items() if export.offered(download)}
     return {"left": left, "right": right} | offered
 
 
-def _of_map(ending: str) -> Callable[[Download], str]:
+def _of_map(ending: str, kind: str = "disparity") -> Callable[[Download], str]:
     """Return a function that names a file of the map; the name of an enlarged map says so."""
-    return lambda it: f"disparity{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
+    return lambda it: f"{kind}{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
 
 
 def _confidence(download: Download) -> FloatMap:
@@ -376,7 +427,55 @@ def _kitti_refusal(download: Download) -> str:
     return ""
 
 
+def _no_metres(download: Download) -> str:
+    return NO_METRES if download.calibration is None else ""
+
+
+def _millimetres_in_words(download: Download) -> str:
+    """Return a description of the depth in millimetres, which counts the pixels that the page shows beyond it."""
+    said = f"Depth of every pixel of the left image, mm in 16 bits, as ROS has it; 0: none, or beyond {FARTHEST_M} m"
+    if download.calibration is None:
+        return f"{said}."
+    shown = download.calibration.depth(download.shown.disparity * download.factor)
+    return f"{said}: {too_far(shown):,} of the {shown.size:,} pixels shown are."
+
+
 EXPORTS: list[Export] = [
+    Export(
+        "Python script",
+        "reproduce.py",
+        _script,
+        lambda it: (
+            f"Goes from the {'pair' if it.raw is None else 'raw pair'} in the ZIP to the map"
+            f"{'' if it.calibration is None else ', and to metres'}."
+        ),
+        lambda it: it.settings_refusal,
+        first=True,
+    ),
+    Export(
+        "Point cloud PLY",
+        "cloud.ply",
+        lambda it: _cloud(it),
+        "Points in metres and true colour, flying pixels left out; at most 2 million.",
+        _no_metres,
+        first=True,
+    ),
+    Export(
+        "Depth TIFF, m",
+        _of_map(".tif", "depth"),
+        lambda it: depth_tiff(it.depth),
+        "Depth of every pixel of the left image, metres as floats; NaN: none.",
+        _no_metres,
+        first=True,
+    ),
+    Export(
+        "Depth PNG, mm",
+        _of_map("_mm.png", "depth"),
+        lambda it: depth_png(it.depth),
+        _millimetres_in_words,
+        _no_metres,
+        first=True,
+    ),
     Export("PFM", _of_map(".pfm"), lambda it: pfm(it.as_taken.disparity), "Disparity in px as floats; infinite: none."),
     Export("NPY", _of_map(".npy"), lambda it: npy(it.as_taken.disparity), "Disparity in px for NumPy; NaN: none."),
     Export(
@@ -412,13 +511,6 @@ EXPORTS: list[Export] = [
     ),
     Export("Confidence NPY", "confidence.npy", lambda it: npy(_confidence(it)), _confidence_in_words("NaN: none")),
     Export(
-        "Point cloud PLY",
-        "cloud.ply",
-        lambda it: _cloud(it),
-        "Points in metres and true colour, flying pixels left out; at most 2 million.",
-        lambda it: "Metres need a calibration, or one point whose distance is known." if it.calibration is None else "",
-    ),
-    Export(
         "Metrics CSV",
         "metrics.csv",
         _metrics,
@@ -441,40 +533,34 @@ EXPORTS: list[Export] = [
         lambda it: isinstance(it.shown.settings, BlockMatcher),
     ),
     Export(
-        "Python script",
-        "reproduce.py",
-        lambda it: script(_known(it.settings), *image_names(it)),
-        "Reproduces the map from these images.",
-        lambda it: it.settings_refusal,
-    ),
-    Export(
         "OpenCV script",
         "reproduce_opencv.py",
-        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it), (it.pair.left, it.pair.right)),
+        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it.pair), (it.pair.left, it.pair.right)),
         "Reproduces the map from these images with OpenCV alone.",
         lambda it: it.settings_refusal,
         lambda it: isinstance(it.shown.settings, BlockMatcher),
     ),
     *PAIR_EXPORTS,
+    *RAW_EXPORTS,
 ]
 """All files about a result, in the order offered; a new one is added here and nowhere else."""
 
 
-def files(download: Download, exports: Sequence[Export] | None = None) -> list[File]:
-    """Return the files about a result in the order offered; of all exports by default."""
+def files(download: Download, exports: Sequence[Export] = EXPORTS) -> list[File]:
+    """Return the files about a result in the order offered."""
 
     def said(text: Text) -> str:
         return text if isinstance(text, str) else text(download)
 
     return [
         File(said(one.label), said(one.name), partial(one.make, download), said(one.meaning), one.refusal(download))
-        for one in exports or EXPORTS
+        for one in exports
         if one.offered(download)
     ]
 
 
-def archive(download: Download, exports: Sequence[Export] | None = None) -> bytes:
-    """Return a ZIP of the available files and a description of each; of all exports by default."""
+def archive(download: Download, exports: Sequence[Export] = EXPORTS) -> bytes:
+    """Return a ZIP of the available files and a description of each."""
     return zip_of(files(download, exports), size_in_words(download))
 
 
@@ -483,7 +569,10 @@ def size_in_words(download: Download) -> str:
     rows, cols = download.pair.left.shape[:2]
     said = f"All files are for the images at full size, {cols} × {rows} pixels."
     if download.pair.turn:
-        said += " The images are as they were matched; maps and points are turned back, as the images were taken."
+        said += (
+            " The images, the depth in metres and its calibration are as they were matched; all other maps and the "
+            "points are turned back, as the images were taken."
+        )
     if not download.reduced:
         return said
     shown = f"{download.view.pair.left.shape[1]} × {download.view.pair.left.shape[0]}"
