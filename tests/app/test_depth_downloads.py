@@ -262,6 +262,7 @@ def test_the_program_goes_from_the_raw_pair_in_the_zip_to_its_metres(
     above: bool, remedies: tuple[Remedy, ...], known: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pair = rectified_here(above, remedies)
+    assert pair.turn == above
     view = view_of(pair, BLOCK)
     if known:
         twice = replace(pair.calibration, baseline_m=2 * pair.calibration.baseline_m)

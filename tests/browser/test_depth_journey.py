@@ -99,6 +99,7 @@ def test_a_link_opens_the_page_as_it_was_and_its_files_have_addresses_nobody_els
         expect(visit.page.get_by_role("slider", name="Block")).to_have_value("13")
         visit.unfold("Take it away")
         expect_visible(visit.said("All files are for the images at full size, 480 × 480 pixels."))
+        visit.press("More files")
         return visit.download("NPY")
 
     before = DepthPage(open_page(ADDRESS))
