@@ -72,7 +72,8 @@ def show_downloads(view: DepthView) -> None:
                 more="Upload it as the left image to reopen the page as it is now.",
             )
             show_file_buttons(files(download, first), memory, key=KEY)
-            with st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more"):
+            more = st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more")
+            with more.container(horizontal=True, gap="small"):  # which wraps them
                 download_button(
                     "Session ZIP",
                     partial(run_queued, partial(archive, download, PAIR_EXPORTS), memory),
