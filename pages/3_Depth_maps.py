@@ -16,7 +16,6 @@ from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import (
-    bench,
     choose_maps,
     coloured_alike,
     measured,
@@ -30,7 +29,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
-from stereolag.ui.navigation import fragment, page, show_try_first
+from stereolag.ui.navigation import bench, fragment, page, show_try_first
 
 PARTS = {
     "Compare": show_comparison,

@@ -17,7 +17,7 @@ from stereolag.ui.calibrate import (
     show_pair,
     show_rectified,
 )
-from stereolag.ui.navigation import fragment, page
+from stereolag.ui.navigation import fragment, page, show_try_first
 
 
 @fragment
@@ -55,8 +55,8 @@ with page(
     "Calibrate",
     "Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and take 8 to "
     "40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the cameras.",
-    "leave out a pair with a click, and see how the errors change.",
 ):
+    show_try_first("leave out a pair with a click, and see how the errors change.")
     chosen = choose_board_pictures()
     prose.caption(chosen.description)
     workspace(chosen)

@@ -3,7 +3,7 @@
 from stereolag.ui import prose
 from stereolag.ui.driving.inputs import Drive, ask_drive, ask_methods, show_findings
 from stereolag.ui.driving.work import show_downloads, show_work, work_on
-from stereolag.ui.navigation import fragment, page
+from stereolag.ui.navigation import fragment, page, show_try_first
 
 
 @fragment
@@ -23,8 +23,8 @@ with page(
     "Driving",
     "Depth maps of a whole drive, methods side by side. Near is bright, and the colours mean the "
     "same from the first frame to the last.",
-    "play it, and drag along the curves below the pictures.",
 ):
+    show_try_first("play it, and drag along the curves below the pictures.")
     chosen = ask_drive()
     if chosen is not None:
         workspace(chosen)

@@ -39,7 +39,19 @@ __all__ = ["ComponentRenderer", "Container", "Expander", "UploadedFile"]
 
 PAGE_STYLE = """
 /* Readable line lengths, and pictures that fit the screen, however wide it is. */
-[data-testid="stMainBlockContainer"] { max-width: 120rem; margin-inline: auto; }
+[data-testid="stMainBlockContainer"] {
+  max-width: 150rem; margin-inline: auto; padding: 0 clamp(0.75rem, 2.3vw, 2.25rem) 4rem;
+}
+/* The page's links are placed where Streamlit reserves room for a toolbar, of which only the menu is left. */
+[data-testid="stHeader"] { background: transparent; }
+[data-testid="stHeader"], [data-testid="stHeader"] * { pointer-events: none !important; }
+[data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
+/* On a phone only the current page's link has a name to be seen, so that all fit into one line. */
+@media (max-width: 767px) {
+  [data-testid="stPageLink-NavLink"]:not([aria-current="page"]) [data-testid="stMarkdownContainer"] {
+    position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);
+  }
+}
 [data-testid="stMarkdownContainer"] :is(p, li) { max-width: 52rem; }
 /* A table wider than a phone scrolls within its own box. */
 [data-testid="stMarkdownContainer"]:has(> table) { overflow-x: auto; }
@@ -65,15 +77,6 @@ button[data-testid="stBaseButton-primary"]:hover { background-color: light-dark(
 }
 """
 """Styles of Streamlit's own elements that no theme option reaches; the classes st-key-… are documented, and in CSS."""
-
-BENCH_STYLE = """
-[data-testid="stMainBlockContainer"] { max-width: none; padding: 0.8rem clamp(0.75rem, 2.3vw, 2.25rem) 4rem; }
-/* The page's links are placed where Streamlit reserves room for a toolbar, of which only the menu is left. */
-[data-testid="stHeader"] { background: transparent; }
-[data-testid="stHeader"], [data-testid="stHeader"] * { pointer-events: none !important; }
-[data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
-"""
-"""The same for the depth page, whose maps take the whole width."""
 
 
 def show_style(sheet: Path, inside: str) -> None:

@@ -214,7 +214,7 @@ def make_coast() -> dict[str, object]:
         "name": "coast",
         "title": "Coast",
         "description": "Surf, gulls, a speedboat and a bell buoy, heard by two sensors along a "
-        "beach. Sensor 2 hears everything 50,082 samples (1.136 s) later.",
+        "beach. Which of them hears it first, and how far apart are they?",
         "files": write_pair("coast", noisy, (1.0, 1.0)),
         "true_lag_samples": COAST_LAG,
         "sampling_rate": SAMPLING_RATE,
@@ -231,7 +231,7 @@ def make_harbour() -> dict[str, object]:
         "title": "Harbour in the wind",
         "description": "Two ships sound their horns again and again; the wind is as loud as the "
         "scene, and sensor 2 has less than half the gain of sensor 1. The repeated horns fool a "
-        "circular correlation; sensor 2 really hears it all 31,234 samples (0.708 s) earlier.",
+        "circular correlation: are you fooled too?",
         "files": write_pair("harbour", noisy, (1.0, 0.45)),
         "true_lag_samples": HARBOUR_LAG,
         "sampling_rate": SAMPLING_RATE,

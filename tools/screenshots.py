@@ -77,19 +77,26 @@ def bench(page: Page) -> Sequence[Locator]:
     row, col = 237, 682
     viewport.hover(position={"x": (col + 0.5) / cols * box["width"], "y": (row + 0.5) / rows * box["height"]})
     expect(page.locator(".where")).to_have_text(f"row {row}, column {col}")
-    return page.locator(".st-key-depth-bench-controls"), page.locator(".st-key-depth-bench-maps")
+    return page.locator(".st-key-bench-controls"), page.locator(".st-key-bench-result")
 
 
 def lag(page: Page) -> Sequence[Locator]:
-    """Show the verdict on two recordings, its numbers, the curve, and the lag over time."""
-    charts = page.get_by_test_id("stPlotlyChart")
-    return page.get_by_role("heading", name="hears it"), charts.nth(0), charts.nth(1)
+    """Show the verdict on two recordings, an excerpt slid to where it fits, and the curve beside it."""
+    stage = page.locator(".sliding .stage")
+    for _ in range(9):
+        stage.press("Shift+ArrowRight")
+    stage.blur()
+    return page.locator(".st-key-bench-controls"), page.locator(".st-key-bench-result")
 
 
 def search(page: Page) -> Sequence[Locator]:
-    """Show Rocketman framed in the maze and enlarged beside it."""
-    found = page.get_by_role("heading", name="Found at")
-    return found, page.get_by_test_id("stImage").nth(1), page.get_by_test_id("stImage").nth(2)
+    """Show Rocketman framed in the maze, and the template dragged half way to him."""
+    stage = page.locator(".by-hand .stage")
+    for _ in range(6):
+        stage.press("Shift+ArrowRight")
+        stage.press("Shift+ArrowDown")
+    stage.blur()
+    return page.locator(".st-key-bench-controls"), page.locator(".by-hand .bar")
 
 
 def match(page: Page) -> Sequence[Locator]:
@@ -126,8 +133,8 @@ def calibrating(page: Page) -> Sequence[Locator]:
 
 SHOTS = {
     "bench": Shot("Depth_maps?pair=road&maps=correlation,bm,sgbm,sgm", 1320, 1200, bench),
-    "lag": Shot("Sensor_lag", 1060, 1500, lag),
-    "search": Shot("Rocketman_search", 1060, 1500, search, kept=1245),
+    "lag": Shot("Sensor_lag", 1320, 1200, lag),
+    "search": Shot("Rocketman_search", 1320, 1200, search, kept=1245),
     "match": Shot("Depth_maps?pair=fence", 1060, 3000, match),
     "driving": Shot("Driving", 1320, 1800, driving),
     "calibrate": Shot("Calibrate", 1060, 2600, calibrating),

@@ -148,7 +148,7 @@ def _draw_frame(
     for colour, width in ((BLACK, thickness + 1), (WHITE, max(1, thickness // 2))):
         for start, end in _differing(match, scale):
             cv2.line(picture, start, end, colour, width)
-    corners = _corners(match, scale, thickness // 2 + 1, template)
+    corners = corners_of(match, scale, thickness // 2 + 1, template)
     for colour, width in ((WHITE, thickness + 2), (FRAME, thickness)):
         for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
             for one, other in _dashes(start, end, 5 * thickness) if dashed else [(start, end)]:
@@ -171,7 +171,11 @@ def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[Point, Poin
         yield corner(row - 1, col), corner(row, col)
 
 
-def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:
+def corners_of(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:
+    """Return the (x, y) of the corners of a match, scaled and moved outwards by `away` px.
+
+    `template` is the shape of the template, to rotate them with the match; None for the upright box around it.
+    """
     if template is None or not match.rotation:
         left, top = round(match.col * scale) - away, round(match.row * scale) - away
         right = round((match.col + match.width) * scale) + away

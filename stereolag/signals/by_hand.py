@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,21 @@ from scipy import ndimage
 
 from stereolag.core.arrays import Vector
 from stereolag.core.settings import Settings
+from stereolag.signals.correlation import overlap_slices
 
 CUT_SAMPLES = 40
 SLID_OVER = 240
 HOME = 90
 """Samples of recording 2 before the true place of the cut."""
+
+STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Samples of a recording of which one of an excerpt is the mean."""
+
+STRETCHES = 48
+"""Stretches tried for an excerpt, spread evenly over the part that both recordings share."""
+
+PEAK_WIDTH = 4
+"""Places to either side of a peak that belong to it."""
 
 SEVEN_NUMBERS = (2, -1, 4, 3, -5, 1, -4)
 AROUND_THEM = ((1, 2, -1, 3, 1, -2, -3, 0), (0, 2, -2, 1, -1))
@@ -47,6 +58,22 @@ class Slide:
     lag: int = 0
     step: int = 1
 
+    @property
+    def scores(self) -> Vector:
+        """Return Pearson's correlation of the cut with what is under it, at each place; 0 where that is flat."""
+        under = np.lib.stride_tricks.sliding_window_view(self.recording, self.cut.size)
+        under = under - under.mean(axis=1, keepdims=True)
+        cut = self.cut - self.cut.mean()
+        lengths = np.sqrt((under**2).sum(axis=1) * (cut @ cut))
+        return np.asarray(np.divide(under @ cut, lengths, out=np.zeros(len(under)), where=lengths > 0))
+
+    @property
+    def rival(self) -> float:
+        """Return the highest correlation beyond the peak."""
+        scores = self.scores
+        away = np.abs(np.arange(scores.size) - int(np.argmax(scores))) > PEAK_WIDTH
+        return float(scores[away].max())
+
 
 def seven_numbers() -> Slide:
     """Return seven whole numbers hidden among others."""
@@ -55,34 +82,46 @@ def seven_numbers() -> Slide:
     return Slide("seven", cut, np.concatenate((before, cut, after)))
 
 
-def excerpt(signal_1: Vector, signal_2: Vector, lag: int, *, start: int, step: int) -> Slide:
-    """Return an excerpt of two real recordings, with each sample the mean of `step` samples.
+def excerpt(signal_1: Vector, signal_2: Vector, lag: int) -> Slide | None:
+    """Return a stretch of two recordings to slide, the one in which the place at `lag` stands out most.
+
+    Each sample is the mean of `step` samples of the recordings.
 
     Parameters
     ----------
     signal_1, signal_2
         (N1,) and (N2,), the whole recordings.
     lag
-        The true lag, samples; a multiple of `step`.
-    start
-        Start of the cut in `signal_1`, in steps.
-    step
-        Samples averaged into one.
+        The lag at which they agree best, samples.
 
-    Raises
-    ------
-    ValueError
-        If `lag` is not a multiple of `step`, or the excerpt reaches past the end of a recording.
+    Returns
+    -------
+    Slide or None
+        None if the recordings overlap too little at this lag, or are flat there.
     """
-    if lag % step:
-        raise ValueError(f"lag is {lag}; allowed are multiples of the step, {step}.")
-    first, second = (signal[: signal.size // step * step].reshape(-1, step).mean(1) for signal in (signal_1, signal_2))
-    begin = start + lag // step - HOME
-    if not (0 <= start <= first.size - CUT_SAMPLES and 0 <= begin <= second.size - SLID_OVER):
-        raise ValueError(f"start is {start}; the cut or the stretch under it reaches past the end of its recording.")
-    cut = first[start : start + CUT_SAMPLES]
-    recording = second[begin : begin + SLID_OVER]
-    return Slide("coast", cut / cut.std(), recording / cut.std(), lag - HOME * step, step)
+    return max(_excerpts(signal_1, signal_2, lag), key=lambda one: one.scores.max() - one.rival, default=None)
+
+
+def _excerpts(signal_1: Vector, signal_2: Vector, lag: int) -> Iterator[Slide]:
+    """Yield stretches of the part that both share, with every step for which the recordings are long enough."""
+    shared, _ = overlap_slices(signal_1.size, signal_2.size, lag)
+    for step in STEPS:
+        cut, slid_over = CUT_SAMPLES * step, SLID_OVER * step
+        if shared.stop - shared.start < cut or signal_2.size < slid_over:
+            return
+        for start in np.unique(np.linspace(shared.start, shared.stop - cut, STRETCHES).astype(int)).tolist():
+            # A whole number of steps before the true place, and within recording 2.
+            place = start + lag
+            before = max(min(HOME, place // step), -((signal_2.size - slid_over - place) // step))
+            begin = place - before * step
+            if begin < 0:
+                continue
+            short, long = (
+                part.reshape(-1, step).mean(1)
+                for part in (signal_1[start : start + cut], signal_2[begin : begin + slid_over])
+            )
+            if np.ptp(short) > 0 and np.ptp(long) > 0:
+                yield Slide("excerpt", short / short.std(), long / short.std(), begin - start, step)
 
 
 def tone() -> Slide:

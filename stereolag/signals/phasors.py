@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolag.core.arrays import Vector
+from stereolag.signals.by_hand import STEPS
 from stereolag.signals.correlation import HeldRecording, loudest_stretch, overlap_slices
 
 SIZE = 125
@@ -22,7 +23,6 @@ LENGTH = SIZE - LONGEST_LAG
 LAG = 4
 """Lag left between two stretches, samples: the phase difference makes two turns over all frequencies."""
 
-STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 BLOCK = 8192
 """Samples of the loudest common part, in which the stretch is searched for."""
 

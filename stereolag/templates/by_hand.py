@@ -48,13 +48,16 @@ class ReducedSearch:
     opaque
         (height, width), the pixels compared.
     score_map
-        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat.
+        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat: those of the reduced pixels, or the
+        best of the places of the whole image that share one.
     factor
         Image pixels along each side averaged into one.
     row, col
         Image pixel at which the picture begins.
     part
         Whether the picture shows only a part of the image.
+    at_full_size
+        Whether the scores are those of the whole image.
     """
 
     picture: Rgb
@@ -65,6 +68,7 @@ class ReducedSearch:
     row: int
     col: int
     part: bool
+    at_full_size: bool = False
 
     def leaders(self) -> list[tuple[int, int, float]]:
         """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
@@ -75,7 +79,13 @@ class ReducedSearch:
 
 
 def reduced_search(
-    image: Image, template: Image, mask: Image | None, *, near: tuple[int, int] | None = None, pixels: int = PIXELS
+    image: Image,
+    template: Image,
+    mask: Image | None,
+    *,
+    near: tuple[int, int] | None = None,
+    score_map: ScoreMap | None = None,
+    pixels: int = PIXELS,
 ) -> ReducedSearch:
     """Reduce an image and a template by the same whole factor, and score the template at every place in the image.
 
@@ -86,6 +96,8 @@ def reduced_search(
     near
         (row, col) of a place to keep: it falls on a pixel of the reduced picture, and if only a part of the image is
         kept, that part surrounds it.
+    score_map
+        The score of every place of the whole image, if known: scores are then read from it, not computed anew.
     pixels
         Approximate number of pixels of the reduced picture.
 
@@ -110,10 +122,18 @@ def reduced_search(
     ends = [start + side * factor for start, side in zip(starts, sides, strict=True)]
     picture = _block_means(colours[starts[0] : ends[0], starts[1] : ends[1]], factor)
     reduced, counts = _reduced_template(sought, opaque, factor)
-    scores = match_template(picture, reduced, mask=counts.astype(np.uint8), min_score=-1.0).score_map
-    assert scores is not None
+    if score_map is None:
+        scores = match_template(picture, reduced, mask=counts.astype(np.uint8), min_score=-1.0).score_map
+        assert scores is not None
+    else:
+        scores = np.full([whole - own + 1 for whole, own in zip(sides, counts.shape, strict=True)], np.float32(np.nan))
+        best, _, _ = best_of_blocks(score_map[starts[0] : ends[0], starts[1] : ends[1]], factor)
+        known = best[: scores.shape[0], : scores.shape[1]]
+        scores[: known.shape[0], : known.shape[1]] = known
     part = any(side * factor < length - 2 * factor for side, length in zip(sides, whole.shape[:2], strict=True))
-    return ReducedSearch(picture, reduced, counts, scores, factor, starts[0], starts[1], part)
+    return ReducedSearch(
+        picture, reduced, counts, scores, factor, starts[0], starts[1], part, at_full_size=score_map is not None
+    )
 
 
 def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[int, int]:

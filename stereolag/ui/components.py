@@ -162,7 +162,9 @@ def _in_two_bytes(codes: npt.NDArray[np.floating[Any]]) -> Rgb:
     return np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)
 
 
-def packed_search(search: ReducedSearch, *, name: str, words: Mapping[str, Any]) -> bytes:
+def packed_search(
+    search: ReducedSearch, *, name: str, words: Mapping[str, Any], places: Sequence[Mapping[str, Any]] = ()
+) -> bytes:
     """Return a search as :func:`packed_pictures`: picture, template, opaque pixels, scores.
 
     Parameters
@@ -173,6 +175,8 @@ def packed_search(search: ReducedSearch, *, name: str, words: Mapping[str, Any])
         Its name in the browser.
     words
         Texts beside it.
+    places
+        Places to frame: the `kind` of each, and its `corners`, reduced, as x and y.
     """
     opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
     header = {
@@ -180,6 +184,7 @@ def packed_search(search: ReducedSearch, *, name: str, words: Mapping[str, Any])
         "factor": search.factor,
         "row": search.row,
         "col": search.col,
+        "places": list(places),
         "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
         "words": dict(words),
     }

@@ -192,7 +192,7 @@ def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: s
 
 
 def take_away(
-    files: Callable[[], Sequence[File]],
+    files: Sequence[File],
     memory: int,
     command: str,
     does: str,
@@ -201,12 +201,12 @@ def take_away(
     by_hand: Sequence[str] = (),
     key: str,
 ) -> None:
-    """Offer files in a fold, with the command that reproduces the result, and say what the page address includes.
+    """Offer files, with the command that reproduces the result, and say what the page address includes.
 
     Parameters
     ----------
     files
-        Returns the files in button order; called once the fold is open.
+        The files, in button order.
     memory
         Memory needed to make all of them, bytes.
     command
@@ -220,25 +220,20 @@ def take_away(
     key
         Prefix of the keys.
     """
-    opened = st.expander("Take it away", icon=":material/download:", key=f"{key}.opened", on_change="rerun")
-    if not opened.open:
+    whole = partial(archive, files, f"To {does}, in the folder of these files: {command}")
+    with st.container(horizontal=True, gap="small"):
+        show_zip_button(whole, memory, key=key, refusal=too_large(memory))
+        show_file_buttons(files, memory, key=key)
+    prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
+    st.code(command, language=None, wrap_lines=True)
+    if own:
+        prose.caption("The address of this page holds its settings, but not your own files.")
         return
-    with opened:
-        offered = files()
-        whole = partial(archive, offered, f"To {does}, in the folder of these files: {command}")
-        with st.container(horizontal=True, gap="small"):
-            show_zip_button(whole, memory, key=key, refusal=too_large(memory))
-            show_file_buttons(offered, memory, key=key)
-        prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
-        st.code(command, language=None, wrap_lines=True)
-        if own:
-            prose.caption("The address of this page holds its settings, but not your own files.")
-            return
-        said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
-        if by_hand:
-            lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
-            said += f" {lacking} not in it: it opens the example’s template as it is."
-        prose.caption(said)
+    said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
+    if by_hand:
+        lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
+        said += f" {lacking} not in it: it opens the example’s template as it is."
+    prose.caption(said)
 
 
 def too_large(memory: int) -> str:

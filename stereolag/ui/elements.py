@@ -37,6 +37,13 @@ def show_numbers(numbers: Iterable[Number]) -> None:
             st.metric(label, typeset(value), help=typeset(meaning), width="content")
 
 
+def show_line(numbers: Iterable[Number]) -> None:
+    """Show numbers in one line of text; their meanings are its tooltip."""
+    known = [*numbers]
+    line = " · ".join(f"{label} **{value}**" for label, value, _ in known)
+    prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in known)))
+
+
 def show_chart(figure: go.Figure, key: str, alt: str) -> None:
     """Show a chart without a tool bar; `alt` describes it for screen readers."""
     st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)

@@ -23,6 +23,7 @@ from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import show_player
 from stereolag.ui.lag.sentences import own_facts, upload_limits
+from stereolag.ui.navigation import head
 from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import (
     OWN,
@@ -31,6 +32,7 @@ from stereolag.ui.uploads import (
     choose,
     forget_together,
     image_limits,
+    in_fold,
     own_or_example,
     put_together,
     show_limits,
@@ -62,7 +64,8 @@ class RecordingPair:
 def choose_recordings() -> RecordingPair:
     """Ask which recordings to compare."""
     examples = samples.recordings()
-    chosen = choose(examples, key=RECORDINGS)
+    with head("Sensor lag", "drag the cut to where it fits; then take the harbour, or *Fool it*."):
+        chosen = choose(examples, key=RECORDINGS)
     return own_or_example(
         chosen, _own_recordings, example_recordings, examples, key=RECORDINGS, awaited="your recordings are"
     )
@@ -78,6 +81,7 @@ def example_recordings(name: str) -> RecordingPair:
     )
 
 
+@in_fold(RECORDINGS)
 def _own_recordings() -> RecordingPair | None:
     """Ask for two files, or for one with several channels; return the last usable pair."""
     columns = st.columns(2, gap="medium")
@@ -190,24 +194,43 @@ class PictureAndTemplate:
 
 
 def choose_pictures() -> PictureAndTemplate:
-    """Ask for the image, the template and its mask."""
+    """Ask for the image, the template and the file of its mask."""
     examples = samples.mazes()
-    chosen = choose(examples, key=PICTURES)
-    given = "A file" if chosen == OWN else "The example’s"
-    template_from = st.segmented_control(
-        "Template",
-        ("given", "cut"),
-        default="given",
-        format_func=lambda one: given if one == "given" else "Cut from the image",
-        required=True,
-        **persistent(f"{PICTURES}.from"),
-    )
+    with head("Rocketman search", "drag him over the image; then look on the moon, where dust has dulled him."):
+        chosen = choose(examples, key=PICTURES)
+        given = "Template: a file" if chosen == OWN else "The example’s template"
+        template_from = st.segmented_control(
+            "Template",
+            ("given", "cut"),
+            default="given",
+            format_func=lambda one: given if one == "given" else "Cut from the image",
+            required=True,
+            **persistent(f"{PICTURES}.from"),
+            label_visibility="collapsed",
+        )
     if template_from == "cut":
-        inputs = own_or_example(chosen, _own_cut, _example_cut, examples, key=PICTURES, awaited="your image is")
+        inputs = own_or_example(
+            chosen,
+            _own_cut,
+            _example_cut,
+            examples,
+            key=PICTURES,
+            awaited="your image is",
+        )
     else:
         inputs = own_or_example(
-            chosen, _own_pictures, example_pictures, examples, key=PICTURES, awaited="both images are"
+            chosen,
+            _own_pictures,
+            example_pictures,
+            examples,
+            key=PICTURES,
+            awaited="both images are",
         )
+    return inputs
+
+
+def with_painted_mask(inputs: PictureAndTemplate) -> PictureAndTemplate:
+    """Offer to paint a mask on the template, and return the inputs with the mask painted, if any."""
     painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{PICTURES}.painted")
     if painted is None:
         return inputs
@@ -230,6 +253,7 @@ def example_pictures(name: str) -> PictureAndTemplate:
     )
 
 
+@in_fold(PICTURES)
 def _own_pictures() -> PictureAndTemplate | None:
     """Ask for two files and an optional mask; return the last ones that fit together."""
     columns = st.columns(3, gap="medium")
@@ -255,6 +279,7 @@ def _own_pictures() -> PictureAndTemplate | None:
     return put_together(lambda: _together(picture, template, mask), f"{PICTURES}.own")
 
 
+@in_fold(PICTURES)
 def _own_cut() -> PictureAndTemplate | None:
     """Ask for an image file, and for a box in it."""
     picture = upload_picture("Image", key=f"{PICTURES}.picture")

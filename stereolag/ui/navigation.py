@@ -6,7 +6,7 @@ import functools
 import logging
 import secrets
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -20,6 +20,9 @@ from stereolag.ui import prose
 from stereolag.ui.controls import run_of_page, run_of_part
 from stereolag.ui.results import this_visit
 from stereolag.warming import warm
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 ICON = Path(__file__).with_name("icon.svg")
 ICONS = Path(__file__).with_name("icons")
@@ -37,24 +40,22 @@ PAGES = {
 
 
 @contextmanager
-def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[None]:
-    """Draw the frame of a page: browser title, links, heading, introduction, and a first thing to try.
+def page(title: str, introduction: str = "") -> Iterator[None]:
+    """Draw the frame of a page: browser title, links, heading and introduction.
 
     The content of the page goes inside the ``with`` block; if it fails, the visitor gets a message. A page without an
-    introduction draws its own heading.
+    introduction draws its own heading, by :func:`head`.
     """
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
     this_visit()
     inside.show_style(STYLE, inside.PAGE_STYLE)
-    with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
+    with st.container(horizontal=True, gap="small", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
     if introduction:
         st.title(title, anchor=False)
         prose.markdown(introduction, width=760)
-    if try_first:
-        show_try_first(try_first)
     if not _prepare_process.cache_info().currsize:
         with st.spinner("Starting …"):
             _prepare_process()
@@ -63,9 +64,38 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
         yield
 
 
+@contextmanager
+def head(title: str, try_first: str = "") -> Iterator[None]:
+    """Draw the first line of a page: its title, what is chosen inside the ``with`` block, and a first thing to try."""
+    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="page-head"):
+        st.title(title, anchor=False, width="content")
+        yield
+        if try_first:
+            show_try_first(try_first)
+
+
 def show_try_first(sentence: str) -> None:
     """Show the one thing a first-time visitor should try."""
-    prose.markdown(f":primary[:material/touch_app: **Try first:**] {sentence}", width=760)
+    prose.markdown(f":primary[:material/touch_app: **Try first:**] {sentence}", width="content")
+
+
+CONTROLS_WIDTH = 320
+"""Px."""
+
+
+def bench() -> tuple[inside.Container, inside.Container]:
+    """Return the containers for the controls and, beside them, for the result; on a phone the result comes first."""
+    both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="bench")
+    controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="bench-controls")
+    return controls, both.container(key="bench-result")
+
+
+def show_parts(key: str, parts: Mapping[str, Callable[P, None]], *args: P.args, **kwargs: P.kwargs) -> None:
+    """Show the parts of a bench as tabs, each drawn by its function, and only while it is open."""
+    for tab, show in zip(st.tabs([*parts], key=key, on_change="rerun"), parts.values(), strict=True):
+        if tab.open:
+            with tab:
+                show(*args, **kwargs)
 
 
 @functools.cache
@@ -81,9 +111,6 @@ def _prepare_process() -> None:
     # the scripts of others run: with 20 visitors, maps took seconds at Python's 5 ms, tenths of a second at 1 ms.
     sys.setswitchinterval(0.001)
 
-
-P = ParamSpec("P")
-R = TypeVar("R")
 
 _log = logging.getLogger("stereolag")
 

@@ -97,10 +97,10 @@ LAG_METHODS_EXPLAINED = {
 }
 
 CURVES = {
-    "fft": "correlation × √overlap",
+    "fft": "correlation, weighted by overlap",
     "phat": "phase correlation",
     "sampled": "votes",
-    "direct": "correlation × √overlap",
+    "direct": "correlation, weighted by overlap",
 }
 """The quantity that the curve of each method shows."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import time
@@ -415,6 +416,29 @@ def own_or_example(
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
     show_awaited(awaited, examples[name].title)
     return load(name)
+
+
+def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:
+    """Return a decorator that draws the uploaders of a page in a fold: open while files are missing, then closed once.
+
+    `key` is the one given to :func:`choose`.
+    """
+    fold, there, opening = f"{key}.fold", f"{key}.there", f"{key}.fold.opening"
+
+    def folded(ask: Callable[[], T | None]) -> Callable[[], T | None]:
+        @functools.wraps(ask)
+        def asked() -> T | None:
+            st.session_state[fold] = st.session_state.pop(opening, st.session_state.get(fold, True))
+            with st.expander("Your own files", icon=":material/upload_file:", key=fold, on_change="rerun"):
+                own = ask()
+            if st.session_state.get(there, False) != (own is not None):
+                st.session_state[there], st.session_state[opening] = own is not None, own is None
+                st.rerun()
+            return own
+
+        return asked
+
+    return folded
 
 
 def show_awaited(awaited: str, example: str) -> None:

@@ -117,7 +117,7 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
                 app.session_state[fold] = True
             app.run()
         if path == FIND:
-            app.session_state["template.see_why"] = "Damage it"
+            app.session_state["template.part"] = "Damage it"
             app.run()
         return app
 
@@ -257,7 +257,7 @@ def shown() -> Callable[[AppTest], str]:
         headlines = [header.value for header in app.header]
         linked = [viewer | {"digest": ""} for viewer in viewers(app)]
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
-            picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]
+            picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Computed in"]
         all_shown = (*pictures, *charts, *headlines, json.dumps(linked))
         return hashlib.sha256("\0".join(all_shown).encode()).hexdigest()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -47,8 +48,23 @@ def ignored(app: AppTest) -> list[str]:
 
 
 def numbers(app: AppTest) -> dict[str, str]:
-    """Return the numbers of a result, by their labels."""
-    return {metric.label: metric.value for metric in app.metric}
+    """Return the numbers of a result, by their labels: as large numbers, or in a line below its headline."""
+    lines = [one for caption in app.caption for one in NUMBER.findall(caption.value) if " · " in caption.value]
+    return {metric.label: metric.value for metric in app.metric} | dict(lines)
+
+
+NUMBER = re.compile(r"(?:^| · )([^·*]+) \*\*(.+?)\*\*")
+LAG_FOUND = re.compile(r"Sensor ([12]) hears it .*?\(([\d,.]+)")
+
+
+def lag_found(app: AppTest) -> int:
+    """Return the lag in the headline, in whole samples."""
+    said = app.header[0].value
+    if "at the same time" in said:
+        return 0
+    found = LAG_FOUND.search(said)
+    assert found is not None, said
+    return round(float(found[2].replace(",", ""))) * (1 if found[1] == "2" else -1)
 
 
 def captions(app: AppTest) -> str:

@@ -45,10 +45,10 @@ MOVES = [
             "lag.rate.recordings coast": 48_000.0,
             "lag.speed.recordings coast": 1_500.0,
             "lag.max.recordings coast": 1_000,
-            "lag.from.recordings coast.50082": 1_000,
-            "lag.curve": "Plain Pearson",
+            "lag.curve": "Not weighted",
         },
     ),
+    Moves(LAG, {"lag.part": "Lined up"}, {"lag.from.recordings coast.50082": 1_000}),
     Moves(FIND, {}, {"pictures": "maze_dulled"}),
     Moves(FIND, OWN | {"template.max_matches": 5}, {"template.min_score": 0.95}),  # the second match scores lower
     Moves(
@@ -93,7 +93,11 @@ ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0
 @pytest.mark.parametrize("page", [LAG, FIND, DEPTH])
 def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
     settings = tuple(f"depth.{method.short_name}." for method in METHODS)
-    found = {key for key in controls(open_unfolded(page)) if not key.startswith(settings)}
+    app = open_unfolded(page)
+    found = {key for key in controls(app) if not key.startswith(settings)}
+    if page == LAG:
+        app.session_state["lag.part"] = "Lined up"
+        found |= {*controls(app.run())}
     found -= SEEN_IN_THE_TIME_ALONE | {keys.TAB}
     moved = {key for moves in MOVES if moves.page == page for key in moves.values}
     unmoved, absent = sorted(found - moved), sorted(moved - found)

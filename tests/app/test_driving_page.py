@@ -56,7 +56,7 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
     assert (shown["frames"], shown["computed"], shown["done"]) == (COUNT, COUNT, True)
     assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM"]
     charts = {chart["name"]: chart["series"] for chart in shown["charts"]}
-    assert charts.keys() >= {"Coverage", "Took", "Nearest obstacle", "Flicker"}
+    assert charts.keys() >= {"Coverage", "Computing time", "Nearest obstacle", "Flicker"}
     fast, bm = (np.array(one["values"], float) for one in charts["Coverage"])
     assert (fast > bm).all()
     assert shown["legends"][0]["words"] == ["FAR", "NEAR"]

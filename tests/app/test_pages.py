@@ -164,7 +164,7 @@ def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_
 def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -> None:
     app = open_page(DEPTH)
     assert {name: [*numbers] for name, numbers in figures(app).items()} == {
-        name: ["Took", "Coverage", "Bad-2", "EPE"] for name in ("Convolution", "StereoBM")
+        name: ["Computed in", "Coverage", "Bad-2", "EPE"] for name in ("Convolution", "StereoBM")
     }
     (bench,) = viewers(app)
     titles = [one["title"] for one in bench["pictures"] if one["thumbnail"]]

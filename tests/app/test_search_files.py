@@ -151,20 +151,20 @@ def test_where_nothing_is_found_the_best_place_is_framed_if_there_is_one(blank: 
 
 
 @pytest.mark.parametrize(
-    ("path", "fold", "labels"),
+    ("path", "part", "labels"),
     [
         (
             LAG,
-            lag_files.KEY,
+            "lag.part",
             ["All in one ZIP", "Curve CSV", "Result JSON", "Aligned WAV", "Aligned CSV", "Python script"],
         ),
-        (FIND, match_files.KEY, ["All in one ZIP", "Matches CSV", "Matches JSON", "Framed PNG", "Python script"]),
+        (FIND, "template.part", ["All in one ZIP", "Matches CSV", "Matches JSON", "Framed PNG", "Python script"]),
     ],
 )
-def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, fold: str, labels: list[str]) -> None:
+def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, part: str, labels: list[str]) -> None:
     app = open_page(path)
     assert not app.get("download_button")
-    app.session_state[f"{fold}.opened"] = True
+    app.session_state[part] = "Take away"
     app.run()
     assert not app.exception
     buttons = app.get("download_button")
@@ -175,13 +175,10 @@ def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, fold:
     assert any(caption.value.endswith("keep it as a bookmark.") for caption in app.caption)
 
 
-def test_both_are_heard_together_once_that_is_opened(open_page: OpenPage) -> None:
-    app = open_page(LAG)
-    before = len(app.get("audio"))
-    app.session_state["lag.both"] = True
-    app.run()
+def test_both_are_heard_alone_and_together(open_page: OpenPage) -> None:
+    app = open_page(LAG, {"lag.part": "Listen"})
     assert not app.exception
-    assert len(app.get("audio")) == before + 2
+    assert len(app.get("audio")) == 4
     captions = [caption.value for caption in app.caption]
     assert "Listen to both, as recorded" in captions
     assert "Listen to both, the lag undone" in captions
@@ -198,7 +195,7 @@ def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked
         monkeypatch.setattr(lag_files, maker, made)
     monkeypatch.setattr(lag_files, "BYTES_OF_A_SAMPLE", 10**6)
     app = open_page(LAG)
-    app.session_state[f"{lag_files.KEY}.opened"] = True
+    app.session_state["lag.part"] = "Take away"
     app.run()
     assert not app.exception
     assert not app.error

@@ -16,7 +16,7 @@ from stereolag.templates.trials import opencv_search
 from stereolag.ui.search.hand_marks import PaintedMask
 from stereolag.ui.search.sentences import differences
 from tests.app import uploads
-from tests.app.pages import FIND, OpenPage
+from tests.app.pages import FIND, OpenPage, numbers
 from tests.packed import told
 
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
@@ -63,7 +63,7 @@ def test_a_frame_of_an_animation_is_chosen(open_page: OpenPage) -> None:
 
 
 def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPage) -> None:
-    app = open_page(FIND, {"pictures": "maze_dulled"})
+    app = open_page(FIND, {"pictures": "maze_dulled", "template.part": "Places"})
     assert app.header[0].value == "Found at row 200, column 200, partly covered"
     found, *_ = [url for url, _, alt in pictures(app) if alt.startswith("The image: ")]
     app.slider(key="template.min_score").set_value(1.0).run()
@@ -106,7 +106,7 @@ def of_the_address(app: AppTest) -> str:
 
 
 def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page: OpenPage) -> None:
-    app = open_page(FIND, {"template.take.opened": True})
+    app = open_page(FIND, {"template.part": "Take away"})
     held = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
     given = "not in it: it opens the example’s template as it is."
     assert of_the_address(app) == held
@@ -122,18 +122,17 @@ def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page
     app.session_state["pictures.painted.mask"] = box, PaintedMask(np.eye(66, 75, dtype=np.uint8), "mask")
     app.run()
     assert of_the_address(app) == f"{held} The template you cut out and the mask you painted are {given}"
-    app = with_files(open_page, SCENE, pictures__from="cut", template__take__opened=True)
+    app = with_files(open_page, SCENE, pictures__from="cut", template__part="Take away")
     assert of_the_address(app) == "The address of this page holds its settings, but not your own files."
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
     app = open_page(FIND, {"pictures": "own", "pictures.from": "cut"})
     assert len(app.info) == 1
-    app = with_files(open_page, SCENE, pictures__from="cut")
+    app = with_files(open_page, SCENE, pictures__from="cut", template__part="Beside OpenCV")
     assert not app.info
     assert told(app, "box")[0]["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
     assert app.header[0].value == "Found at row 37, column 52"
-    next(one for one in app.button if one.label == "Search with OpenCV too").click().run()
     said = [one.value for one in (*app.markdown, *app.caption, *app.success, *app.info)]
     assert not app.exception
     assert any("The same place; the scores differ by less than" in one for one in said), said
@@ -147,7 +146,7 @@ def cards(app: AppTest) -> list[str]:
 
 
 def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: OpenPage) -> None:
-    app = open_page(FIND, {"template.see_why": "Damage it"})
+    app = open_page(FIND, {"template.part": "Damage it"})
     assert [text.split()[-1] for text in cards(app)] == ["found]"] * 3
     app.slider(key="degrade.noise").set_value(20).run()
     assert ["not found" in text for text in cards(app)] == [False, True, False]
@@ -160,9 +159,9 @@ def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: Ope
 
 def test_images_of_two_types_are_damaged_too_and_none_without_a_place(open_page: OpenPage) -> None:
     deep = SCENE[30:50, 40:64, 0].astype(np.uint16)
-    app = with_files(open_page, SCENE[:, :, 0], deep, template__see_why="Damage it")
+    app = with_files(open_page, SCENE[:, :, 0], deep, template__part="Damage it")
     assert ["cannot search" in text for text in cards(app)] == [False, True, False]
-    app = with_files(open_page, SCENE, OTHER, template__see_why="Damage it")
+    app = with_files(open_page, SCENE, OTHER, template__part="Damage it")
     assert not [slider for slider in app.slider if slider.key and slider.key.startswith("degrade.")]
     assert "none to damage" in app.caption[-1].value
 
@@ -178,30 +177,38 @@ def test_large_offsets_lead_opencv_astray() -> None:
 # By hand
 
 
+def part(app: AppTest, name: str) -> AppTest:
+    """Return the page with a part open."""
+    app.session_state["template.part"] = name
+    return app.run()
+
+
 def test_he_can_be_searched_by_hand(open_page: OpenPage) -> None:
-    app = open_page(FIND, {"template.see_why": "Step by step"})
-    (search,), (score_map,), (funnel,) = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
-    best = search["leaders"][0]
+    app = open_page(FIND)
+    (search,), (score_map,) = (told(app, name) for name in ("template_by_hand", "score_map"))
+    best, rival = search["leaders"][:2]
     assert (search["factor"], search["row"] + best["row"], search["col"] + best["col"]) == (1, 200, 200)
+    assert f"{rival['score']:.3f}" == numbers(app)["Best rival"]
+    (place,) = search["places"]
+    assert place["kind"] == "found" and place["corners"][0] == [199, 199]
     assert "Every pixel counts." in search["words"]["texts"][".hint"]
     assert score_map["name"] == search["name"]
-    assert funnel["anchors"][0]["counts"][0] == 400 * 600
-    assert funnel["anchors"][0]["best"][:2] == [200, 200]
-    app.slider(key="template.min_score").set_value(0.8).run()
-    assert told(app, "template_by_hand") == [search]  # painted values stay in the browser
     app.button_group(key="template.method").set_value("sampled").run()
     assert told(app, "score_map") == []
-    assert told(app, "template_by_hand") == [search] and told(app, "funnel") == [funnel]
+    (funnel,) = told(part(app, "Step by step"), "funnel")
+    counts = funnel["anchors"][0]["counts"]
+    assert counts[0] == 400 * 600 and counts == sorted(counts, reverse=True)
+    assert funnel["anchors"][0]["best"][:2] == [200, 200]
 
 
 def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: OpenPage) -> None:
     scene = uploads.texture(120, 180)
-    app = with_files(open_page, scene, scene[30:60, 70:110], template__see_why="Step by step")
+    app = with_files(open_page, scene, scene[30:60, 70:110])
     (search,) = told(app, "template_by_hand")
     assert (search["factor"], search["leaders"][0]["row"], search["leaders"][0]["col"]) == (1, 30, 70)
-    assert told(app, "funnel")[0]["rows"] == 120
+    assert told(part(app, "Step by step"), "funnel")[0]["rows"] == 120
     deep = scene[:, :, 0].astype(np.uint16) * 256  # types that cannot be compared exactly
-    app = with_files(open_page, deep, scene[30:60, 70:110, 0], template__see_why="Step by step")
+    app = with_files(open_page, deep, scene[30:60, 70:110, 0], template__part="Step by step")
     assert told(app, "funnel") == []
     assert any("cannot search here" in caption.value for caption in app.caption)
-    assert told(app, "template_by_hand")
+    assert told(part(app, "Drag it"), "template_by_hand")

@@ -8,9 +8,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
-from tests.app import keys, uploads
+from tests.app import keys, pages, uploads
 from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage
+from tests.app.pages import DEPTH, FIND, LAG, OpenPage, lag_found
 
 pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
 
@@ -39,7 +39,7 @@ def upload(app: AppTest, inputs: str, **files: tuple[str, bytes]) -> AppTest:
 def numbers(app: AppTest) -> dict[str, str]:
     """Return the numbers of the result, or those below the first map."""
     maps = figures(app) if any(one["name"] == "depth.bench" for one in viewers(app)) else {}
-    return {metric.label: metric.value for metric in app.metric} | next(iter(maps.values()), {})
+    return pages.numbers(app) | next(iter(maps.values()), {})
 
 
 def test_two_recordings_are_compared_by_every_method(with_uploads: Callable[..., AppTest]) -> None:
@@ -50,21 +50,21 @@ def test_two_recordings_are_compared_by_every_method(with_uploads: Callable[...,
         assert not app.exception
         assert not app.error
         assert app.button_group(key="lag.method").value == method
-        assert numbers(app)["Lag, samples"] == typeset("-700")
-        assert numbers(app)["Time"] == typeset("-0.0875 s")  # the WAV file contains the rate
+        assert lag_found(app) == -700
+        assert typeset("**0.0875 s**") in app.header[0].value  # the WAV file contains the rate
 
 
 def test_one_file_of_two_channels_is_enough(with_uploads: Callable[..., AppTest]) -> None:
     both = np.column_stack((SOUND[100:], SOUND[:-100]))
     app = with_uploads("recordings", file_1=("both.wav", uploads.wav(both)))
     assert not app.error
-    assert numbers(app)["Lag, samples"] == "100"
+    assert lag_found(app) == 100
     said = "\n".join(caption.value for caption in app.caption)
     assert "channel 1 of 2." in said and "channel 2 of 2." in said
     assert typeset("At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one") in said
     app.selectbox[0].set_value(2)
     app.selectbox[1].set_value(1).run()
-    assert numbers(app)["Lag, samples"] == typeset("-100")
+    assert lag_found(app) == -100
 
 
 def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTest]) -> None:
@@ -140,7 +140,7 @@ def test_uploads_are_still_there_when_the_visitor_comes_back(with_uploads: Calla
     before = numbers(upload(app, "pairs", truth=("t.png", truth)))
     assert "EPE" in before
     upload(app, "pairs", left=("another name.png", uploads.png(SCENE[:, :-5])))
-    assert numbers(app)["Took"] == before["Took"]  # the same pixels are not computed again
+    assert numbers(app)["Computed in"] == before["Computed in"]  # the same pixels are not computed again
     for place in ("cube", LAG):
         if place == LAG:
             app.switch_page(LAG).run()
@@ -188,7 +188,7 @@ def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
     assert not app.exception
     assert len(app.error) == 1
     assert typeset("one job may take 268 MB") in app.error[0].value
-    assert [one.value for one in app.header] == ["See why"]  # no lag
+    assert not app.header  # no lag
 
 
 def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(with_uploads: Callable[..., AppTest]) -> None:

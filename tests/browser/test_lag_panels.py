@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import numpy as np
 from playwright.sync_api import Locator, expect
 
-from stereolag import signal_lag
-from stereolag.ui.inputs import example_recordings
-from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it_yourself
+from stereolag import SignalLag, signal_lag
+from stereolag.core.searches import LagSearch
+from stereolag.ui.inputs import RecordingPair, example_recordings
+from stereolag.ui.lag.panels import show_disturbances, show_phasors, show_plan, slide_by_hand
 from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
@@ -19,13 +21,22 @@ def painted(panel: Locator) -> int:
     return len(re.findall("[ML]", panel.locator(".curve").get_attribute("d") or ""))
 
 
+@cache
+def measured() -> tuple[RecordingPair, SignalLag, LagSearch]:
+    """Return the first example, its lag and the settings."""
+    pair = example_recordings("coast")
+    return pair, signal_lag(pair.signal_1, pair.signal_2), LagSearch()
+
+
 # A cut slid over a recording
 
 
 def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(show_parts: ShowParts) -> None:
-    page = show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
+    page = show_parts(lambda: slide_by_hand(*measured()[:2]), moving=True).page
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
+    expect(page.locator(".sliding .try")).to_contain_text("40 points of sensor 1")
+    page.get_by_role("button", name="Seven numbers").click()
     expect(where).to_have_text("Lag 0 · sum 10")
     stage.scroll_into_view_if_needed()
     box = box_of(page.locator(".sliding svg"))
@@ -81,8 +92,7 @@ def drag_in(drawing: Locator, *places: tuple[float, float]) -> None:
 
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: ShowParts) -> None:
-    pair = example_recordings("coast")
-    page = show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
+    page = show_parts(lambda: show_phasors(*measured()), moving=True).page
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
@@ -141,7 +151,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
 
 
 def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: ShowParts) -> None:
-    parts = show_parts(lambda: fool_it(key="lag.fooling"))
+    parts = show_parts(lambda: show_disturbances(key="lag.fooling"))
     page, root = parts.page, parts.page.locator(".disturbances")
     verdict, said = root.locator(".verdict"), root.locator(".said")
 
@@ -191,8 +201,9 @@ def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: 
 
 def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(show_parts: ShowParts) -> None:
     noise = np.random.default_rng(0).normal(size=3000)
+    pair, _, _ = measured()
     result = signal_lag(noise[1000:], noise[:-1000], sampling_rate=1000)  # one second
-    page = show_parts(lambda: show_plan(result, 300.0, key="lag.plan")).page
+    page = show_parts(lambda: show_plan(pair, result, LagSearch(speed=300.0))).page
     plan = page.locator(".plan")
     said, stage = plan.locator(".said"), plan.locator(".stage")
     expect(said).to_contain_text("sensor 2 is")

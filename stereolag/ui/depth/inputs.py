@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -48,7 +47,6 @@ from stereolag.pair import (
 )
 from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.streamlit_inside import BENCH_STYLE, show_style
 from stereolag.ui import prose
 from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
@@ -56,6 +54,7 @@ from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
 from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
+from stereolag.ui.navigation import head
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.uploads import (
     CALIBRATION_TYPES,
@@ -81,7 +80,6 @@ from stereolag.ui.uploads import (
 
 T = TypeVar("T")
 
-STYLE = Path(__file__).with_name("bench.css")
 KEPT = f"{PAIR}.kept_settings"
 """Session-state key of the :class:`Kept` settings."""
 OWN_PAIR_THERE = f"{PAIR}.there"
@@ -106,13 +104,11 @@ def choose_pair() -> Pair:
     """
     recall_choices()
     examples = samples.stereo_pairs()
-    show_style(STYLE, BENCH_STYLE)
     awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
         st.session_state[FOLD] = awaited
-    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
-        st.title("Depth maps", anchor=False, width="content")
-        place = st.container(width="content", key="depth-head-pair")
+    with head("Depth maps"):
+        place = st.container(width="content")
         # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
         fold = st.expander(
             "Choose a pair or bring your own", key=FOLD, icon=":material/photo_library:", on_change="rerun"

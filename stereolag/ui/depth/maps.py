@@ -60,9 +60,6 @@ SENT = f"{KEY}.sent"
 COLUMNS = 2
 """Maps side by side if there is room."""
 
-CONTROLS_WIDTH = 320
-"""Px."""
-
 SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
 
 PALETTE, INVERTED, OUTLINED = (f"{keys.COLOURS}.{name}" for name in ("palette", "inverted", "outlined"))
@@ -380,7 +377,7 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     """Return the numbers of a map; the first is the time it took."""
     result, truth = view.results[name], view.pair.truth
     figures = [
-        Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
+        Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured."),
     ]
     if result.filled.any():
@@ -498,13 +495,6 @@ def reasons_of(view: DepthView, name: str) -> ReasonMap:
 
 
 # The controls beside them
-
-
-def bench() -> tuple[Container, Container]:
-    """Return the containers for the controls and, beside them, for the maps."""
-    both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="depth-bench")
-    controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="depth-bench-controls")
-    return controls, both.container(key="depth-bench-maps")
 
 
 def show_controls(as_set: Mapping[type[StereoMatcher], AsSet]) -> None:

@@ -157,7 +157,7 @@ class Chart(NamedTuple):
 
 CHARTS = (
     Chart("Coverage", "coverage", "%", 0, 100.0, from_zero=False),
-    Chart("Took", "milliseconds", "ms", 0),
+    Chart("Computing time", "milliseconds", "ms", 0),
     Chart("Nearest obstacle", "nearest_m", "m", 1),
     Chart("Nearest obstacle", "nearest_px", "px", 1),
     Chart("Wrong by over 2 px", "bad_2_percent", "%", 1),

@@ -34,14 +34,13 @@ class MethodLags:
     lags: dict[SignalMethod, SignalLag]
 
 
-def compare_methods(pair: RecordingPair, search: LagSearch) -> None:
+def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Offer to run every method on the recordings, and the selected one many times."""
-    with st.expander("All four methods, and run times"):
-        left, right = st.columns(2, gap="large")
-        with left:
-            _show_table(pair, search)
-        with right:
-            _show_run_times(pair, search)
+    left, right = st.columns(2, gap="large")
+    with left:
+        _show_table(pair, search)
+    with right:
+        _show_run_times(pair, search)
 
 
 def _show_table(pair: RecordingPair, search: LagSearch) -> None:
@@ -89,7 +88,7 @@ def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[s
         lag = typeset(f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})")
         took = typeset(duration(result.elapsed_s))
         rows.append((LAG_METHODS[method], lag, typeset(f"{result.score:.3f}"), result.verdict, took))
-    titles = ("Method", "Lag, samples", "Score", "Verdict", "Took")
+    titles = ("Method", "Lag, samples", "Score", "Verdict", "Time")
     return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
 
 

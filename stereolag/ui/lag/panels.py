@@ -6,6 +6,7 @@ in the browser; those are mixed and measured here whenever a slider moves.
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from functools import cache, lru_cache
 from typing import Any, Final, cast
@@ -22,6 +23,7 @@ from stereolag.signals import SignalLag, by_hand, phasors, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.inputs import RecordingPair, example_recordings
+from stereolag.ui.lag.result import show_curve
 from stereolag.ui.lag.sentences import (
     DISTURBANCE_EXAMPLES,
     DISTURBANCE_WORDS,
@@ -34,54 +36,58 @@ from stereolag.ui.lag.sentences import (
     SLIDING_WORDS,
     disturbed_in_words,
     excerpt_in_words,
+    excerpt_slid_in_words,
     own_in_words,
 )
 from stereolag.ui.navigation import fragment
+from stereolag.ui.results import remembered
 
 COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
 
 _sliding, _disturbances, _phasors, _plan = map(component, ("sliding", "disturbances", "phasors", "plan"))
 
-# Slide it yourself
-
-COAST_START, COAST_STEP = 5191, 6
-"""A place with one clear peak; six samples are averaged into one to show waves rather than slopes."""
+# Slide it
 
 
-def slide_it_yourself(*, key: str) -> None:
-    """Show the examples that can be slid by hand.
+def slide_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show an excerpt of the recordings to slide by hand, beside the correlation of the whole recordings."""
+    by_hand_place, curve = st.columns([2, 1], gap="medium")
+    with by_hand_place:
+        slide_by_hand(pair, result)
+    with curve:
+        show_curve(pair, result, search)
+        prose.markdown(IN_A_SENTENCE)
 
-    Parameters
-    ----------
-    key
-        Key of the component.
-    """
-    _sliding(
-        key=key,
-        data={
-            "examples": _slides(),
-            "colours": COLOURS,
-            "words": SLIDING_WORDS,
-        },
+
+def slide_by_hand(pair: RecordingPair, result: SignalLag) -> None:
+    """Show an excerpt of the recordings, if they overlap enough, and the examples that can be slid by hand."""
+    own = remembered(
+        "excerpt",
+        lambda: _excerpt(pair, result),
+        inputs=pair.digest,
+        settings=f"{result.lag} {result.verdict}",
+        shared=pair.shared,
     )
+    _sliding(
+        key="lag.sliding",
+        data={"examples": [*json.loads(own), *_slides()], "colours": COLOURS, "words": SLIDING_WORDS},
+    )
+
+
+def _excerpt(pair: RecordingPair, result: SignalLag) -> bytes:
+    """Return the excerpt of the recordings as JSON, in a list that is empty if they overlap too little."""
+    found = by_hand.excerpt(pair.signal_1, pair.signal_2, result.lag)
+    return json.dumps([described_slide(found, **excerpt_slid_in_words(found, result))] if found else []).encode()
 
 
 @cache
 def _slides() -> list[dict[str, Any]]:
-    coast = example_recordings("coast")
-    lag = samples.recordings()["coast"].lag
-    slides = (
-        by_hand.seven_numbers(),
-        by_hand.excerpt(coast.signal_1, coast.signal_2, lag, start=COAST_START, step=COAST_STEP),
-        by_hand.tone(),
-        by_hand.noise(),
-        by_hand.loud_stretch(),
-    )
-    return [described_slide(slide) for slide in slides]
+    slides = by_hand.seven_numbers(), by_hand.tone(), by_hand.noise(), by_hand.loud_stretch()
+    return [described_slide(slide, **SLIDING_EXAMPLES[slide.name]) for slide in slides]
 
 
-def described_slide(slide: by_hand.Slide) -> dict[str, Any]:
-    """Return an example as data for the browser."""
+def described_slide(slide: by_hand.Slide, **said: Any) -> dict[str, Any]:
+    """Return an example as data for the browser, together with its texts, `said`."""
     return {
         "name": slide.name,
         "cut": slide.cut.round(4).tolist(),
@@ -89,7 +95,7 @@ def described_slide(slide: by_hand.Slide) -> dict[str, Any]:
         "lag": slide.lag,
         "step": slide.step,
         "whole": bool((slide.recording == slide.recording.round()).all()),
-        **SLIDING_EXAMPLES[slide.name],
+        **said,
     }
 
 
@@ -111,8 +117,13 @@ SHOWN: Final = slice(3000, 3240)
 """The samples of recording 1 shown above those of recording 2 that line up with them."""
 
 
+def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the sliders that disturb a sound, whatever was measured."""
+    show_disturbances(key="lag.fooling")
+
+
 @fragment
-def fool_it(*, key: str) -> None:
+def show_disturbances(*, key: str) -> None:
     """Show the disturbance sliders and their effect on the peak, which the library measures whenever one moves.
 
     Parameters
@@ -162,21 +173,11 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
 # Arrows that line up
 
 
-def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> None:
-    """Show the arrows of the examples, and of the visitor's own recordings if a lag was found.
-
-    Parameters
-    ----------
-    pair
-        The recordings measured.
-    result
-        Their lag; None before the first measurement.
-    key
-        Key of the component.
-    """
+def show_phasors(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the arrows of the examples, and of the visitor's own recordings if a lag was found."""
     prose.markdown(PHASOR_INTRODUCTION)
     _phasors(
-        key=key,
+        key="lag.phasors",
         data={
             "examples": [*_own_phasors(pair, result), *_example_phasors()],
             "colours": COLOURS,
@@ -185,8 +186,8 @@ def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> 
     )
 
 
-def _own_phasors(pair: RecordingPair, result: SignalLag | None) -> list[dict[str, Any]]:
-    if pair.shared or result is None or result.verdict == "nothing":
+def _own_phasors(pair: RecordingPair, result: SignalLag) -> list[dict[str, Any]]:
+    if pair.shared or result.verdict == "nothing":
         return []
     found = phasors.common_stretch("own", pair.signal_1, pair.signal_2, result.lag)
     return [described_phasors(found, **own_in_words(found))] if found else []
@@ -233,51 +234,11 @@ EXAMPLE_M = 100.0
 """Initial distance between the sensors if no path difference was measured, m."""
 
 
-def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
-    """Show the source positions that give the measured lag, if it is sure.
-
-    Parameters
-    ----------
-    result
-        Lag of the recordings; None if not measured.
-    speed
-        Speed of the wave, m/s.
-    key
-        Key of the component.
-    """
+def show_plan(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the source positions that give the measured lag, if it is sure."""
     prose.markdown(PLAN_INTRODUCTION)
-    measured = result.time_s * speed if result and result.verdict == "sure" and result.lag else None
+    measured = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
     _plan(
-        key=key,
-        data={
-            "difference": measured,
-            "example": EXAMPLE_M,
-            "speed": speed,
-            "colours": COLOURS,
-        },
+        key="lag.plan",
+        data={"difference": measured, "example": EXAMPLE_M, "speed": search.speed, "colours": COLOURS},
     )
-
-
-def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | None) -> None:
-    """Show the panels in which recordings are slid, disturbed, turned and laid out by hand.
-
-    Parameters
-    ----------
-    pair
-        The recordings on the page.
-    result, search
-        Their result and its settings; None before the first measurement.
-    """
-    prose.header("See why", anchor="see-why")
-    slide, disturb, arrows, metres = st.tabs(
-        ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
-    )
-    with slide:
-        slide_it_yourself(key="lag.sliding")
-    with disturb:
-        fool_it(key="lag.fooling")
-    with arrows:
-        show_phasors(pair, result, key="lag.phasors")
-    with metres:
-        show_plan(result, (search or LagSearch()).speed, key="lag.plan")
-    prose.markdown(IN_A_SENTENCE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -9,6 +10,7 @@ import streamlit as st
 
 from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
+from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
 from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
 from stereolag.io.alignment import aligned_file, check_wav
@@ -17,23 +19,28 @@ from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import align, mix
-from stereolag.signals.correlation import HeldRecording, overlap_pearson
+from stereolag.signals.correlation import HeldRecording, overlap_pearson, overlap_slices
 from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
+from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away, too_large
-from stereolag.ui.elements import Number, announce, show_numbers
+from stereolag.ui.elements import Number, announce, show_line
 from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
+    aligned_in_words,
     blocks_in_words,
+    close_up_in_words,
     drift_in_words,
     heard_in_words,
     ribbon_in_words,
+    waveforms_in_words,
 )
 from stereolag.ui.results import remembered
 from stereolag.ui.sentences import CURVES, duration
 
-FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
+WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
+PLAIN_CURVE = "correlation (Pearson)"
 
 KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
@@ -68,55 +75,80 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     for sentence in verdict_explained(result):
         prose.markdown(sentence)
     changes = result.over_time is not None and result.over_time.shows
-    when = " In the middle of the longest stretch." if changes else ""
-    numbers = [
-        Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}.{when}"),
-        Number("Time", f"{result.time_s:.4g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
-    ]
-    if not changes:
-        meaning = (
-            "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
-            "farther."
-        )
-        numbers.append(Number("Path difference", f"{result.distance_m:,.2f} m", meaning))
+    numbers = []
     if result.verdict != "sure":
-        doubtful = "Where the curve is highest: not a lag to rely on."
-        numbers = [Number("Highest point, samples", f"{result.lag:,}", doubtful)]
+        doubtful = "In samples, where the curve is highest: not a lag to rely on."
+        numbers.append(Number("Highest at", f"{result.lag:,}", doubtful))
     score, undone = result.score, ""
     if changes and result.over_time is not None:
         score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
     agreement = f"Pearson’s correlation where both overlap{undone}: 1 is perfect agreement."
-    numbers.append(Number("Score", f"{score:.3f}", agreement))
+    numbers.append(Number("Agreement", f"{score:.3f}", agreement))
     judgement = result.judgement
-    short = f" of {judgement.needed:.1f}" if judgement.evidence < judgement.needed else ""
-    meaning = f"In standard deviations of chance. For this many lags, {judgement.needed:.1f} σ are needed."
-    numbers.append(Number("Evidence", f"{judgement.evidence:.1f}{short} σ", meaning))
-    took = Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run.")
-    show_numbers((*numbers, took))
+    evidence = f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed"
+    meaning = "How far the peak stands above chance, in standard deviations, and how far it must for this many lags."
+    numbers.append(Number("Evidence", evidence, meaning))
+    took = Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
+    show_line((*numbers, took))
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the correlation curve with the range expected by chance."""
-    prose.markdown("### Where the recordings agree")
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
         curve = st.segmented_control(
-            "Curve", (FAIR, PLAIN), default=FAIR, required=True, key="lag.curve", label_visibility="collapsed"
+            "Curve", (WEIGHTED, PLAIN), default=WEIGHTED, required=True, key="lag.curve", label_visibility="collapsed"
         )
         if curve == PLAIN:
-            sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
+            sizes, title = (pair.signal_1.size, pair.signal_2.size), PLAIN_CURVE
     curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
     st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
     if result.lags is not None:
-        prose.caption(ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair"))
+        said = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair")
+        first, _, more = said.partition(". ")
+        prose.caption(f"{first.removesuffix('.')}.", help=typeset(more) or None)
 
 
-def show_over_time(over_time: LagOverTime, search: LagSearch) -> None:
+def show_over_time(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the lag of each block over time."""
-    prose.markdown("### Lag over time")
+    over_time = result.over_time
+    if over_time is None:
+        prose.caption("The lag was not measured block by block: that takes a sure lag, and recordings that are longer.")
+        return
     figure = figures.lag_over_time(over_time, search.sampling_rate)
     st.plotly_chart(figure, key="lag_over_time", alt=blocks_in_words(over_time, search.sampling_rate))
     prose.caption(drift_in_words(over_time))
+
+
+def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show both recordings with the lag removed, whole and up close."""
+    second, lag = lined_up(pair, result)
+    left, right = st.columns(2, gap="large")
+    with left:
+        prose.markdown("### Shifted to line up")
+        both = figures.aligned(pair.signal_1, second, lag, search.sampling_rate)
+        st.plotly_chart(both, key="aligned", alt=aligned_in_words(result))
+    with right:
+        shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
+        prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
+        start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
+        if start < highest:
+            liveliest = figures.liveliest_start(pair.signal_1, shared)
+            start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
+        close_up = figures.close_up(pair.signal_1, second, lag, start)
+        st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(lag, start))
+
+
+def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show both recordings with a player each, and play both together, before and after the lag is undone."""
+    rate = search.sampling_rate
+    waveforms = figures.waveforms(pair.signal_1, pair.signal_2, rate)
+    st.plotly_chart(waveforms, key="waveforms", alt=waveforms_in_words(pair.signal_1, pair.signal_2, rate))
+    columns = st.columns(4, gap="medium")
+    for column, signal, name in zip(columns, (pair.signal_1, pair.signal_2), "12", strict=False):
+        with column:
+            player(signal, rate, f"sensor {name}")
+    _hear_both(pair, result, rate, columns[2:])
 
 
 def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
@@ -147,14 +179,10 @@ def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
 
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Play both recordings together, and offer the files of a lag."""
-    both = st.expander("Hear both together", icon=":material/hearing:", key="lag.both", on_change="rerun")
-    if both.open:
-        with both:
-            _hear_both(pair, result, search.sampling_rate)
+    """Offer the files of a lag."""
     memory = BYTES_OF_A_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
     memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
-    files, command = partial(lag_files, pair, result, search), lag_command(search, *NAMES)
+    files, command = lag_files(pair, result, search), lag_command(search, *NAMES)
     take_away(files, memory, command, "measure this lag again", own=not pair.shared, key=KEY)
 
 
@@ -210,7 +238,7 @@ def _wav_refusal(pair: RecordingPair, sampling_rate: float) -> str:
     return too_large(BYTES_OF_ALIGNED * pair.signal_1.size)
 
 
-def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> None:
+def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float, columns: Sequence[Container]) -> None:
     most = round(LONGEST_S * sampling_rate)
     aligned = _aligned(pair, result)
     # Long ones are heard from where both have begun.
@@ -219,7 +247,7 @@ def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> 
         "as recorded": (pair.signal_1[:most], pair.signal_2[:most]),
         "the lag undone": (pair.signal_1[begun:][:most], aligned[begun:][:most]),
     }
-    for column, (name, both) in zip(st.columns(2, gap="medium"), heard.items(), strict=True):
+    for column, (name, both) in zip(columns, heard.items(), strict=True):
         with column:
             player(mix(*both), sampling_rate, f"both, {name}")
     said = heard_in_words(result)

@@ -18,7 +18,7 @@ from stereolag.figures.verdicts import MOST_NAMED, together
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
-from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances
+from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances, Slide
 from stereolag.signals.over_time import LagOverTime
 from stereolag.ui.sentences import duration
 
@@ -180,11 +180,13 @@ def drift_in_words(over_time: LagOverTime) -> str:
 # Panels
 
 IN_A_SENTENCE = """
+Slide one recording along the other, multiply, add up: where the sum peaks, the two agree. That is their **lag**.
+
 - **Why the peak stands where it does.** There, every sample meets itself and the products add up, while anywhere
   else ups meet downs and cancel.
 - **Why a tone has many peaks.** It meets itself again after every period, so all those lags fit equally well.
-- **Why noise has none.** Two unrelated recordings agree in sign half the time at every lag: the sum stays within
-  the grey band, and its highest point is chance.
+- **Why noise has none.** Two unrelated recordings agree in sign half the time at every lag, so the products cancel,
+  and the highest point is chance.
 """
 
 PLAN_INTRODUCTION: Final = (
@@ -221,16 +223,6 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
             "normalised": "Same peak, at lag 8. Only a perfect match reaches 1.",
         },
     },
-    "coast": {
-        "title": "Coast",
-        "try": "Forty points of sensor 1, each the mean of six samples, and sensor 2’s recording about a second later. "
-        "Where does the cut belong?",
-        "said": {
-            "plain": "The peak is at 50,082 samples: there the waves line up and every product points up. "
-            "Elsewhere ups and downs cancel.",
-            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. Elsewhere nothing exceeds 0.3.",
-        },
-    },
     "tone": {
         "title": "Pure tone",
         "try": "A tone that repeats every 20 samples. Drag the cut along and count the places where it fits.",
@@ -259,6 +251,34 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
         },
     },
 }
+
+_SLID_TO = {
+    True: "The peak is at {lag:,} samples, as over the whole recordings: there ups meet ups, and every product counts.",
+    False: "In this stretch the peak is at {lag:,} samples; over the whole recordings it is at {whole:,}.",
+}
+_SLID_NORMALISED = {
+    True: "Divided by loudness, the peak at {lag:,} samples reaches {score:.2f}; nothing else exceeds {rival:.2f}.",
+    False: "Divided by loudness, the highest place is {lag:,} samples, with {score:.2f}; over the whole recordings it "
+    "is {whole:,}.",
+}
+
+
+def excerpt_slid_in_words(slide: Slide, result: SignalLag) -> dict[str, Any]:
+    """Return the texts for an excerpt of the recordings measured."""
+    scores, sums = slide.scores, np.correlate(slide.recording, slide.cut, mode="valid")
+    said = {}
+    for name, heights, texts in (("plain", sums, _SLID_TO), ("normalised", scores, _SLID_NORMALISED)):
+        lag = slide.lag + slide.step * int(np.argmax(heights))
+        numbers = {"lag": lag, "whole": result.lag, "score": scores.max(), "rival": slide.rival}
+        said[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
+    means = "" if slide.step == 1 else f", each the mean of {slide.step} samples"
+    return {
+        "title": "These recordings",
+        "try": f"{slide.cut.size} points of sensor 1{means}, over the recording of sensor 2. Drag them to where they "
+        "fit, and watch the products.",
+        "said": said,
+    }
+
 
 DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
     {
@@ -305,7 +325,7 @@ DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
 
 DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "recordings": "240 samples of both, shifted by the lag found",
-    "curve": "Correlation × √overlap, at every lag",
+    "curve": "Correlation, weighted by overlap, at every lag",
     "close": "The peak, up close",
     "agreement": "Evidence, in standard deviations of chance",
     "axis": "lag, samples (▲ the true one)",
@@ -423,7 +443,7 @@ PHASOR_WORDS: Final[dict[str, Any]] = {
     "lag": "Lag",
     "there": "in the recordings",
     "plain": "correlation",
-    "whitened": "whitened correlation",
+    "whitened": "correlation, all frequencies alike",
 }
 
 PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {

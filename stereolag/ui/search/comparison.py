@@ -8,6 +8,7 @@ from typing import Final
 import streamlit as st
 
 from stereolag.core.jobs import Estimate
+from stereolag.core.searches import TemplateQuery
 from stereolag.figures.templates import trial_jpeg
 from stereolag.figures.verdicts import is_cut_off
 from stereolag.templates import TemplateSearch, estimate_search
@@ -26,7 +27,7 @@ from stereolag.ui.controls import control
 from stereolag.ui.elements import show_jpeg
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed_before, computed_in_turn, computed_or_refused
+from stereolag.ui.results import computed_in_turn, computed_or_refused
 from stereolag.ui.search.sentences import OUTCOMES, differences, lesson, numbers_of, table
 
 TASK: Final = "template search by OpenCV"
@@ -54,30 +55,9 @@ class Survival:
 
 
 @fragment
-def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, method: str) -> None:
-    """Offer to search with OpenCV too, and show place, score and time of both.
-
-    Parameters
-    ----------
-    inputs
-        The image and the template.
-    result, method
-        Our result and its method.
-    """
-    known = computed_before(TASK, inputs=inputs.digest, settings="", shared=inputs.shared)
-    asked = st.session_state.get("template.opencv.asked") == inputs.digest
+def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Search with OpenCV too, and show place, score and time of both."""
     masked = is_masked(inputs.template, inputs.mask)
-    prose.markdown("### Beside OpenCV")
-    if known is None and not asked:
-        st.button(
-            "Search with OpenCV too",
-            key="template.opencv",
-            help="cv2.matchTemplate with TM_CCOEFF_NORMED, on the whole image"
-            + (" and with the same mask." if masked else "."),
-            on_click=_ask,
-            args=(inputs.digest,),
-        )
-        return
     theirs = computed_or_refused(
         TASK,
         lambda _: opencv_search(inputs.picture, inputs.template, mask=inputs.mask),
@@ -89,29 +69,20 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
     )
     if theirs is None:
         return
-    prose.markdown(table(result, theirs, method, masked))
-    for sentence in differences(result, theirs, method):
+    prose.markdown(table(result, theirs, query.method, masked))
+    same = " and with the same mask" if masked else ""
+    prose.caption(f"OpenCV’s is `cv2.matchTemplate` with `TM_CCOEFF_NORMED`, on the whole image{same}.")
+    for sentence in differences(result, theirs, query.method):
         prose.caption(sentence)
 
 
-def _ask(digest: str) -> None:
-    st.session_state["template.opencv.asked"] = digest
-
-
 @fragment
-def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: float) -> None:
+def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Offer sliders that damage the image around the template, and show the result of each method.
 
-    Parameters
-    ----------
-    inputs
-        The image, the template, and its place if known.
-    result
-        Gives the place of the template if the true place is unknown.
-    min_score
-        Minimum score for a method to count as having found the template.
+    If the true place is unknown, the one found is taken.
     """
-    place = _place(inputs, result)
+    min_score, place = query.min_score, _place(inputs, result)
     if place is None:
         prose.caption("No place wholly inside the image was found, so there is none to damage.")
         return

@@ -9,18 +9,19 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Final
+from dataclasses import asdict, replace
+from typing import Any, Final
 
+from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
 from stereolag.figures.pictures import FRAME, fitted, jpeg
-from stereolag.templates import TemplateMatch
-from stereolag.templates.by_hand import ScoreMap, anchors, reduced_search
+from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.templates.by_hand import Anchor, ScoreMap, anchors, reduced_search
 from stereolag.ui import prose
 from stereolag.ui.components import component, packed_score_map, packed_search
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import computed, remembered
-from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, template_words
+from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, doubtful, template_words
 
 NAME = "template"
 """Name of the search in the browser: a place clicked on the score map is sent to it."""
@@ -43,24 +44,28 @@ def show_score_map(data: bytes) -> None:
 # Search by hand
 
 
-def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch]) -> None:
-    """Show the picture, reduced for the browser, with the template to drag over it.
+def search_by_hand(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the picture, reduced for the browser, with the template to drag over it and the places found framed.
 
-    Parameters
-    ----------
-    inputs
-        The picture and the template.
-    matches
-        The matches, best first; the reduction is aligned so that the best one falls on a pixel.
+    The reduction is aligned so that the best place falls on a pixel.
     """
-    near = (matches[0].row, matches[0].col) if matches else None
+    best = result.best
+    framed = [("found", match) for match in result.matches[: result.clear]]
+    framed = framed or [("doubtful", match) for match in doubtful(result)]
 
     def pack() -> bytes:
-        search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near)
-        return packed_search(search, name=NAME, words=template_words(search))
+        near = (max(best.row, 0), max(best.col, 0)) if best else None
+        search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near, score_map=result.score_map)
+        places = []
+        for kind, match in framed:
+            here = replace(match, row=match.row - search.row, col=match.col - search.col)
+            corners = figures.corners_of(here, 1 / search.factor, 1, inputs.template.shape)
+            places.append({"kind": kind, "corners": corners})
+        return packed_search(search, name=NAME, words=template_words(search), places=places)
 
     try:
-        data = remembered("search by hand", pack, inputs=inputs.digest, settings=str(near), shared=inputs.shared)
+        settings = query.model_dump_json()
+        data = remembered("search by hand", pack, inputs=inputs.digest, settings=settings, shared=inputs.shared)
     except ValueError:
         prose.caption("Too little is left of this template when it is reduced for the browser.")
         return
@@ -73,9 +78,8 @@ FUNNEL_WIDTH: Final = 900
 """Width of the picture behind the dots, px."""
 
 
-def show_funnel(inputs: PictureAndTemplate) -> None:
+def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the image pixels that remain after each step of the "sampled" search, for any anchor."""
-    prose.markdown("### From every pixel to a few")
     try:
         shown = computed(
             "funnel",
@@ -100,11 +104,17 @@ def _funnel_data(inputs: PictureAndTemplate) -> bytes:
         "cols": inputs.picture.shape[1],
         "height": inputs.template.shape[0],
         "width": inputs.template.shape[1],
-        "anchors": [asdict(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
+        "anchors": [_told(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
         "frame": f"rgb{FRAME}",
         "words": FUNNEL_WORDS,
     }
     return json.dumps(told).encode()
+
+
+def _told(anchor: Anchor) -> dict[str, Any]:
+    """Return an anchor as data for the browser: at the last step one place is left, the best of all that are scored."""
+    *narrowed, scored = anchor.counts
+    return asdict(anchor) | {"counts": [*narrowed, 1 if anchor.best else narrowed[-1]], "scored": scored}
 
 
 def _address(data: bytes, media_type: str) -> str:

@@ -17,10 +17,10 @@ from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away
-from stereolag.ui.elements import Number, announce, show_numbers, show_png
+from stereolag.ui.elements import Number, announce, show_line, show_png
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import remembered
-from stereolag.ui.search.panels import packed, show_score_map
+from stereolag.ui.search.panels import packed, search_by_hand, show_score_map
 from stereolag.ui.search.sentences import (
     found_in_words,
     left_out_in_words,
@@ -38,28 +38,37 @@ BYTES_OF_A_PIXEL = 24
 """Memory while the ZIP is made: the image in colour, framed, and both as files."""
 
 
-def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
-    """Show the result in words and numbers, with the places framed in the picture and enlarged beside it."""
+def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the result in words and one line of numbers."""
     prose.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
+    best, rival = result.best, result.rivals[0] if result.rivals else None
+    meaning = "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
+    show_line(
+        (
+            Number("Score", _score(best), meaning),
+            Number("Best rival", _score(rival), "The best place elsewhere."),
+            Number("Places found", f"{result.clear}", "Places that show the template."),
+            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
+            Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
+        )
+    )
     if not result.found:
         prose.warning(why_not_found(result, query), icon=":material/search_off:")
     elif remark := found_in_words(result):
         prose.info(remark, icon=":material/info:")
-    best, rival = result.best, result.rivals[0] if result.rivals else None
-    show_numbers(
-        (
-            Number(
-                "Score", _score(best), "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
-            ),
-            Number("Best rival", _score(rival), "The best place elsewhere."),
-            Number("Places found", f"{result.clear}", "Places that show the template."),
-            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
-            Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
-        )
-    )
     for said in filter(None, (nearest_in_words(result), left_out_in_words(result))):
         prose.caption(said)
+
+
+def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the template to drag over the image, and below it the score of every place."""
+    search_by_hand(inputs, result, query)
+    show_scores(inputs, result, query)
+
+
+def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the places framed in the image, and the best ones enlarged beside it."""
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches[: result.clear]
@@ -96,7 +105,7 @@ def _score(match: TemplateMatch | None) -> str:
     return "–" if match is None else f"{match.score:.3f}"
 
 
-def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
+def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the map of scores, one for every position of the template."""
     score_map = result.score_map
     if score_map is None:
@@ -117,7 +126,7 @@ def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
 def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Offer the files of a template search."""
     memory = BYTES_OF_A_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
-    files, command = partial(match_files, inputs, result, query), find_command(query, *_names(inputs))
+    files, command = match_files(inputs, result, query), find_command(query, *_names(inputs))
     take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key=KEY)
 
 

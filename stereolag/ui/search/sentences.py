@@ -147,7 +147,7 @@ def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool)
     name = "OpenCV `matchTemplate`" + (", masked" if masked else "")
     return "\n".join(
         (
-            "| | Best place | Score | Took |",
+            "| | Best place | Score | Time |",
             "|---|---|--:|--:|",
             f"| {TEMPLATE_METHODS[method]} | {answer} | {duration(ours.elapsed_s)} |",
             f"| {name} | {other} | {duration(theirs.elapsed_s)} |",
@@ -198,7 +198,7 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
 # Panels
 
 SCORE_MAP_WORDS: Final = {
-    "hint": "Hover to read a score; click to compare that place below.",
+    "hint": "Hover to read a score; click to compare that place above.",
     "reading": "Row {row}, column {col}: score {score}",
     "flat": "Row {row}, column {col}: flat, no score",
     "stage": "Score map. Arrow keys move the cursor, with Shift by ten; Enter compares that place.",
@@ -212,23 +212,21 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
         "palette": VIRIDIS[::3].tolist(),
         "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
         "texts": {
-            ".try": "Drag the template over the image. Warm pixels agree with the window under it, cool ones "
-            "disagree; the score is their mean. Where does it peak?",
+            ".try": "Drag the template over the image. Everywhere its pixels are multiplied with those under it: warm "
+            "where they agree, cool where not. Their mean, the score, stays behind, dark at 0, yellow at 1. Where it "
+            "peaks, there it is.",
             ".template figcaption": "Template",
             ".window figcaption": "Window",
             ".products figcaption": "Products",
             ".sum .label": "Score",
-            ".map .empty": "The score map fills in as you drag.",
             ".reveal": "Reveal",
             ".clear": "Clear",
-            ".hint": "Drag, use the arrow keys (with Shift by ten), or click on the score map. The mean of each colour "
-            f"channel is subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
+            ".hint": "Drag, click, or use the arrow keys (with Shift by ten). The mean of each colour channel is "
+            f"subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
         },
         "where": "Row {row}, column {col}: {score}",
         "peak": "The peak is at row {row}, column {col}: {score}.",
-        "lead": " The best rival reaches {rival}."
-        if search.factor == 1
-        else " At this scale the best rival reaches {rival}.",
+        "lead": " The best rival reaches {rival}.",
         "nothing": "The image is flat: there is nothing to correlate.",
         "top": "Peak",
         "rival": "Rival",
@@ -241,7 +239,8 @@ def scale_of(search: ReducedSearch) -> str:
     part = "Only a part of the image. " if search.part else ""
     if search.factor == 1:
         return f"{part}Every pixel counts."
-    return f"{part}Reduced for the browser: each pixel is the mean of {search.factor} × {search.factor}."
+    scores = "; scores are those of the whole image" if search.at_full_size else ""
+    return f"{part}Reduced for the browser: each pixel is the mean of {search.factor} × {search.factor}{scores}."
 
 
 FUNNEL_WORDS: Final[dict[str, Any]] = {
@@ -252,13 +251,13 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
         ".anchor figcaption": "Anchor and the ends of its run",
         ".colours .name": "How often the image holds colours of the template (logarithmic)",
     },
-    "steps": ["All pixels", "This colour", "Both ends agree", "Scored"],
+    "steps": ["All pixels", "This colour", "Both ends agree", "Best"],
     "steps_label": "Steps",
     "said": [
         "Every pixel of the image could be the anchor.",
         "Pixels of exactly this colour, where the template has room around them.",
         "There, both ends of the anchor’s opaque run have the right colours too.",
-        "Every place within one pixel of these is scored.",
+        "These and the places within one pixel are scored, {scored} in all.",
     ],
     "best": " Best: row {row}, column {col}, score {score}.",
     "none": " None is left: no place has exactly these colours.",

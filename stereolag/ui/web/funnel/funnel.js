@@ -95,7 +95,7 @@ class FunnelPanel extends Panel {
     this.find(".colour").textContent = named;
     this.bars.setAttribute("aria-valuenow", at + 1);
     this.bars.setAttribute("aria-valuetext", named);
-    this.find(".said").textContent = words.said[reached] + this.outcome();
+    this.find(".said").textContent = filled(words.said[reached], { scored: shortened(anchor.scored) }) + this.outcome();
   }
 
   outcome() {

@@ -115,7 +115,7 @@ export function measured({ recording, cut }, normalise) {
 const LEFT = 6;
 const RIGHT = 58;
 const NAME = 20; // px for the name above each strip
-const STRIPS = { recording: 92, cut: 64, products: 84, curve: 130 };
+const STRIPS = { recording: 72, cut: 48, products: 60, curve: 110 };
 const GAP = 8;
 const AXIS = 36;
 

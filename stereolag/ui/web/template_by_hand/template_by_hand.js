@@ -14,13 +14,11 @@ class TemplatePanel extends Panel {
   constructor(parent) {
     super(parent, "by-hand");
     this.template = this.find(".held");
-    this.map = this.find(".map");
     this.find(".reveal").addEventListener("click", () => this.reveal());
     this.find(".clear").addEventListener("click", () => this.clear());
     onKey(this.stage, (event) => this.search && arrows(event, (down, right) => this.move(this.row + down, this.col + right)));
     onDrag(this.stage, (event) => this.grab(event));
     this.stage.addEventListener("click", (event) => event.pointerType === "touch" && this.jump(event));
-    this.map.addEventListener("click", (event) => this.point(event));
     this.listen(eventOf("place"), ({ detail }) => detail.name === this.search?.name && this.compare(detail));
     this.watchSize(this.root, () => this.drawReliefs());
   }
@@ -40,6 +38,15 @@ class TemplatePanel extends Panel {
     this.template.style.width = `${(100 * template.cols) / picture.cols}%`;
     this.template.style.height = `${(100 * template.rows) / picture.rows}%`;
     this.find(".map svg").setAttribute("viewBox", `0 0 ${map.cols} ${map.rows}`);
+    const share = (pixels, all) => `${(100 * pixels) / all}%`;
+    Object.assign(this.find(".map").style, {
+      // Each score lies where the middle of the template would be.
+      left: share((template.cols - 1) / 2, picture.cols), width: share(map.cols, picture.cols),
+      top: share((template.rows - 1) / 2, picture.rows), height: share(map.rows, picture.rows),
+    });
+    const places = this.find(".places");
+    places.setAttribute("viewBox", `0 0 ${picture.cols} ${picture.rows}`);
+    places.replaceChildren(...search.places.map(({ kind, corners }) => node("polygon", { class: kind, points: corners.join(" ") })));
     this.row = Math.round((map.rows - 1) * 0.2);
     this.col = Math.round((map.cols - 1) * 0.2);
     this.clear();
@@ -50,7 +57,6 @@ class TemplatePanel extends Panel {
     const { rows, cols } = this.search.map;
     this.painted = { rows, cols, data: new Uint8ClampedArray(4 * rows * cols) };
     this.revealed = false;
-    this.moved = false;
     this.find(".leaders").replaceChildren();
     this.paint(this.row, this.col);
     this.schedule();
@@ -65,7 +71,7 @@ class TemplatePanel extends Panel {
     for (let step = 1; step <= steps; step++) {
       this.paint(Math.round(this.row + (down * step) / steps), Math.round(this.col + (right * step) / steps));
     }
-    Object.assign(this, to, { moved: true });
+    Object.assign(this, to);
     this.schedule();
   }
 
@@ -113,16 +119,10 @@ class TemplatePanel extends Panel {
     this.move(row - rows / 2, col - cols / 2, { jump: true });
   }
 
-  pixelAt(event, shown = this.stage, cols = this.search.picture.cols) {
-    const box = shown.getBoundingClientRect();
-    const scale = cols / box.width;
+  pixelAt(event) {
+    const box = this.stage.getBoundingClientRect();
+    const scale = this.search.picture.cols / box.width;
     return { row: (event.clientY - box.top) * scale, col: (event.clientX - box.left) * scale };
-  }
-
-  point(event) {
-    if (!this.search) return;
-    const { row, col } = this.pixelAt(event, this.map, this.search.map.cols);
-    this.move(row - 0.5, col - 0.5, { jump: true });
   }
 
   // Compares at a place of the whole image, px.
@@ -134,14 +134,14 @@ class TemplatePanel extends Panel {
 
   draw() {
     if (!this.search) return;
-    const { picture, template, words, factor } = this.search;
-    const { score, products } = compared(picture, template, this.row, this.col);
+    const { picture, template, map, words, factor } = this.search;
+    const { products } = compared(picture, template, this.row, this.col);
+    const score = map.scores[this.row * map.cols + this.col];
     this.template.style.left = `${(100 * this.col) / picture.cols}%`;
     this.template.style.top = `${(100 * this.row) / picture.rows}%`;
     put(this.find(".window canvas"), cutOut(picture, template, this.row, this.col));
     put(this.find(".products canvas"), inProductColours(template, products));
     put(this.find(".map canvas"), this.painted);
-    this.find(".empty").hidden = this.moved || this.revealed;
     this.find(".score").textContent = shortened(score, 3);
     const row = this.search.row + this.row * factor;
     const col = this.search.col + this.col * factor;
