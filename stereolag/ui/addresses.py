@@ -149,8 +149,11 @@ class Choice(NamedTuple):
 
 
 def example_choice(key: str, examples: Mapping[str, object]) -> Choice:
-    """Return the choice of an example; own files are not allowed, because an address does not include them."""
-    return Choice(key, [name for name in examples if name != OWN])
+    """Return the choice of an example or of own files.
+
+    An address does not include the files, but it must not apply their settings to an example.
+    """
+    return Choice(key, [*examples, OWN])
 
 
 def new_parameters(written: str) -> dict[str, str] | None:
@@ -185,8 +188,7 @@ def new_parameters(written: str) -> dict[str, str] | None:
 def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
     """Apply the choices that a new address names, removing them from `found`; reset the others to their initial values.
 
-    The visitor's own files, which no address can name, stay chosen until an address names an example. The choices must
-    not have been drawn yet.
+    The choices must not have been drawn yet.
     """
     for name, choice in choices.items():
         value = found.pop(name, None)

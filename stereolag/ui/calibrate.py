@@ -241,8 +241,9 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
         side = st.number_input(
             "Side of a square, mm",
             *SQUARE_MM,
-            1000 * example.square_m if example else 25.0,
+            1000 * example.square_m if example else None,
             format="%.3f",
+            placeholder="measure it",
             **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
             width=190,
             help="Measured on the print. All lengths follow from it: if it is 1 % too long, so is every distance.",
@@ -256,7 +257,13 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
     if not isinstance(asked, Board):
         return None
     prose.caption(f"{board_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As entered.'}")
-    return asked, float(side or SQUARE_MM[0]) / 1000
+    if side is None:
+        prose.info(
+            "Measure a square of the board, and enter its side: every length follows from it.",
+            icon=":material/straighten:",
+        )
+        return None
+    return asked, float(side) / 1000
 
 
 def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Refusal | None:

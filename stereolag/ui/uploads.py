@@ -112,13 +112,15 @@ def upload(
     key
         Widget key.
     types
-        File extensions offered.
+        Extensions of the files that can be read. Others may be given too, since Streamlit would drop them without a
+        word of why; `read` says it.
     variant
         Anything else the reading depends on; None if nothing, so that the bytes need not be kept.
     lasting
         Whether the file is still there when the visitor returns from another page or from an example.
     """
-    file = st.file_uploader(label, type=types, key=key, help=note or None, on_change=_note_emptied, args=(key,))
+    accepted = _accepted(types, note)
+    file = st.file_uploader(label, key=key, help=accepted, on_change=_note_emptied, args=(key,))
     files = [] if file is None else [file]
 
     def read_one(contents: list[bytes]) -> T:
@@ -208,12 +210,16 @@ def upload_named(
     return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None)
 
 
+def _accepted(types: Sequence[str], note: str) -> str:
+    """Return a hint and the accepted kinds of files as the help of an uploader."""
+    return " ".join(filter(None, (note, f"Accepted: {', '.join(one.upper() for one in types)}.")))
+
+
 def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> list[UploadedFile]:
     return st.file_uploader(
         label,
-        type=types,
         key=key,
-        help=note or None,
+        help=_accepted(types, note),
         accept_multiple_files=True,
         on_change=_note_emptied,
         args=(key,),
@@ -339,8 +345,8 @@ def _note_emptied(key: str) -> None:
 OWN = "own"
 
 GONE = (
-    "The files you had here are gone: the server was restarted, or this page was disconnected for too long. "
-    "Add them again."
+    "The files of this page are gone: they stay in the session that they were added in, which ends with a reload, a "
+    "restart of the server, or a connection that is lost for too long. Add them again; the settings are kept."
 )
 
 
@@ -365,7 +371,7 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
         label_visibility="collapsed",
     )
     if first_run:
-        # Only a browser that remembers an earlier session starts with its own files selected.
+        # Only an address, or a browser that remembers an earlier session, starts with own files selected.
         st.session_state[f"{key}.gone"] = chosen == OWN
     if chosen != OWN:
         st.session_state[f"{key}.example"] = chosen
@@ -386,7 +392,7 @@ def own_or_example(
     key: str,
     awaited: str,
 ) -> T:
-    """Return the chosen inputs; stop the page here if the visitor's own files were refused.
+    """Return the chosen inputs; stop the page here if the visitor's own files were refused, or are gone.
 
     Parameters
     ----------
@@ -413,6 +419,7 @@ def own_or_example(
         st.stop()
     if st.session_state[f"{key}.gone"]:
         prose.warning(GONE, icon=":material/cloud_off:")
+        st.stop()  # the verdict on an example must not be taken for that on the files
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
     show_awaited(awaited, examples[name].title)
     return load(name)

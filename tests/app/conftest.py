@@ -29,7 +29,7 @@ from stereolag.ui import calibrate, uploads
 from stereolag.ui.driving import inputs
 from tests.app import keys
 from tests.app import uploads as uploaded
-from tests.app.pages import DEPTH, FIND, PROJECT, OpenPage
+from tests.app.pages import DEPTH, FIND, PROJECT, OpenPage, numbers
 from tests.packed import delivered
 
 SESSION = "test session id"
@@ -249,12 +249,13 @@ def figures(app: AppTest) -> dict[str, dict[str, str]]:
 
 @pytest.fixture
 def shown() -> Callable[[AppTest], str]:
-    """Return a function that hashes all pictures, charts and headlines of a page, but no run times."""
+    """Return a function that hashes all pictures, charts, headlines and numbers of a page, but no run times."""
 
     def digest(app: AppTest) -> str:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
         charts = [element.proto.spec for element in app.get("plotly_chart")]
         headlines = [header.value for header in app.header]
+        headlines += [f"{name} {value}" for name, value in numbers(app).items() if name != "Computed in"]
         linked = [viewer | {"digest": ""} for viewer in viewers(app)]
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
             picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Computed in"]

@@ -23,12 +23,15 @@ pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes
 ONE_VISITOR = True
 
 
+SQUARE_MM = 30.0
+
+
 @cache
 def files() -> dict[str, bytes]:
     whole, smaller = calibrate.drawn_rig(), np.diag([0.75, 0.75, 1.0])
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
     rig = replace(whole, left_matrix=left, right_matrix=right, width=336, height=252)
-    pairs = drawn_pairs(rig, Board(6, 4), 4, square_m=0.03, seed=4)
+    pairs = drawn_pairs(rig, Board(6, 4), 4, square_m=SQUARE_MM / 1000, seed=4)
     return {
         f"{side}{number:02}.png": uploads.png(picture)
         for number, pair in enumerate(pairs, start=1)
@@ -40,7 +43,9 @@ def given(*contents: tuple[str, bytes]) -> AppTest:
     app = linked(CALIBRATE)
     app.button_group(key="calibrate").set_value("own").run()
     app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
-    return finished(app)
+    finished(app)
+    square = [box for box in app.number_input if box.key == "calibrate.square.own"]
+    return finished(square[0].set_value(SQUARE_MM).run()) if square else app
 
 
 def columns(app: AppTest) -> NumberInput:
@@ -72,7 +77,7 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     counting = next(group for group in app.button_group if group.key and group.key.startswith("calibrate.count"))
     counting.set_value([0, 1, 3]).run()
     assert numbers(app)["Pairs that count"] == "3 of 4"
-    app.number_input(key="calibrate.square.own").set_value(50.0).run()
+    app.number_input(key="calibrate.square.own").set_value(60.0).run()
     assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
     # What was said of board and pairs outlives a visit to another page.
     app.switch_page("app.py").run()
@@ -82,6 +87,13 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     app.switch_page("app.py").run()
     app.switch_page(CALIBRATE).run()
     assert columns(app).value == 5
+
+
+def test_no_length_is_given_before_the_square_is_measured() -> None:
+    app = given(*files().items())
+    app.number_input(key="calibrate.square.own").set_value(None).run()
+    assert "every length follows from it" in said(app)
+    assert not app.metric and not app.get("download_button")
 
 
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
@@ -134,7 +146,7 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     assert HANDED not in app.session_state
     kept = app.session_state[KEPT]
     assert kept.content.rig is not None
-    np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * calibrate.drawn_rig().translation, atol=1e-3)
+    np.testing.assert_allclose(kept.content.rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
     app.switch_page(DEPTH).run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)

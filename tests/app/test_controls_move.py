@@ -142,7 +142,10 @@ def give_a_part_of_the_maze(app: AppTest) -> None:
 def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: Shown, moves: Moves) -> None:
     app = open_unfolded(moves.page)
     for name, value in moves.first.items():
-        controls(app)[name].set_value(value)
+        if name in controls(app):
+            controls(app)[name].set_value(value)
+        else:
+            app.session_state[name] = value
     app.run()
     if moves.first.get("pictures") == "own":
         give_a_part_of_the_maze(app)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stereolag.core.searches import LagSearch, TemplateQuery
+from tests.app import uploads
 from tests.app.pages import FIND, LAG, address, ignored, lag_found, linked
 
 COAST, HARBOUR = "recordings coast", "recordings harbour"
@@ -64,17 +65,31 @@ def test_a_link_opens_the_page_as_it_was() -> None:
 
 
 def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_page() -> None:
-    app = linked(LAG, recordings="own", sampling_rate="0.5", speed="1e-300", max_lag="99999999")
+    app = linked(LAG, recordings="mine", sampling_rate="0.5", speed="1e-300", max_lag="99999999")
     assert not app.error
     assert address(app) == {}
     said = " ".join(ignored(app))
-    assert "recordings = “own” in the address is ignored" in said
+    assert "recordings = “mine” in the address is ignored" in said
     assert "max_lag is 99999999; allowed are whole numbers from 0 to 176400 or None." in said
     for name, value in {"sampling_rate": "0.5", "speed": "1e-300"}.items():
         assert f"{name} is {value}; on this page allowed are numbers from 1 to" in said
-    app = linked(FIND, picture="own")
-    assert [one.partition(": ")[0] for one in ignored(app)] == ["picture = “own” in the address is ignored"]
+    app = linked(FIND, picture="mine")
+    assert [one.partition(": ")[0] for one in ignored(app)] == ["picture = “mine” in the address is ignored"]
     assert address(app) == {}
+
+
+def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the_files() -> None:
+    app = linked(LAG, recordings="own", method="phat", speed="1500")
+    assert not app.error and not app.header
+    assert app.warning[0].value.startswith("The files of this page are gone")
+    sound = uploads.noise(4_000)
+    for number, part in enumerate((sound[100:], sound[:-100]), start=1):
+        wav = uploads.wav(part, 8_000)
+        app.file_uploader(key=f"recordings.file_{number}").upload(f"{number}.wav", wav, "application/octet-stream")
+    app.run()
+    assert lag_found(app) == 100
+    assert app.button_group(key="lag.method").value == "phat"
+    assert address(app) == {"recordings": "own", "method": "phat", "speed": "1500"}
 
 
 def test_an_extreme_link_does_no_harm() -> None:
