@@ -175,7 +175,7 @@ def new_parameters(written: str) -> dict[str, str] | None:
     """
     state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
     seen, last = state.get(f"{written}.seen"), state.get(written)
-    state[f"{written}.seen"] = found
+    state[f"{written}.seen"] = {**found}  # who gets the parameters takes out what they apply
     if last and not found and not stepped and from_another_page():
         state[f"{written}.bare"] = True
     if found == last:

@@ -95,7 +95,8 @@ def test_files_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPa
     assert not app.error
     assert "at the same time" in app.header[0].value
 
-    app = open_page(DEPTH, {"pairs": "own"})
+    app = open_page(DEPTH)
+    app.button_group(key="pairs").set_value("own").run()
     assert viewers(app)
     put(app, "pairs.left", *NO_PICTURE)
     assert_one_sentence(app, "accepted are")

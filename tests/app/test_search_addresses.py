@@ -89,7 +89,7 @@ def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the
     app.run()
     assert lag_found(app) == 100
     assert app.button_group(key="lag.method").value == "phat"
-    assert address(app) == {"recordings": "own", "method": "phat", "speed": "1500"}
+    assert address(app) == {"recordings": "own", "method": "phat", "speed": "1500.0"}
 
 
 def test_an_extreme_link_does_no_harm() -> None:

@@ -132,7 +132,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
     expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
     expect(said).to_contain_text("The peak is broad")
     root.locator(".whiten").check()
-    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · whitened correlation 0.88")
+    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation, all frequencies alike 0.88")
     expect(said).to_contain_text("needle")
     root.locator(".clear").click()
     expect(said).to_have_text("")
