@@ -42,6 +42,9 @@ MAKES_CODE = re.compile(rb"\n(?:from|import) .*\b(?:numba|llvmlite|compilation|N
 """Imports of every file with a loop, with an instruction for loops, or with a tuple that loops take. (With "^" in place
 of the line's end before it, it takes six times as long.)"""
 
+WITHOUT_LOOPS = {"ui", "commands", "figures"}
+"""Packages above all loops, whose changes leave machine code as it is."""
+
 UNUSED_S = 7 * 24 * 3600
 """Time for which machine code of other sources is kept after a process last started with it."""
 
@@ -134,6 +137,8 @@ def folder_name() -> str:
     """
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__}".encode())
     for source in sorted(SOURCES.rglob("*.py")):
+        if source.relative_to(SOURCES).parts[0] in WITHOUT_LOOPS:
+            continue
         with suppress(OSError):  # an editor's lock, or a file that an upgrade is just removing
             text = source.read_bytes()
             if MAKES_CODE.search(b"\n" + text):
