@@ -53,6 +53,9 @@ PAGE_STYLE = """
   }
 }
 [data-testid="stMarkdownContainer"] :is(p, li) { max-width: 52rem; }
+/* Tabs and choices that do not fit into one line go on in the next, rather than out of sight. */
+[data-testid="stTabs"] [role="tablist"], [data-testid="stButtonGroup"] [role="radiogroup"] { flex-wrap: wrap; }
+.st-key-page-head > * { max-width: 100%; }
 /* A table wider than a phone scrolls within its own box. */
 [data-testid="stMarkdownContainer"]:has(> table) { overflow-x: auto; }
 /* Links within text, because their colours are too close to the text colour. */

@@ -227,9 +227,10 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     unfold(page, "Paint a mask")
     audit.check(page, "Rocketman search")
     open_tab(page, "Take away")
+    page.emulate_media(color_scheme="dark")
     main = page.get_by_role("button", name="All in one ZIP")
     main.hover()
-    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # in the dark by now
+    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")
     assert audit.findings(page, COLOURS_ALONE, only="[data-testid=stDownloadButton]") == []
     for tab in ("Places", "Step by step", "Damage it"):
         open_tab(page, tab)
