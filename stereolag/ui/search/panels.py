@@ -15,13 +15,14 @@ from typing import Any, Final
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
 from stereolag.figures.pictures import FRAME, fitted, jpeg
+from stereolag.figures.verdicts import doubtful
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.templates.by_hand import Anchor, ScoreMap, anchors, reduced_search
 from stereolag.ui import prose
 from stereolag.ui.components import component, packed_score_map, packed_search
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import computed, remembered
-from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, doubtful, template_words
+from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, template_words
 
 NAME = "template"
 """Name of the search in the browser: a place clicked on the score map is sent to it."""
