@@ -127,7 +127,8 @@ def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
-    app = open_page(FIND, {"pictures": "own", "pictures.from": "cut"})
+    app = open_page(FIND, {"pictures.from": "cut"})
+    app.button_group(key="pictures").set_value("own").run()
     assert len(app.info) == 1
     app = with_files(open_page, SCENE, pictures__from="cut", template__part="Beside OpenCV")
     assert not app.info
