@@ -26,9 +26,9 @@ from typing import Any, TypeVar, overload
 
 import numba
 from numba import types as numba_types
-from numba.core.caching import FunctionCache
-from numba.core.runtime.nrt import rtsys
 from numba.extending import overload as compiled_as
+
+from stereolag.loops.numba_inside import FunctionCache, rtsys
 
 __all__ = ["FOLDER", "compiled", "compiled_as", "numba_types"]
 

@@ -15,9 +15,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from typing import cast as declare
 
-from llvmlite import ir
-from numba.core import cgutils, types
 from numba.extending import intrinsic, models, overload, register_model
+
+from stereolag.loops.numba_inside import cgutils, ir, types
 
 LANES = 16
 

@@ -375,7 +375,6 @@ def cost_rows(
     lags = -(-costs.shape[2] // LANES) * LANES
     columns, window = np.zeros((width + side - 1) * lags, np.int32), np.zeros(lags, np.int32)
     last = np.empty(LANES, np.uint8)
-    share = np.float32(1 / side**2)
     levels, right_levels = left.levels, right.levels
     for row in range(first, first + side - 1):
         for col in range(width + side - 1):
@@ -387,7 +386,7 @@ def cost_rows(
                 store(columns, at, load(columns, at) + product)
     for y in range(first, end):
         window[:] = 0
-        _cost_row(left, right, radius, origin, weights, share, y, y > first, columns, window, last, costs)
+        _cost_row(left, right, radius, origin, weights, y, y > first, columns, window, last, costs)
         for x in range(width):
             _mark_unseen(costs, y, x, x - smallest, weights.unseen)
 
@@ -399,7 +398,6 @@ def _cost_row(
     radius: int,
     origin: int,
     weights: Weights,
-    share: Any,
     y: int,
     leaves: bool,
     columns: Array,
@@ -411,6 +409,7 @@ def _cost_row(
     levels, totals, inverses, gradients, words, high_words = left
     right_levels, right_totals, right_inverses, right_gradients, right_words, right_high_words = right
     width, count, side = costs.shape[1], costs.shape[2], 2 * radius + 1
+    share = np.float32(1 / side**2)
     lags = window.size
     stride = width + side - 1
     half = splat(weights.half, np.float32)
