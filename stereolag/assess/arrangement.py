@@ -23,7 +23,7 @@ from stereolag.core.inputs import Image, as_grey
 FEW_MATCHES = 400
 """From this number of agreeing features on, both pictures are taken to show the scene the same way round."""
 
-MIRROR_LEAD = 3.0
+MIRROR_LEAD = 2.5
 """As many times more features agree with a mirrored picture once it is mirrored back."""
 
 VERTICAL_SHARE, LEAST_PARALLAX_PX = 0.35, 1.0

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
-from stereolag.core.inputs import Image, as_grey
+from stereolag.core.inputs import Image, as_grey, transparent, with_border_transparent
 
 Points = npt.NDArray[np.float32]
 Eight = npt.NDArray[np.uint8]
@@ -578,7 +578,7 @@ UNBENT_PX = 0.3
 AGREEMENT = 2.5
 """On an easy pair, a match whose dy is off by more than this many standard deviations is dropped."""
 
-CORNER_CELLS, CORNERS, CORNER_QUALITY = 8, 20, 0.05
+CORNER_CELLS, CORNERS, CORNER_QUALITY = 8, 40, 0.05
 """Cells across and down in which corners are tracked, their largest number in each, and the least quality of a corner,
 as a share of the best one in its cell."""
 
@@ -744,7 +744,10 @@ def _stretched(image: Image, scale: float) -> Eight:
     """Return the image scaled, in 8-bit grey stretched over its own range so that exposure does not affect matching."""
     size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
     grey = np.asarray(cv2.resize(as_grey(image), size, interpolation=cv2.INTER_AREA), np.float32)
-    low, high = np.percentile(grey[::4, ::4], (1, 99))
+    # A border that no camera took is black, and would make one image darker than the other.
+    outside = transparent(with_border_transparent(image))
+    seen = grey[::4, ::4] if outside is None else as_grey(image)[~outside][::4]
+    low, high = np.percentile(seen, (1, 99))
     return np.asarray(np.clip((grey - low) * (255 / max(high - low, 1e-6)), 0, 255), dtype=np.uint8)
 
 
