@@ -261,9 +261,11 @@ def _unfolded(given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]
     document: dict[str, Any] = {}
     for name in sorted(given):  # a stage's own flag before those of its settings
         first, _, inner = name.partition(".")
+        if first not in kind.model_fields:  # of another settings object of the command
+            continue
         if inner:
             document.setdefault(first, {})[inner] = given[name]
-        elif first in kind.model_fields:
+        else:
             document[first] = {} if given[name] == ON and nested(kind.model_fields[first]) else given[name]
     return document
 
