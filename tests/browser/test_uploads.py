@@ -32,6 +32,12 @@ def give_both(page: Page) -> None:
     give(page, 0, file_of("first.wav", wav(SOUND[300:][:8_000])))
     give(page, 1, file_of("second.wav", wav(SOUND[:8_000])))
     expect_visible(page.get_by_role("heading", name=OWN))
+    settled(page)  # the uploaders are folded away now
+
+
+def unfold(page: Page) -> None:
+    page.locator("summary").filter(has_text="Your own files").click()
+    settled(page)
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +50,7 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing_and_one_that_was_
 ) -> None:
     page = own_page
     give_both(page)
+    unfold(page)
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
     page.evaluate(
         """() => {
