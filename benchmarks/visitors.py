@@ -95,6 +95,7 @@ class Visitor:
         self._states: dict[str, WidgetState] = {}
         self._kept: dict[str, tuple[ForwardMsg, int, str]] = {}
         self._folded: set[str] = set()
+        self._tabs: set[str] = set()
         self._repeats: dict[str, asyncio.Task[None]] = {}
         self._maps = 0
         self._runs = self._oldest = 0
@@ -159,6 +160,11 @@ class Visitor:
         state = WidgetState(id=widget)
         state.string_array_value.data.append(option)
         await self._set(state, drawn.fragment)
+
+    async def open_tab(self, key: str, name: str) -> None:
+        """Open a tab by its name, and wait until the script has run."""
+        identity = next(one for one in self._tabs if _key_of(one) == key)
+        await self._set(WidgetState(id=identity, string_value=name), "")
 
     async def upload(self, files: Mapping[str, bytes], ending: str = "png") -> None:
         """Upload a file to the uploader of each key, and wait until the script has run after each."""
@@ -340,7 +346,9 @@ class Visitor:
             self._note(element)
 
     def _note_block(self, block: Block) -> None:
-        """Note the state of an expander that reports its opening to the script."""
+        """Note the tabs, and the state of an expander, that report their opening to the script."""
+        if block.tab_container.id:
+            self._tabs.add(block.tab_container.id)
         part = block.expandable
         if part.id:
             self._folded.add(part.id)
@@ -384,7 +392,8 @@ class Visitor:
                 if drawn.run != run.name and (not run.fragments or drawn.fragment in run.fragments):
                     del self._drawn[path]
             if not run.fragments:
-                shown_now = {getattr(one.element, kind).id for one, kind in self._widgets()} | self._folded
+                shown_now = {getattr(one.element, kind).id for one, kind in self._widgets()}
+                shown_now |= self._folded | self._tabs
                 self._states = {name: state for name, state in self._states.items() if name in shown_now}
             for name, (_, used, fragment) in [*self._kept.items()]:
                 if (not run.fragments or fragment in run.fragments) and self._runs - used > self._oldest:

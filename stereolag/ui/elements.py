@@ -77,7 +77,6 @@ BETWEEN_UPDATES_S = 0.1
 @contextmanager
 def shown_progress(label: str) -> Iterator[Progress]:
     """Show a spinner and a progress bar; yield the progress callback that long computations take."""
-    place = st.empty()
     last_update = time.monotonic() + PATIENCE_S - BETWEEN_UPDATES_S
 
     def show(fraction: float) -> None:
@@ -88,6 +87,7 @@ def shown_progress(label: str) -> Iterator[Progress]:
             place.progress(min(max(fraction, 0.0), 1.0))
 
     with st.spinner(label, show_time=True):
+        place = st.empty()  # below the label, which thus keeps its place
         yield show
     place.empty()
 

@@ -80,7 +80,7 @@ def part_of_page(
 def own_files(script: Callable[[], None], arrangement: str = "files", **state: Any) -> AppTest:
     """Return a page that chooses a pair, after its first run, with the visitor's own files asked for."""
     app = AppTest.from_function(script, default_timeout=120)
-    given = {"pairs": "own", "pairs.arrangement": arrangement, "depth.head": True}
+    given = {"pairs": "own", "pairs.arrangement": arrangement, "pairs.gone": False, "depth.head": True}
     for key, value in (given | state).items():
         app.session_state[key] = value
     return app.run()

@@ -133,7 +133,7 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
         page.reload()
         settled(page)
         expect(page.get_by_test_id("stException")).to_have_count(0)
-        expect_visible(page.locator(".linked figure").first)
+        expect_visible(page.get_by_text("The files of this page are gone"))
     end = time.monotonic() + 60
     while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
         time.sleep(0.1)  # a socket is logged only once it has closed

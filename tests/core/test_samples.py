@@ -25,7 +25,7 @@ def test_every_example_is_complete(examples):
     for name, example in found.items():
         assert example.name == name
         assert example.title
-        assert example.description.endswith(".")
+        assert example.description.endswith((".", "?"))
         values = [getattr(example, field.name) for field in fields(example)]
         listed = [value if isinstance(value, tuple) else (value,) for value in values]
         assert all(path.is_file() for paths in listed for path in paths if isinstance(path, Path))
