@@ -87,9 +87,9 @@ def shown_progress(label: str) -> Iterator[Progress]:
             place.progress(min(max(fraction, 0.0), 1.0))
 
     with st.spinner(label, show_time=True):
-        place = st.empty()  # below the label, which thus keeps its place
+        place = st.empty()  # below the label, and gone before it: neither of the two moves
         yield show
-    place.empty()
+        place.empty()
 
 
 def show_refused(reason: object) -> None:
