@@ -152,7 +152,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
             hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
         )
     )
-    x = {"title": "lag, samples (right: sensor 2 hears it later)", "tickformat": ",d"}
+    x = {"title": "lag, samples (right: 2 hears it later)", "tickformat": ",d"}
     laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **ALONE)
     return figure if label else figure.update_layout(margin_t=_ANNOTATED)
 
