@@ -20,7 +20,7 @@ from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
 from stereolag.ui.inputs import example_pictures, example_recordings
-from stereolag.ui.navigation import page
+from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import CURVES
 
@@ -104,11 +104,13 @@ MORE = (
         "**Your own stereo camera**, from pictures of a chessboard to depth in metres.",
     ),
 )
-with page(
-    "Slide, multiply, find the peak",
-    "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest the two "
-    "agree, and the distance you slid is the **lag**. **stereolag** measures three things this way.",
-):
+TITLE = "Slide, multiply, find the peak"
+with page(TITLE):
+    with head(TITLE):
+        prose.markdown(
+            "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest "
+            "the two agree, and the distance you slid is the **lag**. **stereolag** measures three things this way."
+        )
     for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
         with column.container(border=True, height="stretch"):
             prose.markdown(f"## {question}")

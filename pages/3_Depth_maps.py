@@ -29,7 +29,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
-from stereolag.ui.navigation import bench, fragment, page, show_try_first
+from stereolag.ui.navigation import bench, fragment, page
 
 PARTS = {
     "Compare": show_comparison,
@@ -57,7 +57,7 @@ def workspace(pair: Pair) -> None:
         doctor = st.container()
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
-            colours = st.container(width="content")
+            colours, checks = st.container(width="content"), st.container(width="content")
             waiting = st.container(width="stretch")
         for method in shown:
             results |= measured(pair, matchers[method], waiting)
@@ -76,10 +76,10 @@ def workspace(pair: Pair) -> None:
     write_address(pair, matchers.values())
     prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
-        "Look closer", [*PARTS], **persistent(PART), width="stretch", label_visibility="collapsed"
+        "Look closer", [*PARTS], required=True, **persistent(PART), width="stretch", label_visibility="collapsed"
     )
     with doctor:
-        show_doctor(view)
+        show_doctor(view, checks)
     if part:
         for method in METHODS:
             if method not in shown:
@@ -91,12 +91,7 @@ def workspace(pair: Pair) -> None:
 
 
 with page("Depth maps"):
-    chosen = choose_pair()
-    if chosen.shared:
-        show_try_first(
-            "make the windows smaller or larger and watch the maps; then [ask why](#look-closer) a pixel got its match."
-        )
-    workspace(chosen)
+    workspace(choose_pair())
     with st.expander("The source report"):
         prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "

@@ -17,51 +17,52 @@ from stereolag.ui.calibrate import (
     show_pair,
     show_rectified,
 )
-from stereolag.ui.navigation import fragment, page, show_try_first
+from stereolag.ui.navigation import bench, fragment, page, show_parts
+
+PARTS = {
+    "Corners": show_pair,
+    "Rectified": show_rectified,
+    "Where the board has been": show_coverage,
+    "Take away": show_downloads,
+}
 
 
 @fragment
 def workspace(pictures: BoardPictures) -> None:
     """Ask for the board, find it, calibrate and show; moving a control reruns only this fragment."""
-    asked = ask_board(pictures)
+    controls, result_place = bench()
+    with controls:
+        board_place, pairs_place = st.container(gap="xsmall"), st.container(gap="xsmall")
+        prose.caption(pictures.description)
+    with board_place:
+        asked = ask_board(pictures)
     if asked is None:
         return
     board, square_m = asked
-    views = found_boards(pictures, board)
+    with result_place:
+        views = found_boards(pictures, board)
     if views is None:
         return
-    figures = st.container()
-    by_pair, coverage = st.columns([3, 2], gap="large")
-    with by_pair:
-        prose.markdown("## Pair by pair")
+    with pairs_place:
         leave_out = ask_pairs(pictures, views)
-    with figures:
+    with result_place:
         result = calibrated(pictures, views, square_m, leave_out)
         if result is not None:
             show_figures(pictures, result)
-            show_downloads(result)
-    with by_pair:
-        shown = choose_shown(pictures, result)
-        show_pair(pictures, views, shown, result)
-        if result is not None:
-            show_rectified(pictures, shown, result)
-    if result is not None:
-        with coverage:
-            prose.markdown("## Where the board has been")
-            show_coverage(result)
+        shown = choose_shown(pictures, result, pairs_place)
+        if result is None:
+            show_pair(pictures, views, shown, None)
+        else:
+            show_parts("calibrate.part", PARTS, pictures, views, shown, result)
 
 
-with page(
-    "Calibrate",
-    "Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and take 8 to "
-    "40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the cameras.",
-):
-    show_try_first("leave out a pair with a click, and see how the errors change.")
-    chosen = choose_board_pictures()
-    prose.caption(chosen.description)
-    workspace(chosen)
+with page("Calibrate"):
+    workspace(choose_board_pictures())
     with st.expander("How it works, and how to get a good result"):
         prose.markdown(
+            "- Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and "
+            "take 8 to 40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the "
+            "cameras.\n"
             "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
             "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
             "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"

@@ -48,7 +48,7 @@ PAGE_STYLE = """
 [data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
 /* On a phone only the current page's link has a name to be seen, so that all fit into one line. */
 @media (max-width: 767px) {
-  [data-testid="stPageLink-NavLink"]:not([aria-current="page"]) [data-testid="stMarkdownContainer"] {
+  .st-key-page-links a:not([aria-current="page"]) [data-testid="stMarkdownContainer"] {
     position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);
   }
 }
@@ -74,10 +74,13 @@ PAGE_STYLE = """
 /* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it under the pointer. */
 button[data-testid="stBaseButton-primary"] { color: light-dark(#fff, #14151b); }
 button[data-testid="stBaseButton-primary"]:hover { background-color: light-dark(#483b7d, #b9adf5); }
-/* Axis numbers and titles, which Streamlit draws at a contrast of 3.6. */
-.stPlotlyChart :is([class$="tick"] text, [class^="g-"][class$="title"] text) {
+/* Axis numbers and titles, which Streamlit draws at a contrast of 3.6, and what it leaves in the other theme's colours
+   if the theme changes while a chart is being drawn. */
+.stPlotlyChart :is([class$="tick"] text, [class^="g-"][class$="title"] text, .legendtext) {
   fill: light-dark(#5b5964, #b4b2bd) !important;
 }
+.stPlotlyChart .main-svg { background: transparent !important; }
+.stPlotlyChart :is(.bglayer, .legend) .bg { fill: none !important; }
 """
 """Styles of Streamlit's own elements that no theme option reaches; the classes st-key-… are documented, and in CSS."""
 

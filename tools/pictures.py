@@ -55,13 +55,19 @@ def below(*pictures: Rgb) -> Rgb:
     return np.asarray(beside(*(picture.swapaxes(0, 1) for picture in pictures)).swapaxes(0, 1))
 
 
+def on_paper(picture: npt.NDArray[np.uint8]) -> Rgb:
+    """Return a transparent picture, RGBA, on white."""
+    opacity = picture[..., 3:] / 255
+    return np.rint(255 + (picture[..., :3] - 255.0) * opacity).astype(np.uint8)
+
+
 def board_pictures() -> dict[str, Rgb]:
     """Return the pictures of a calibration, by name."""
     pairs = list(drawn_pairs(rig(), BOARD, PAIRS, square_m=SQUARE_M, seed=3))
     views = find_boards(pairs, BOARD)
     left, right = pairs[SHOWN]
     coverages = [
-        coverage_picture([one for one in corners if one is not None], views.size)
+        on_paper(coverage_picture([one for one in corners if one is not None], views.size))
         for corners in (views.left, views.right)
     ]
     rectified = sl.rectify(left, right, sl.calibrate(pairs, BOARD, SQUARE_M))

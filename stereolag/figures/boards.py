@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import plotly.graph_objects as go
 
 from stereolag.core.arrays import Rgb
@@ -18,8 +19,8 @@ SHOWN_WIDTH = 720
 """Width of a picture with its corners, px."""
 
 COVERED_WIDTH = 420
-PAPER, EDGE = (236, 233, 226), (150, 146, 138)
-"""Background and border of the coverage picture: neutral on both the light and the dark page."""
+INK, EDGE = VIRIDIS[110], (150, 146, 138)
+"""Colours of the coverage picture, which is transparent elsewhere: both show on the light and on the dark page."""
 
 OPACITY = 0.2
 """Opacity of one board; it adds up where boards overlap."""
@@ -48,21 +49,21 @@ def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
     return picture
 
 
-def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgb:
-    """Return an empty picture in the proportions of `size` (width, height) with every board and corner detected."""
+def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Return a transparent picture, RGBA, in the proportions of `size` (width, height) with all boards detected."""
     factor = COVERED_WIDTH / size[0]
     height = max(1, round(size[1] * factor))
-    drawn = np.full((height, COVERED_WIDTH, 3), PAPER, dtype=np.float64)
-    ink = np.array(VIRIDIS[110], dtype=np.float64)
+    seen_through = np.ones((height, COVERED_WIDTH))
     for one in corners:
         here = np.zeros((height, COVERED_WIDTH), np.uint8)
         cv2.fillConvexPoly(here, cv2.convexHull(np.rint(one.points * factor).astype(np.int32)), 1)
-        drawn[here > 0] += OPACITY * (ink - drawn[here > 0])
-    picture = np.ascontiguousarray(np.rint(drawn), dtype=np.uint8)
+        seen_through[here > 0] *= 1 - OPACITY
+    opacity = np.rint(255 * (1 - seen_through)).astype(np.uint8)
     for one in corners:
         for place in np.rint(one.points * factor).astype(int):
-            cv2.circle(picture, (int(place[0]), int(place[1])), 1, (40, 32, 80), -1, cv2.LINE_AA)
-    cv2.rectangle(picture, (0, 0), (COVERED_WIDTH - 1, height - 1), EDGE, 1)
+            cv2.circle(opacity, (int(place[0]), int(place[1])), 1, 255, -1, cv2.LINE_AA)
+    picture = np.dstack([np.full((height, COVERED_WIDTH, 3), INK, np.uint8), opacity])
+    cv2.rectangle(picture, (0, 0), (COVERED_WIDTH - 1, height - 1), (*EDGE, 255), 1)
     return picture
 
 

@@ -41,10 +41,12 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
+from stereolag.streamlit_inside import Container
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import Number, announce, show_jpeg, show_numbers, show_png, show_refused
+from stereolag.ui.elements import Number, announce, show_jpeg, show_line, show_png, show_refused
+from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
 from stereolag.ui.uploads import (
@@ -52,6 +54,7 @@ from stereolag.ui.uploads import (
     PICTURE_TYPES,
     Upload,
     choose,
+    in_fold,
     no_files_yet,
     own_or_example,
     show_limits,
@@ -140,7 +143,8 @@ class BoardPictures:
 
 def choose_board_pictures() -> BoardPictures:
     """Ask which pictures to calibrate from."""
-    chosen = choose(EXAMPLES, key=KEY)
+    with head("Calibrate", "leave out a pair with a click, and see how the errors change."):
+        chosen = choose(EXAMPLES, key=KEY)
     return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
 
 
@@ -158,6 +162,7 @@ def _example(name: str) -> BoardPictures:
     return BoardPictures(names, pairs, pairs[0][0].size, description, f"drawn {name}", True, name)
 
 
+@in_fold(KEY)
 def _own() -> BoardPictures | None:
     given = upload_named(
         "Pairs of pictures of a chessboard or ChArUco board, or a ZIP of them",
@@ -213,8 +218,11 @@ MEMORY, PAIR_S = 64 * 2**20, 0.08
 """Cost of a calibration: memory, bytes, and time per pair, s."""
 
 
-def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
-    """Ask for the board, initially the guessed one, and the side of its squares, metres; None while it is unknown."""
+def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
+    """Ask for the board, initially the guessed one, and the side of its squares, metres; None while it is unknown.
+
+    Nobody may take lengths for granted that nobody has measured: own files have no side at first.
+    """
     guessed = _guess(pictures, None)
     if guessed is None:
         return None
@@ -222,7 +230,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
         prose.warning(guessed.reason, icon=":material/grid_off:")
     at_first = guessed if isinstance(guessed, Board) else None
     example = EXAMPLES.get(pictures.example or "")
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+    with st.container(horizontal=True, gap="small"):
         columns, rows = (
             st.number_input(
                 label,
@@ -230,24 +238,23 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
                 MOST_CORNERS,
                 value,
                 **persistent(f"{KEY}.{label}.{pictures.digest}"),
-                width=190,
+                width=HALF_WIDTH,
                 help="Inner corners, where four squares meet: one fewer than squares. Guessed from the pictures.",
             )
             for label, value in (
-                ("Inner corners across", at_first.columns if at_first else None),
-                ("Inner corners down", at_first.rows if at_first else None),
+                ("Corners across", at_first.columns if at_first else None),
+                ("Corners down", at_first.rows if at_first else None),
             )
         )
-        side = st.number_input(
-            "Side of a square, mm",
-            *SQUARE_MM,
-            1000 * example.square_m if example else None,
-            format="%.3f",
-            placeholder="measure it",
-            **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
-            width=190,
-            help="Measured on the print. All lengths follow from it: if it is 1 % too long, so is every distance.",
-        )
+    side = st.number_input(
+        "Side of a square, mm",
+        *SQUARE_MM,
+        1000 * example.square_m if example else None,
+        format="%.3f",
+        placeholder="measure it",
+        **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
+        help="Measured on the print. All lengths follow from it: if it is 1 % too long, so is every distance.",
+    )
     if columns is None or rows is None:
         return None
     size = int(columns), int(rows)
@@ -257,13 +264,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
     if not isinstance(asked, Board):
         return None
     prose.caption(f"{board_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As entered.'}")
-    if side is None:
-        prose.info(
-            "Measure a square of the board, and enter its side: every length follows from it.",
-            icon=":material/straighten:",
-        )
-        return None
-    return asked, float(side) / 1000
+    return asked, None if side is None else float(side) / 1000
 
 
 def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Refusal | None:
@@ -311,9 +312,15 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
 
 
 def calibrated(
-    pictures: BoardPictures, views: BoardViews, square_m: float, leave_out: frozenset[int]
+    pictures: BoardPictures, views: BoardViews, square_m: float | None, leave_out: frozenset[int]
 ) -> StereoCalibration | None:
     """Return the calibration; None while it is being computed, or if it is refused, with the reason shown."""
+    if square_m is None:
+        prose.info(
+            "Measure a square of the board, and enter its side: every length follows from it.",
+            icon=":material/straighten:",
+        )
+        return None
     return computed_or_refused(
         "calibration",
         lambda _: calibrate_boards(views, square_m, leave_out=leave_out),
@@ -344,38 +351,49 @@ class DrawnPair:
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
     """Show how good the calibration is, and the figures of the cameras."""
     calibration = result.calibration
-    announce(
+    headline = (
         f"Calibrated from {len(result.used)} of {len(result.pairs)} pairs: {result.rms:.2f} px reprojection error."
     )
-    show_numbers(
+    announce(headline)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        prose.header(headline.removesuffix("."), anchor=False, width="stretch")
+        _offer_use(calibration)
+    show_line(
         (
-            Number("Reprojection error", f"{result.rms:.2f} px", "Distance of detected from predicted corners, RMS."),
-            Number("Epipolar error", f"{result.row_error:.2f} px", "Row offset of matching corners, once rectified."),
-            Number(
-                "Pairs that count", f"{len(result.used)} of {len(result.pairs)}", "Reasons for the others are below."
-            ),
-            Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
+            Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
+            Number("Epipolar error", f"{result.row_error:.2f} px", "Row offset of matching corners, once rectified."),
+            Number("Reprojection error", f"{result.rms:.2f} px", "Distance of detected from predicted corners, RMS."),
         )
     )
+    sentences = weaknesses(pictures.names, result)
     if pictures.example:
         true = drawn_rig()
         found = calibration.rig
         assert found is not None
-        prose.caption(
+        sentences.append(
             f"The camera that drew them: left focal length {true.left_matrix[0, 0]:,.1f} px (found "
             f"{found.left_matrix[0, 0]:,.1f}), right camera {-1000 * true.translation[0]:.1f} mm beside it (found "
             f"{-1000 * found.translation[0]:.1f})."
         )
-    sentences = weaknesses(pictures.names, result)
     if sentences:
         # Nobody has to act on the weaknesses of an example.
-        show = prose.info if pictures.example else prose.warning
-        show("  \n".join(sentences), icon=":material/info:")
+        show = prose.caption if pictures.example else prose.warning
+        show("  \n".join(sentences))
 
 
-def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> int:
-    """Show the error of each pair, and return the number of the one to show, picked by its bar or by name."""
+def _offer_use(calibration: Calibration) -> None:
+    """Offer the calibration for use on the depth page, for the visitor's own files, to which it applies."""
+    if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
+        digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
+        st.session_state.update({KEPT: Upload(digest, calibration), keys.PAIR: OWN, keys.FOLD: True})
+        st.session_state.pop(keys.HANDED, None)
+        no_files_yet(keys.PAIR)
+        st.switch_page(DEPTH_PAGE)
+
+
+def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, place: Container) -> int:
+    """Show the error of each pair; return the number of the one to show, picked by its bar or, in `place`, its name."""
     key = f"{KEY}.shown.{pictures.digest}"
     at_first = next((number for number in (result.used if result else ())), 0)
     shown = int(st.session_state.setdefault(key, at_first))
@@ -402,12 +420,11 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> i
             st.session_state[key] = int(event.selection.points[0]["x"])
             st.rerun(scope="fragment")
     return int(
-        st.selectbox(
+        place.selectbox(
             "Pair shown",
             range(len(pictures.names)),
             format_func=lambda number: pictures.names[number],
             key=key,
-            width=260,
         )
     )
 
@@ -441,7 +458,7 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         prose.markdown(pair_in_words(report))
 
 
-def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibration) -> None:
+def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
     """Show a pair rectified by the calibration, with lines along its rows."""
 
     def drawn(_: object) -> bytes:
@@ -467,7 +484,7 @@ def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibrati
     )
 
 
-def show_coverage(result: StereoCalibration) -> None:
+def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
     """Show where in the pictures the board has been."""
     calibration = result.calibration
     assert calibration.width is not None and calibration.height is not None
@@ -484,23 +501,15 @@ def show_coverage(result: StereoCalibration) -> None:
             prose.caption(said)
 
 
-def show_downloads(result: StereoCalibration) -> None:
-    """Offer the calibration as files, and for use on the depth page."""
-    calibration = result.calibration
-    with st.container(horizontal=True, gap="small", vertical_alignment="center"):
-        if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
-            # There for the visitor's own files, to which it applies.
-            digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
-            st.session_state.update({KEPT: Upload(digest, calibration), keys.PAIR: OWN, keys.FOLD: True})
-            st.session_state.pop(keys.HANDED, None)
-            no_files_yet(keys.PAIR)
-            st.switch_page(DEPTH_PAGE)
-        left, right = ros_calibration(calibration)
+def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
+    """Offer the calibration as files."""
+    left, right = ros_calibration(result.calibration)
+    with st.container(horizontal=True, gap="small"):
         for name, label, content in (
-            ("stereo.yml", "OpenCV YAML", opencv_calibration(calibration)),
+            ("stereo.yml", "OpenCV YAML", opencv_calibration(result.calibration)),
             ("left.yaml", "ROS, left", left),
             ("right.yaml", "ROS, right", right),
-            ("calibration.json", "JSON", calibration_json(calibration)),
+            ("calibration.json", "JSON", calibration_json(result.calibration)),
         ):
             download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
     prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")

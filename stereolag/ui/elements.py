@@ -44,6 +44,14 @@ def show_line(numbers: Iterable[Number]) -> None:
     prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in known)))
 
 
+def show_note(said: str, icon: str = "") -> None:
+    """Show a sentence up to its colon, with what follows as its tooltip, and the sentences after it."""
+    first, _, more = said.partition(". ")
+    brief, _, details = first.partition(": ")
+    shown = " ".join(filter(None, (icon, f"{brief.removesuffix('.')}.", more)))
+    prose.caption(shown, help=typeset(said) if details else None, width="content")
+
+
 def show_chart(figure: go.Figure, key: str, alt: str) -> None:
     """Show a chart without a tool bar; `alt` describes it for screen readers."""
     st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)

@@ -40,11 +40,11 @@ PAGES = {
 
 
 @contextmanager
-def page(title: str, introduction: str = "") -> Iterator[None]:
-    """Draw the frame of a page: browser title, links, heading and introduction.
+def page(title: str) -> Iterator[None]:
+    """Draw the frame of a page: browser title and links.
 
-    The content of the page goes inside the ``with`` block; if it fails, the visitor gets a message. A page without an
-    introduction draws its own heading, by :func:`head`.
+    The content of the page, which begins with :func:`head`, goes inside the ``with`` block; if it fails, the visitor
+    gets a message.
     """
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
@@ -53,9 +53,6 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
     with st.container(horizontal=True, gap="small", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
-    if introduction:
-        st.title(title, anchor=False)
-        prose.markdown(introduction, width=760)
     if not _prepare_process.cache_info().currsize:
         with st.spinner("Starting …"):
             _prepare_process()
@@ -65,11 +62,12 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def head(title: str, try_first: str = "") -> Iterator[None]:
+def head(title: str, try_first: str = "") -> Iterator[inside.Container]:
     """Draw the first line of a page: its title, what is chosen inside the ``with`` block, and a first thing to try."""
-    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="page-head"):
+    line = st.container(horizontal=True, vertical_alignment="top", gap="medium", key="page-head")
+    with line:
         st.title(title, anchor=False, width="content")
-        yield
+        yield line
         if try_first:
             show_try_first(try_first)
 
@@ -80,7 +78,10 @@ def show_try_first(sentence: str) -> None:
 
 
 CONTROLS_WIDTH = 320
-"""Px."""
+HALF_WIDTH = (CONTROLS_WIDTH - 16) // 2
+FOLD_WIDTH = 320
+"""Widths of the column of controls, of one that shares its line with another, and of a closed fold in a page's first
+line, px."""
 
 
 def bench() -> tuple[inside.Container, inside.Container]:

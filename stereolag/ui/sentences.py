@@ -36,7 +36,7 @@ def beyond_the_colours(shares: Mapping[str, float]) -> str:
 def started_in_words(min_disparity: int, num_disparities: int) -> str:
     """Return a sentence about the initial settings of a visitor's own pair."""
     return (
-        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
+        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px: the range found for this pair, "
         "with the fast preset."
     )
 

@@ -68,8 +68,8 @@ def lag_found(app: AppTest) -> int:
 
 
 def captions(app: AppTest) -> str:
-    """Return all captions of a page as one text."""
-    return " ".join(caption.value for caption in app.caption)
+    """Return all captions of a page, with their tooltips, as one text."""
+    return " ".join(f"{caption.value} {caption.help}" for caption in app.caption)
 
 
 def controls(app: AppTest) -> dict[str, Any]:

@@ -37,7 +37,8 @@ def panel() -> None:
     pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))
     matcher = ask_matcher(matcher_as_set(StereoBM, pair))
     if matcher is not None:
-        show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64)))
+        view = DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64))
+        show_doctor(view, st.container())
     st.session_state["shown"] = pair
 
 
@@ -56,7 +57,7 @@ def opened(pair: Pair, remedies: Mapping[str, Sequence[str]] = MappingProxyType(
 
 def healthy(app: AppTest) -> bool:
     """Return whether the panel is the one green line with its details folded away."""
-    return [box.label for box in app.expander if "Input doctor" in box.label] == [HEALTHY]
+    return [box.proto.popover.label for box in app.get("popover")] == [HEALTHY]
 
 
 # Which fault has which remedy, and what a remedy loses, is tested in tests/core.

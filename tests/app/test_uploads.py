@@ -107,12 +107,12 @@ def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is
     first = next(slider for slider in app.slider if slider.label == "Smallest disparity")
     assert first.value <= 90 < first.value + slider.value
     assert app.slider(key=keys.WINDOW).value == 11
-    assert "range found for this pair" in " ".join(caption.value for caption in app.caption)
+    assert "range found for this pair" in pages.captions(app)
     assert not app.session_state[keys.FOLD]
     app.button(key="depth.start.undo").click().run()
     assert app.slider(key=slider.key).value == 64
     assert app.slider(key=keys.WINDOW).value == 20
-    assert "range found for this pair" not in " ".join(caption.value for caption in app.caption)
+    assert "range found for this pair" not in pages.captions(app)
 
 
 def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another(

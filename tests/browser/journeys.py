@@ -325,7 +325,7 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
     settled(page)
     unfold(page, "choose a pair or bring your own")
     choose(page, "Your own files", begin="Puzzle cube")
-    unfold(page, "More settings", "Input doctor", "Take it away")
+    unfold(page, "More settings", "Take it away")
     press(page, "Before / after")
     press(page, "Colours")
     audit.check(page, "Depth maps: all unfolded")
@@ -333,7 +333,7 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
 
 def through_calibrate(page: Page, audit: Audit) -> None:
     audit.check(page, "Calibrate")
-    count = page.get_by_test_id("stMetric").filter(has_text="Pairs that count")
+    count = page.get_by_role("heading", name="Calibrated from")
     expect(count).to_contain_text("10 of 11")
     page.get_by_role("button", name="1", exact=True).focus()
     page.keyboard.press("ArrowRight")

@@ -23,10 +23,12 @@ from stereolag.assess.sentences import finding_in_words
 from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
+from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import DepthView, kept_for
 from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, problems_in_words, remedy_in_words
+from stereolag.ui.elements import show_note
 from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
@@ -45,8 +47,11 @@ def chosen_remedies(untreated: str) -> tuple[Remedy, ...]:
     return tuple(st.session_state.get(REMEDIES_KEY, {}).get(untreated, ()))
 
 
-def show_doctor(view: DepthView) -> None:
-    """Show the doctor's findings on the pair and on the ranges searched, and a button for each remedy."""
+def show_doctor(view: DepthView, line: Container) -> None:
+    """Show the doctor's findings on the pair and on the ranges searched, and a button for each remedy.
+
+    Without a problem, that is said in a `line` beside other things.
+    """
     pair, diagnosis = view.pair, _diagnosis(view.pair)
     if diagnosis is None:
         return
@@ -71,7 +76,7 @@ def show_doctor(view: DepthView) -> None:
             key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
             undo = partial(_choose, pair.id.untreated, (*done[:number], *done[number + 1 :]))
             _show_line(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
-        with st.expander("All checks" if ill else HEALTHY):
+        with st.expander("All checks") if ill else line.popover(HEALTHY):
             prose.markdown("\n\n".join(map(_told, findings)))
 
 
@@ -169,9 +174,9 @@ def show_start(pair: Pair) -> None:
         return
     # As for a pair about which nothing is known.
     undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
         said = started_in_words(start.min_disparity, start.num_disparities)
-        prose.caption(f":material/auto_fix_high: {said}", width="content")
+        show_note(said, ":material/auto_fix_high:")
         st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=undo)
 
 

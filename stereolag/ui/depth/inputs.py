@@ -47,14 +47,15 @@ from stereolag.pair import (
 )
 from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import show_note, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
-from stereolag.ui.navigation import head
+from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.uploads import (
     CALIBRATION_TYPES,
@@ -95,6 +96,8 @@ INTRODUCTION = (
     " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
 )
 
+TRY_FIRST = "make the windows smaller or larger; then [ask why](#look-closer) a pixel got its match."
+
 
 def choose_pair() -> Pair:
     """Ask for the pair and its size; return it ready for matching, and show the changes made to it.
@@ -107,19 +110,25 @@ def choose_pair() -> Pair:
     awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
         st.session_state[FOLD] = awaited
-    with head("Depth maps"):
+    with head("Depth maps") as line:
         place = st.container(width="content")
         # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
         fold = st.expander(
-            "Choose a pair or bring your own", key=FOLD, icon=":material/photo_library:", on_change="rerun"
+            "Choose a pair or bring your own",
+            key=FOLD,
+            icon=":material/photo_library:",
+            on_change="rerun",
+            width=FOLD_WIDTH,
         )
+
+    notes = st.container(horizontal=True, vertical_alignment="center", gap="small")
 
     def named(name: str) -> None:
         with place:
             prose.markdown(f"**{name}**", width="content")
 
     def ask() -> Pair | None:
-        own = ask_own_pair()
+        own = ask_own_pair(line, notes)
         if own is not None or refused():
             named("Your own pair")
         return own
@@ -152,18 +161,18 @@ def choose_pair() -> Pair:
         prose.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
-    told = [
-        change.sentence
-        for change in pair.changes
-        if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED)
-    ]
-    if told:
-        prose.caption(" ".join(told))
-    show_decision(pair, PAIR)
-    show_start(pair)
-    pairs = set_of(pair.id)
-    if pairs is not None:
-        _ask_step(pairs)
+    if pair.shared:
+        with line:
+            show_try_first(TRY_FIRST)
+    with notes:
+        for change in pair.changes:
+            if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED):
+                show_note(change.sentence)
+        show_decision(pair, PAIR)
+        show_start(pair)
+        pairs = set_of(pair.id)
+        if pairs is not None:
+            _ask_step(pairs)
     recall_settings(pair)
     return pair
 
@@ -248,11 +257,12 @@ def transfer(
     st.session_state[PAIR] = OWN
 
 
-def ask_own_pair() -> Pair | None:
+def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
-    An archive in place of the left image contains all of these: a saved session, or several pairs. A pair that another
-    page transferred stands in for all files.
+    The images are asked for here; what else belongs to them in a fold of the page's first `line`, which stays when the
+    images are there. `notes` say what is known. An archive in place of the left image contains all of these: a saved
+    session, or several pairs. A pair that another page transferred stands in for all files.
     """
     transferred: Pair | None = st.session_state.get(HANDED)
     if transferred is not None:
@@ -281,16 +291,16 @@ def ask_own_pair() -> Pair | None:
         )
         show_limits(image_limits())
         return _pair_of_bundle(bundle)
-    columns = st.columns([2, 1], gap="medium")
-    with columns[0]:
-        found = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
+    found = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
+    show_limits(image_limits())
     if isinstance(found, Upload):
         return _pair_of_bundle(found)
     _pair_of_bundle(None)
-    with columns[1]:
+    more = line.expander("Ground truth, calibration", icon=":material/add:", width=FOLD_WIDTH)
+    with more:
         truth = _ask_truth(found)
-    show_limits(image_limits())
-    calibration = ask_calibration(PAIR)
+    with notes:
+        calibration = ask_calibration(PAIR, more)
     if found is None:
         forget_together(f"{PAIR}.own.{arrangement}")
         return None
@@ -516,9 +526,9 @@ def set_of(pair_id: PairId) -> PairSet | None:
 # Calibration and rectification, on the driving page too
 
 
-def ask_calibration(key: str) -> Upload[Calibration] | None:
-    """Ask for the calibration of the camera; None if there is none, and depth is then relative."""
-    with st.expander("Calibration (optional): for depth in metres, and to rectify"):
+def ask_calibration(key: str, place: Container) -> Upload[Calibration] | None:
+    """Ask in a place for the calibration of the camera, and say here what it means; None: depth is then relative."""
+    with place:
         columns = st.columns([2, 1, 1], gap="medium")
         with columns[0]:
             unit = st.session_state.get(f"{key}.unit")
@@ -571,7 +581,7 @@ def _say_what_it_means(calibration: Calibration) -> None:
     """Show what a calibration means in metres and what was assumed; as a warning where that is not to be believed."""
     said = " ".join((calibration.in_words(), *calibration.notes))
     if calibration.plausible:
-        prose.caption(said)
+        prose.caption(said, width="content")
     else:
         prose.warning(said)
 
@@ -669,7 +679,7 @@ def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
         return
     undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
     label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.caption(f":material/straighten: {decision.in_words(subject)}", width="content")
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
+        show_note(decision.in_words(subject), ":material/straighten:")
         choose = partial(st.session_state.update, {rows_key(key): rows})
         st.button(label, key=f"{key}.rectifying.undo", type="tertiary", on_click=choose)

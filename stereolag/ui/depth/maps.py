@@ -279,6 +279,7 @@ def choose_maps() -> None:
         format_func={method.short_name: method.title for method in METHODS}.__getitem__,
         **persistent(keys.SHOWN),
         label_visibility="collapsed",
+        wrap=True,
     )
 
 

@@ -22,7 +22,7 @@ from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.matcher import Reason
 from stereolag.ui.sentences import percent
 
-DOCTOR_HEALTHY = "**Input doctor:** no problems found."
+DOCTOR_HEALTHY = "**Input doctor:** no problems."
 
 REMEDIES_OFFERED = {
     Remedy.MIRROR_RIGHT: "Mirror the right image",

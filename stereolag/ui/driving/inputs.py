@@ -48,11 +48,13 @@ from stereolag.ui.depth.inputs import (
 )
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import show_refused
+from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
     Upload,
     expect_uploads,
     forget_together,
+    in_fold,
     put_together,
     refused,
     show_awaited,
@@ -97,27 +99,24 @@ class Drive:
 
 def ask_drive() -> Drive | None:
     """Ask for frames and calibration; return the example while frames are missing, None if they are refused."""
-    origin = st.segmented_control(
-        "Frames",
-        [*ORIGINS],
-        default=EXAMPLE,
-        format_func=ORIGINS.__getitem__,
-        required=True,
-        **persistent(f"{KEY}.origin"),
-        label_visibility="collapsed",
-    )
+    with head("Driving", "play it, and drag along the curves below the pictures."):
+        origin = st.segmented_control(
+            "Frames",
+            [*ORIGINS],
+            default=EXAMPLE,
+            format_func=ORIGINS.__getitem__,
+            required=True,
+            **persistent(f"{KEY}.origin"),
+            label_visibility="collapsed",
+        )
     example = next(iter(drives().values()))
     if origin == EXAMPLE:
-        prose.caption(example.description)
         return _example(example.name)
     expect_uploads()
-    found = _ask_one() if origin == ONE else _ask_two()
-    most = limits()
-    show_limits(
-        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
-        f"{most.max_video_s // 60} minutes per video."
-    )
-    calibration = ask_calibration(KEY)
+    with st.container(horizontal=True, key="folds"):
+        found = _ask_one() if origin == ONE else _ask_two()
+        place = st.expander("Calibration (optional): for depth in metres, and to rectify")
+    calibration = ask_calibration(KEY, place)
     if found is None and refused():
         # Do not show results of the example below a refused file.
         return None
@@ -198,6 +197,7 @@ def _example(name: str) -> Drive:
         truth=truth,
         calibration=read_calibration(example.calibration),
         num_disparities=example.num_disparities,
+        description=example.description,
         shared=True,
     )
     return Drive(sequence, first)
@@ -208,9 +208,10 @@ def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
     return sequence, sequence.first_readable(LOOKED_AT)
 
 
+@in_fold(KEY)
 def _ask_one() -> Upload[_Frames] | None:
     layout = ask_layout(KEY)
-    return upload(
+    given = upload(
         "ZIP of left/ and right/, or a video with both views",
         partial(_opened, layout=layout),
         key=f"{KEY}.one",
@@ -219,14 +220,26 @@ def _ask_one() -> Upload[_Frames] | None:
         "beside or above the other.",
         variant=layout and f" {layout}",
     )
+    _show_limits()
+    return given
 
 
+def _show_limits() -> None:
+    most = limits()
+    show_limits(
+        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
+        f"{most.max_video_s // 60} minutes per video."
+    )
+
+
+@in_fold(KEY)
 def _ask_two() -> Upload[_Frames] | None:
     columns = st.columns(2, gap="medium")
     with columns[0]:
         left = upload("Left video", bytes, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
     with columns[1]:
         right = upload("Right video", bytes, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
+    _show_limits()
     if left is None or right is None:
         forget_together(f"{KEY}.two")
         return None
@@ -297,16 +310,16 @@ def ask_methods(drive: Drive) -> DriveSettings:
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     lowest, needed = drive.range or (0, USUAL_DISPARITIES)
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
-        chosen = st.pills(
-            "Methods",
-            [*titles],
-            selection_mode="multi",
-            default=AT_FIRST,
-            format_func=titles.__getitem__,
-            **persistent(f"{KEY}.methods"),
-            wrap=True,
-        )
+    chosen = st.pills(
+        "Methods",
+        [*titles],
+        selection_mode="multi",
+        default=AT_FIRST,
+        format_func=titles.__getitem__,
+        **persistent(f"{KEY}.methods"),
+        wrap=True,
+    )
+    with st.container(horizontal=True, gap="small"):
         first, count = _ask_range(drive.first.digest, lowest, needed)
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
@@ -332,12 +345,11 @@ def ask_methods(drive: Drive) -> DriveSettings:
             found[name] = made[name].with_search_range(first, count)
         except SettingsError as error:
             show_refused(f"{titles[name]}: {error}")
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
-        motion = _ask_motion(drive)
-        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
-        field = SequenceSettings.model_fields["steadiness"]
-        steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
-        return DriveSettings(found, truth, motion, Steadiness() if steady else None)
+    motion = _ask_motion(drive)
+    truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
+    field = SequenceSettings.model_fields["steadiness"]
+    steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
+    return DriveSettings(found, truth, motion, Steadiness() if steady else None)
 
 
 def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
@@ -348,7 +360,7 @@ def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
         MOST - FEWEST,
         min(max(0, lowest), MOST - FEWEST),
         **persistent(f"{KEY}.first.{digest}"),
-        width=170,
+        width=HALF_WIDTH,
     )
     # OpenCV's methods search whole blocks of 16, which must fit too.
     most = (MOST - first) // FEWEST * FEWEST
@@ -363,7 +375,7 @@ def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
         FEWEST,
         **persistent(key),
         help=f"The maps of a drive are stored in KITTI’s format, which allows disparities up to {MOST} px.",
-        width=170,
+        width=HALF_WIDTH,
     )
     return first, count
 
@@ -392,7 +404,6 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
             10_000.0,
             float(rate),
             **persistent(f"{KEY}.rate.{drive.first.digest}"),
-            width=170,
             help="Of the camera. Speeds are only as accurate as this number; image files lack it, and 10 is assumed.",
         )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
