@@ -121,7 +121,7 @@ def choose_pair() -> Pair:
             width=FOLD_WIDTH,
         )
 
-    notes = st.container(horizontal=True, vertical_alignment="center", gap="small")
+    notes = st.container(horizontal=True, vertical_alignment="center", gap="small", key="depth-notes")
 
     def named(name: str) -> None:
         with place:
