@@ -54,7 +54,9 @@ PAGE_STYLE = """
 }
 [data-testid="stMarkdownContainer"] :is(p, li) { max-width: 52rem; }
 /* Tabs and choices that do not fit into one line go on in the next, rather than out of sight. */
-[data-testid="stTabs"] [role="tablist"], [data-testid="stButtonGroup"] [role="radiogroup"] { flex-wrap: wrap; row-gap: 0; }
+[data-testid="stTabs"] [role="tablist"], [data-testid="stButtonGroup"] [role="radiogroup"] {
+  flex-wrap: wrap; row-gap: 0;
+}
 .st-key-page-head > * { max-width: 100%; }
 .st-key-page-head > * [data-testid="stMarkdownContainer"] > p { padding-top: 0.35rem; }
 /* A table wider than a phone scrolls within its own box. */
