@@ -19,6 +19,7 @@ from stereolag.core.inputs import Image, as_stereo_pair, in_eight_bits, transpar
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
 from stereolag.core.showing import Shown
+from stereolag.loops.memory import keep_freed_memory
 
 
 class Reason(IntEnum):
@@ -143,6 +144,7 @@ class StereoMatcher(Settings):
                 raise ValueError(f"{name} is a {type(image).__name__}; give an array, such as sl.read_image({name}).")
         left_image, right_image = as_stereo_pair(left, right)
         check_memory(self.estimate(left_image.shape, left_image.dtype))
+        keep_freed_memory()
         start = time.perf_counter()
         left_image, right_image = with_border_transparent(left_image), with_border_transparent(right_image)
         found = self.match(*in_eight_bits(left_image, right_image), progress or silent)

@@ -30,6 +30,7 @@ import stereolag
 from stereolag.loops import compilation
 from stereolag.loops.bands import available_cores, over_bands, row_bands
 from stereolag.loops.compilation import FOLDER, MAKES_CODE, SOURCES, compiled
+from stereolag.loops.memory import LINE, MOST_KEPT, volume
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
@@ -355,3 +356,17 @@ def test_the_first_error_ends_the_job() -> None:
     with pytest.raises(ValueError, match="a bad row"):
         over_bands(work, 1000, most_rows=1)
     assert len(done) < 900
+
+
+def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
+    first = volume((3, 5, 7), np.uint16)
+    view, place = first[1:, ::2].T, first.ctypes.data
+    assert first.shape == (3, 5, 7) and place % LINE == 0
+    del first
+    view[:] = 1
+    other = volume((3, 5, 7), np.uint16)
+    other[:] = 2
+    assert (view == 1).all()
+    del view
+    assert volume((105,), np.uint16).ctypes.data == place
+    assert volume((MOST_KEPT,), np.uint8).size == MOST_KEPT

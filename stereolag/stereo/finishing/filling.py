@@ -9,6 +9,7 @@ import numpy as np
 from stereolag.core.arrays import Array, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import item
 from stereolag.stereo.matcher import Reason
 
 INWARD, BESIDE = 6, 3
@@ -87,7 +88,7 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
             start = x + 1
 
 
-@compiled
+@compiled(fastmath={"reassoc", "contract"})
 def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     """Return the mean of the measurements near an end of a gap that are close to the end in disparity."""
     height, width = disparity.shape
@@ -96,28 +97,33 @@ def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     end = disparity[y, x]
     total, count = np.float32(0), np.float32(0)
     for row in range(max(0, y - BESIDE), min(height, y + BESIDE + 1)):
-        for col in range(left, right):
-            apart = disparity[row, col] - end
+        for place in range(row * width + left, row * width + right):
+            apart = item(disparity, place) - end
             near = abs(apart) <= np.float32(SAME_SURFACE)  # false for NaN
             total += apart if near else np.float32(0)
             count += np.float32(1) if near else np.float32(0)
     return np.float32(end + total / count)
 
 
-@compiled
+@compiled(fastmath={"reassoc", "contract"})
 def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
     """Return the slant per column of the plane fitted to the right of (y, x); 0 where too little was measured."""
     height, width = disparity.shape
     top, bottom, right = max(0, y - SLANT_ROWS), min(height, y + SLANT_ROWS + 1), min(width, x + SLANT_COLS)
-    n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
+    n: Any = 0.0
+    sx = sy = sz = sxx = sxy = syy = sxz = syz = n
     for row in range(top, bottom):
-        for col in range(x, right):
-            z = float(disparity[row, col]) - value
-            if abs(z) <= SAME_SURFACE:
-                u, v = float(col - x), float(row - y)
-                n, sx, sy, sz = n + 1, sx + u, sy + v, sz + z
-                sxx, sxy, syy = sxx + u * u, sxy + u * v, syy + v * v
-                sxz, syz = sxz + u * z, syz + v * z
+        v, begin = float(row - y), row * width + x
+        # Sums of a row: only the columns differ, and without branches they vectorise.
+        m = mu = muu = mz = muz = np.float32(0)
+        for col in range(right - x):
+            apart, u = item(disparity, begin + col) - np.float32(value), np.float32(col)
+            near = abs(apart) <= np.float32(SAME_SURFACE)
+            w, z = np.float32(1) if near else np.float32(0), apart if near else np.float32(0)
+            m, mu, muu, mz, muz = m + w, mu + w * u, muu + w * u * u, mz + z, muz + u * z
+        n, sx, sy, sz = n + m, sx + mu, sy + v * m, sz + mz
+        sxx, sxy, syy = sxx + muu, sxy + v * mu, syy + v * v * m
+        sxz, syz = sxz + muz, syz + v * mz
     if n < COVERED * (bottom - top) * SLANT_COLS:
         return np.float32(0)
     cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n

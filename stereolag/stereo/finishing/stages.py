@@ -12,7 +12,7 @@ from pydantic import Field
 from stereolag.core.arrays import Array, FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
-from stereolag.loops.bands import over_bands, row_bands
+from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import (
     LANES,
@@ -154,7 +154,7 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
 
     Neighbours, left and right or above and below, are connected if their disparities, rounded to sixteenths, differ by
     no more than the settings allow. Runs of connected pixels in a row are joined where they touch a run of the row
-    above (Rosenfeld & Pfaltz 1966, by union-find), band by band; then the seams between the bands are joined.
+    above (Rosenfeld & Pfaltz 1966, by union-find).
 
     Parameters
     ----------
@@ -165,59 +165,77 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     settings
         Size below which an island is removed, and disparity step that bounds it.
     """
-    run = np.empty(disparity.shape, np.int32)
-    parent, pixels = np.empty(disparity.size, np.int32), np.empty(disparity.size, np.int32)
-    most, height = round(settings.difference * SIXTEENTHS), disparity.shape[0]
-
-    def connect(first: int, end: int) -> None:
-        _find_runs(disparity, most, first, end, run, parent, pixels)
-        _join_rows(disparity, most, first + 1, end, run, parent)
-
-    over_bands(connect, height)
-    for first, _ in row_bands(height, height)[1:]:
-        _join_rows(disparity, most, first, first + 1, run, parent)
-    _count_pixels(run, parent, pixels)
-    kept, reasons = np.empty_like(disparity), np.empty_like(reason)
-
-    def drop(first: int, end: int) -> None:
-        kept[first:end], reasons[first:end] = disparity[first:end], reason[first:end]
-        _drop_small(run, parent, pixels, settings.size, first, end, kept, reasons)
-
-    over_bands(drop, height)
+    height, most = disparity.shape[0], round(settings.difference * SIXTEENTHS)
+    sixteenths, counts = np.empty(disparity.shape, np.int16), np.empty(height, np.int32)
+    over_bands(lambda first, end: _count_runs(disparity, most, first, end, sixteenths, counts), height)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    runs = np.empty((2, starts[-1]), np.int32)
+    over_bands(lambda first, end: _find_runs(sixteenths, most, starts, first, end, runs), height)
+    kept, reasons = disparity.copy(), reason.copy()
+    _drop_small(runs, _surfaces(sixteenths, most, starts, runs), settings.size, starts, kept, reasons)
     return kept, reasons
 
 
 @compiled
-def _sixteenths(disparity: Any) -> Any:
-    """Return a disparity in whole sixteenths, NOTHING for NaN."""
-    return np.int32(np.rint(disparity * np.float32(SIXTEENTHS))) if disparity == disparity else np.int32(NOTHING)
+def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, counts: Array) -> None:
+    """Round the disparities of rows `first` to `end` to sixteenths, NOTHING for NaN, and count the runs of each row."""
+    for y in range(first, end):
+        row, source = sixteenths[y], disparity[y]
+        for x in range(row.size):
+            known = source[x] == source[x]
+            row[x] = np.int16(np.int32(np.rint(source[x] * np.float32(SIXTEENTHS)))) if known else np.int16(NOTHING)
+        count = np.int32(row[0] != NOTHING)
+        for x in range(1, row.size):
+            count += np.int32(_starts_run(np.int32(row[x - 1]), np.int32(row[x]), most))
+        counts[y] = count
 
 
 @compiled
-def _find_runs(disparity: FloatMap, most: int, first: int, end: int, run: Array, parent: Array, pixels: Array) -> None:
-    """Label each pixel of rows `first` to `end` with its run, the index of the run's first pixel; -1 for NaN.
+def _starts_run(before: Any, here: Any, most: Any) -> Any:
+    return (here != NOTHING) & ((before == NOTHING) | (abs(here - before) > most))
 
-    Each run starts as its own parent; `pixels` counts its pixels.
-    """
-    width = disparity.shape[1]
-    sixteenths = np.empty(width, np.int32)
+
+@compiled
+def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int, runs: Array) -> None:
+    """Set the first column of each run of rows `first` to `end`, and the column after its last."""
     for y in range(first, end):
-        for x in range(width):
-            sixteenths[x] = _sixteenths(disparity[y, x])
-        start, begin, before = -1, 0, NOTHING
-        for x in range(width):
-            here = sixteenths[x]
-            if here == NOTHING or start < 0 or abs(here - before) > most:
-                if start >= 0:
-                    pixels[start] = x - begin
-                start = -1
-                if here != NOTHING:
-                    start, begin = y * width + x, x
-                    parent[start] = start
-            run[y, x] = start
+        row, run = sixteenths[y], starts[y]
+        before = np.int32(NOTHING)
+        for x in range(row.size):
+            here = np.int32(row[x])
+            if (before != NOTHING) & ((here == NOTHING) | (abs(here - before) > most)):
+                runs[1, run] = x
+                run += 1
+            if _starts_run(before, here, most):
+                runs[0, run] = x
             before = here
-        if start >= 0:
-            pixels[start] = width - begin
+        if before != NOTHING:
+            runs[1, run] = row.size
+
+
+@compiled
+def _surfaces(sixteenths: Array, most: int, starts: Array, runs: Array) -> Array:
+    """Return the number of pixels of the surface of each run."""
+    parent = np.arange(runs.shape[1])
+    for y in range(1, sixteenths.shape[0]):
+        here, above = starts[y], starts[y - 1]
+        while here < starts[y + 1] and above < starts[y]:
+            last = min(runs[1, here], runs[1, above])
+            for x in range(max(runs[0, here], runs[0, above]), last):
+                if abs(np.int32(sixteenths[y, x]) - np.int32(sixteenths[y - 1, x])) <= most:
+                    one, other = _root(parent, here), _root(parent, above)
+                    parent[max(one, other)] = min(one, other)
+                    break
+            # The run that ends first meets no other; of two that end together the next ones do not meet these.
+            ends = runs[1, here] == last
+            above += runs[1, above] == last
+            here += ends
+    pixels = np.zeros(parent.size, np.int64)
+    for run in range(parent.size):
+        pixels[_root(parent, run)] += runs[1, run] - runs[0, run]
+    for run in range(parent.size):
+        pixels[run] = pixels[parent[run]]
+    return pixels
 
 
 @compiled
@@ -230,52 +248,13 @@ def _root(parent: Array, run: int) -> int:
 
 
 @compiled
-def _join_rows(disparity: FloatMap, most: int, first: int, end: int, run: Array, parent: Array) -> None:
-    """Join the runs of each row from `first` to `end` with the connected runs of the row above."""
-    for y in range(first, end):
-        last, last_above = -1, -1
-        for x in range(run.shape[1]):
-            here, above = run[y, x], run[y - 1, x]
-            if here < 0 or above < 0 or (here == last and above == last_above):
-                continue
-            if abs(_sixteenths(disparity[y, x]) - _sixteenths(disparity[y - 1, x])) <= most:
-                last, last_above = here, above
-                one, other = _root(parent, here), _root(parent, above)
-                parent[max(one, other)] = min(one, other)
-
-
-@compiled
-def _count_pixels(run: Array, parent: Array, pixels: Array) -> None:
-    """Point every run directly at the first run of its surface, and count the pixels of the surface there."""
-    width = run.shape[1]
-    for y in range(run.shape[0]):
-        x = 0
-        while x < width:
-            start = run[y, x]
-            if start < 0:
-                x += 1
-                continue
-            length = pixels[start]
-            root = parent[parent[start]]
-            parent[start] = root
-            if root != start:
-                pixels[root] += length
-            x += length
-
-
-@compiled
-def _drop_small(
-    run: Array, parent: Array, pixels: Array, size: int, first: int, end: int, disparity: FloatMap, reason: ReasonMap
-) -> None:
-    """Blank the pixels of rows `first` to `end` whose surface has fewer than `size` pixels."""
-    for y in range(first, end):
-        last, small = -1, False
-        for x in range(run.shape[1]):
-            if run[y, x] != last:
-                last = run[y, x]
-                small = last >= 0 and pixels[parent[last]] < size
-            if small:
-                disparity[y, x], reason[y, x] = np.float32(np.nan), SPECKLE
+def _drop_small(runs: Array, pixels: Array, size: int, starts: Array, disparity: FloatMap, reason: ReasonMap) -> None:
+    """Blank the runs whose surface has fewer than `size` pixels."""
+    for y in range(disparity.shape[0]):
+        for run in range(starts[y], starts[y + 1]):
+            if pixels[run] < size:
+                for x in range(runs[0, run], runs[1, run]):
+                    disparity[y, x], reason[y, x] = np.float32(np.nan), SPECKLE
 
 
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:

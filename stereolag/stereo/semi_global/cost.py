@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.core.arrays import Array
+from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Applies, Settings, marker
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import volume
 from stereolag.loops.vector_lanes import (
     LANES,
     bits_of_both,
@@ -134,16 +135,25 @@ def features(image: EightBit, radius: int) -> Features:
         np.asarray(blur(levels, cv2.CV_32F, (side, side), normalize=False, borderType=BORDER), np.float32)
         for blur in (cv2.boxFilter, cv2.sqrBoxFilter)
     )
-    energy += np.float32(side**2 * NOISE**2) - total * total * np.float32(1 / side**2)
-    words = census(image)
+    _invert(total, np.float32(1 / side**2), np.float32(side**2 * NOISE**2), energy)
+    low, high = census(image)
     return Features(
         levels=cv2.copyMakeBorder(levels, radius, radius, radius, radius, BORDER),
         total=total,
-        inverse=np.reciprocal(np.sqrt(energy, out=energy), out=energy),
+        inverse=energy,
         gradient=np.asarray(cv2.Sobel(image, cv2.CV_16S, 1, 0), np.int16),
-        census=words.astype(np.uint16),
-        census_high=(words >> 16).astype(np.uint16),
+        census=low,
+        census_high=high,
     )
+
+
+@compiled
+def _invert(total: FloatMap, share: Any, noise: Any, energy: FloatMap) -> None:
+    """Turn the sums of squares over windows into inverse square roots of their energy, with noise, about the mean."""
+    for y in range(total.shape[0]):
+        for x in range(total.shape[1]):
+            about_mean = energy[y, x] + (noise - total[y, x] * total[y, x] * share)
+            energy[y, x] = np.float32(1) / np.sqrt(about_mean)
 
 
 def right_features(image: EightBit, radius: int, before: int, after: int) -> Features:
@@ -153,11 +163,14 @@ def right_features(image: EightBit, radius: int, before: int, after: int) -> Fea
     one a window's height above it, which leaves the window when it enters: it is in the high 16 bits.
     """
     found, side = features(image, radius), 2 * radius + 1
-    levels = found.levels.astype(np.int32)
-    levels[side:] = (levels[side:] & 0xFFFF) | (levels[:-side] << 16)
+    levels = found.levels.view(np.uint16).astype(np.int32)
+    levels[side:] |= np.left_shift(found.levels[:-side], 16, dtype=np.int32)
 
     def framed(array: Array) -> Array:
-        return cv2.copyMakeBorder(cv2.flip(array, 1), 0, 0, before, after, cv2.BORDER_CONSTANT)
+        rows, cols = array.shape
+        room = np.zeros((rows, before + cols + after), array.dtype)
+        cv2.flip(array, 1, dst=room[:, before : before + cols])
+        return room
 
     return Features(*(framed(one) for one in found._replace(levels=levels)))
 
@@ -177,36 +190,42 @@ def correlation_reference(left: EightBit, right: EightBit, radius: int, settings
 
 RADIUS = 2
 BITS = (2 * RADIUS + 1) ** 2 - 1
-Words = npt.NDArray[np.uint32]
+HIGH_BITS = BITS - 16
+Words = npt.NDArray[np.uint16]
 
 
-def census(image: npt.NDArray[Any]) -> Words:
-    """Return (H, W) words of 24 bits, one per 5 × 5 neighbour in reading order, set if it is darker.
+def census(image: npt.NDArray[Any]) -> tuple[Words, Words]:
+    """Return the low 16 and the high 8 bits of words of 24, one per 5 × 5 neighbour in reading order, set if darker.
 
     The image is mirrored at its borders. Any increasing change of brightness leaves the words unchanged.
     """
     padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, BORDER)
-    words = np.empty(image.shape, np.uint32)
-    over_bands(lambda first, end: _census_rows(padded, first, end, words), image.shape[0])
-    return words
+    low, high = np.zeros(image.shape, np.uint16), np.zeros(image.shape, np.uint16)
+    _census_rows(padded, low, high)
+    return low, high
 
 
 @compiled
-def _census_rows(padded: npt.NDArray[Any], first: int, end: int, words: Words) -> None:
-    for y in range(first, end):
-        for x in range(words.shape[1]):
-            words[y, x] = 0
-        for row in range(2 * RADIUS + 1):
-            for col in range(2 * RADIUS + 1):
-                if row == RADIUS and col == RADIUS:
-                    continue
-                for x in range(words.shape[1]):
-                    darker = padded[y + row, x + col] < padded[y + RADIUS, x + RADIUS]
-                    words[y, x] = np.uint32(words[y, x] << np.uint32(1)) | np.uint32(darker)
+def _census_rows(padded: npt.NDArray[Any], low: Words, high: Words) -> None:
+    side, stride, width = 2 * RADIUS + 1, padded.shape[1], low.shape[1]
+    for y in range(low.shape[0]):
+        centre = (y + RADIUS) * stride + RADIUS
+        for bit in range(BITS):
+            place = bit if bit < BITS // 2 else bit + 1  # the pixel itself is no neighbour
+            neighbour = (y + place // side) * stride + place % side
+            _add_bit(padded, neighbour, centre, high if bit < HIGH_BITS else low, y * width, width)
 
 
-def census_reference(image: npt.NDArray[Any]) -> Words:
-    """Return the expected result of :func:`census`, computed with plain NumPy."""
+@compiled
+def _add_bit(padded: Array, neighbour: int, centre: int, words: Words, at: int, count: int) -> None:
+    """Append one bit to `count` words from place `at` on: whether the neighbour is darker than the centre."""
+    for x in range(count):
+        darker = np.uint16(item(padded, neighbour + x) < item(padded, centre + x))
+        put(words, at + x, np.uint16(np.uint16(item(words, at + x) << np.uint16(1)) | darker))
+
+
+def census_reference(image: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return the words of 24 bits expected of :func:`census`, computed with plain NumPy."""
     padded = np.pad(image, RADIUS, mode="reflect")
     rows, cols = image.shape
     words = np.zeros(image.shape, np.int64)
@@ -323,7 +342,10 @@ def matching_cost(
     radius = window_size // 2
     strips = -(-num_disparities // LANES) * LANES
     before, after = max(0, -min_disparity), max(0, min_disparity + strips - 1)
-    here, there = features(left, radius), right_features(right, radius, before, after)
+    work = (lambda: features(left, radius), lambda: right_features(right, radius, before, after))
+    described: dict[int, Features] = {}
+    over_bands(lambda first, end: described.update((one, work[one]()) for one in range(first, end)), len(work))
+    here, there = described[0], described[1]
     weights = Weights(
         half=settings.correlation * PARTS / 2,
         census=Scale.of(settings.census, BITS),
@@ -332,7 +354,7 @@ def matching_cost(
     )
     # The column of the right features that column 0 meets at the first lag.
     origin = left.shape[1] - 1 + before + min_disparity
-    costs = np.empty((*left.shape, num_disparities), np.uint8)
+    costs = volume((*left.shape, num_disparities), np.uint8)
     over_bands(
         lambda first, end: cost_rows(here, there, radius, min_disparity, origin, weights, first, end, costs), len(left)
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Array, FloatMap, Mask
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import item
 from stereolag.stereo.semi_global.cost import NOISE, EightBit
 
 LEAST_SCORE = 0.01
@@ -126,10 +128,10 @@ def _add_products(one: Array, other: Array, sign: int, sums: Array) -> None:
 
 
 @compiled
-def _total(sums: Array, one: int, x: int, window: int) -> int:
-    total = 0
-    for col in range(x, x + window):
-        total += sums[one, col]
+def _total(sums: Array, one: int, x: int, window: int) -> Any:
+    total, begin = np.int32(0), one * sums.shape[1] + x
+    for place in range(begin, begin + window):
+        total += item(sums, place)
     return total
 
 

@@ -14,6 +14,7 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import volume
 from stereolag.loops.vector_lanes import LANES, cast, item, load, put, smaller, smallest, splat, store
 
 Costs = npt.NDArray[np.uint8]
@@ -60,7 +61,7 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
         (H, W, D) uint16; semi-global matching minimises it.
     """
     height, width, lags = costs.shape
-    sums = np.empty(costs.shape, np.uint16)
+    sums = volume(costs.shape, np.uint16)
     guide = np.ascontiguousarray(guide)
     fronts = front(height, width, lags), front(height, width, lags)
     for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):

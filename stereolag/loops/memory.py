@@ -1,0 +1,60 @@
+"""Memory that is used again: to get fresh pages from the system can take longer than the loops that fill them."""
+
+from __future__ import annotations
+
+import math
+import weakref
+from collections import deque
+from contextlib import suppress
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import Array
+
+LINE = 64
+"""Bytes of a cache line; no sixteen lags of a volume that starts at one straddle two."""
+
+MOST_KEPT = 64 * 2**20
+"""Larger volumes are given back to the system."""
+
+_free: deque[Array] = deque(maxlen=2)
+
+
+class _Loan:
+    """Memory in use: what an array is made of, so that it ends with the last view of it."""
+
+    def __init__(self, memory: Array) -> None:
+        self.memory = memory
+        self.__array_interface__ = memory.__array_interface__
+        if memory.size <= MOST_KEPT:
+            weakref.finalize(self, _free.append, memory).atexit = False
+
+
+def _taken(size: int) -> Array:
+    """Return at least `size` bytes: of the memory kept, what is not more than twice as large, or fresh ones."""
+    for _ in range(len(_free)):
+        with suppress(IndexError):  # another thread took it
+            memory = _free.popleft()
+            if size <= memory.size <= 2 * size:
+                return memory
+            _free.append(memory)
+    return np.empty(size, np.uint8)
+
+
+def volume(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """Return an array like ``numpy.empty``, in the memory of an earlier one that is no longer used, if it fits."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = _taken(size + LINE)
+    start = -memory.ctypes.data % LINE
+    return np.asarray(_Loan(memory))[start : start + size].view(dtype).reshape(shape)
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Let the system's allocator keep freed memory: by default glibc gives that of maps back, and gets it page by page.
+
+    It keeps blocks as large as the largest that was ever freed, up to this size. Other allocators ignore it.
+    """
+    np.empty(2**25 - 2**16, np.uint8)
