@@ -269,7 +269,7 @@ COSTS: Mapping[str, Cost] = {
             {"grey": 1, "pixels": 88},
         ),
         {"pixels": 3.6e-7, "cells": 3e-9},
-        {"pixels": (4, 3)},
+        {"pixels": (4, 8)},
     ),
     # Stretching other types to 8 bits; the rows of costs kept at a time, or all costs; the map.
     "StereoBM": Cost(
