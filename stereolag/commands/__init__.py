@@ -7,6 +7,7 @@ demand, so that no command waits for the imports of another.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -38,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in MEASURING:
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it reads all that is installed, for none
         from stereolag.commands.arguments import guarded
 
         module = import_module(f"{__name__}.{given[0]}")

@@ -300,7 +300,7 @@ class Settings(BaseModel):
         A ``ValueError`` of one sentence that names the setting, its value and the allowed values.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True, defer_build=True)
 
     def __init__(self, **values: Any) -> None:
         try:

@@ -1,11 +1,12 @@
 """The compilation of this project's loops, and the folder of their machine code; the one door to Numba.
 
-Machine code is kept beside this file, or in the folder that ``NUMBA_CACHE_DIR`` names; a read-only install keeps it in
-the user's cache folder. If none of these can be written to, every process compiles again.
+A loop is compiled on its first call with arguments of new types. Machine code is kept beside this file, or in the
+folder that ``NUMBA_CACHE_DIR`` names; a read-only install keeps it in the user's cache folder. If none of these can be
+written to, every process compiles again. Kept machine code is loaded without Numba.
 
-The folder is named after the sources of the machine code. Numba checks only the file of the outermost function, and
-would keep using outdated code of the functions that this one calls. Besides, nothing has to be deleted that another
-process, perhaps of another release, has just written or is about to load.
+The folder is named after the sources of the machine code, of all loops at once: a loop contains those that it calls.
+Besides, nothing has to be deleted that another process, perhaps of another release, has just written or is about to
+load.
 """
 
 from __future__ import annotations
@@ -17,20 +18,21 @@ import re
 import shutil
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Set
+from collections.abc import Callable, Hashable, Set
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial, update_wrapper
+from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, overload
 
-import numba
-from numba import types as numba_types
-from numba.extending import overload as compiled_as
+import numpy as np
 
-from stereolag.loops.numba_inside import FunctionCache, rtsys
+from stereolag.loops import numba_inside
 
-__all__ = ["FOLDER", "compiled", "compiled_as", "numba_types"]
+__all__ = ["BEFORE_COMPILING", "FOLDER", "Deferred", "Loop", "compiled", "compiled_as"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -48,51 +50,132 @@ WITHOUT_LOOPS = {"ui", "commands", "figures"}
 UNUSED_S = 7 * 24 * 3600
 """Time for which machine code of other sources is kept after a process last started with it."""
 
-CONFIG: Any = numba.config
+SCALARS = {kind: np.dtype(kind).str for kind in (int, float, bool, complex)} | {type(None): "None"}
+"""Python's scalars, which to machine code are those of NumPy."""
+
+ALIGNED_AND_WRITEABLE = 0x500
+"""NumPy's flags of an array beside its layout that machine code depends on."""
+
+BEFORE_COMPILING: list[Callable[[], object]] = []
+"""Steps before the next compilation, which make known to Numba what loops name."""
+
+_COMPILING = threading.RLock()
+"""Held while a loop is compiled or loaded: neither Numba nor LLVM's loader can do two at once."""
 
 
-class OwnCode:
-    """The place of a loop's machine code, as Numba asks a locator class for it (``NUMBA_CACHE_LOCATOR_CLASSES``)."""
+class Deferred:
+    """Something that only Numba can make, for loops to name before it is loaded.
 
-    def __init__(self, function: Callable[..., Any], file: str) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._room = Path(file).absolute().relative_to(SOURCES).parent
-
-    @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> OwnCode:
-        """Return the locator of a loop."""
-        return cls(py_func, py_file)
-
-    def get_cache_path(self) -> str:
-        """Return the folder: one per subpackage, since two of them may have files of the same name."""
-        assert FOLDER is not None
-        return str(FOLDER / self._room)
-
-    def ensure_cache_path(self) -> None:
-        """Make the folder; Numba calls this before it writes."""
-        Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
-
-    def get_source_stamp(self) -> str:
-        """Return the stamp that must match for machine code to be used: the folder's name, a hash of the sources."""
-        assert FOLDER is not None
-        return FOLDER.name
-
-    def get_disambiguator(self) -> str:
-        """Return the line of a function, which distinguishes it from others of the same name in its file."""
-        return str(self._line)
-
-
-class OwnCache(FunctionCache):
-    """The machine code of a loop on disk, loaded without what only a compilation needs.
-
-    Numba makes all that it can compile known first, a third of a command's time; a compilation does so by itself.
+    Parameters
+    ----------
+    make
+        Makes it.
     """
 
-    def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
-        """Return the machine code for a signature; None if it is not kept."""
-        rtsys.initialize(target_context)  # the functions that machine code calls
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self.made = cache(make)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it."""
+        return self.made()(*arguments)
+
+
+@cache
+def _numba() -> Any:
+    """Load Numba, which learns here how loops name others and instructions."""
+    numba = import_module("numba")
+    context = import_module("numba.core.registry").cpu_target.typing_context
+    import_module("numba.extending").typeof_impl.register(Deferred)(
+        lambda value, _: context.resolve_value_type(value.made())
+    )
+    return numba
+
+
+class Loop(Deferred):
+    """A function that runs as machine code, made or loaded on the first call with arguments of new types.
+
+    Parameters
+    ----------
+    function
+        The function in Python.
+    fastmath
+        LLVM's names of the permitted floating-point relaxations.
+    """
+
+    def __init__(self, function: FunctionType, fastmath: Set[str]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
+        self._code: dict[Hashable, Callable[..., Any]] = {}
+        super().__init__(
+            lambda: _numba().njit(nogil=True, error_model="numpy", fastmath=set(fastmath))(function),
+        )
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code for arguments of these types."""
+        if len(arguments) < self._parameters:
+            arguments += self._defaults[len(arguments) - self._parameters :]
+        kinds = tuple(map(_kind, arguments))
+        return (self._code.get(kinds) or self._found(kinds, arguments))(*arguments)
+
+    def _found(self, kinds: tuple[Hashable, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        with _COMPILING:
+            if kinds not in self._code:
+                file = self._file(kinds)
+                code = None if file is None else _loaded(file, self.py_func)
+                self._code[kinds] = code or self._compiled(file, arguments)
+            return self._code[kinds]
+
+    def _file(self, kinds: tuple[Hashable, ...]) -> Path | None:
+        """Return the file of the machine code; None if it is not kept, as that of loops that are not ours."""
+        source = Path(self.py_func.__code__.co_filename).absolute()
+        if FOLDER is None or not source.is_relative_to(SOURCES):
+            return None
+        made_for = hashlib.sha256(f"{kinds} {_processor()}".encode()).hexdigest()[:16]
+        name = f"{source.stem}.{self.py_func.__qualname__}-{self.py_func.__code__.co_firstlineno}-{made_for}.code"
+        return FOLDER / source.relative_to(SOURCES).parent / name.replace("<locals>", "")
+
+    def _compiled(self, file: Path | None, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        while BEFORE_COMPILING:
+            BEFORE_COMPILING.pop(0)()
+        code, kept = numba_inside.compile_loop(self.made(), arguments)
+        if file is not None and kept is not None:
+            with suppress(OSError):  # a full disk: the next process compiles again
+                file.parent.mkdir(parents=True, exist_ok=True)
+                written = file.with_suffix(f".{os.getpid()}")
+                written.write_bytes(kept.packed())
+                written.replace(file)
+        return code
+
+
+def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
+    """Return the function whose machine code a file keeps; None if there is no such file, or none of use here."""
+    try:
+        kept = numba_inside.MachineCode.unpacked(file.read_bytes())
+        return None if kept is None else numba_inside.load(kept, function)
+    except OSError:
+        return None
+
+
+_processor = cache(numba_inside.processor)
+
+
+def _kind(value: Any) -> Hashable:
+    """Return what machine code depends on of an argument: all but its values and sizes.
+
+    Raises TypeError for anything but arrays and scalars of numbers, None, and tuples of them.
+    """
+    if isinstance(value, np.ndarray):
+        flags = value.flags.num
+        layout = "C" if flags & 1 else "F" if flags & 2 else "A"
+        return value.dtype.str, value.ndim, layout, flags & ALIGNED_AND_WRITEABLE
+    if scalar := SCALARS.get(type(value)):
+        return scalar
+    if isinstance(value, np.generic):
+        return value.dtype.str
+    if isinstance(value, tuple):
+        return (type(value).__qualname__, *map(_kind, value))
+    raise TypeError(f"A loop takes arrays, numbers and tuples of them, not {type(value).__qualname__}.")
 
 
 @overload
@@ -119,15 +202,20 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
     """
     if function is None:
         return partial(compiled, fastmath=fastmath)
-    loop: Any = numba.njit(nogil=True, error_model="numpy", fastmath=set(fastmath))(function)
-    if FOLDER is not None and Path(function.__code__.co_filename).absolute().is_relative_to(SOURCES):
-        # Numba chooses the locator now, and for functions that are not ours its own.
-        others, CONFIG.CACHE_LOCATOR_CLASSES = CONFIG.CACHE_LOCATOR_CLASSES, f"{__name__}.{OwnCode.__name__}"
-        try:
-            loop._cache = OwnCache(function)  # type: ignore[no-untyped-call]
-        finally:
-            CONFIG.CACHE_LOCATOR_CLASSES = others
-    return loop
+    return Loop(function, fastmath)
+
+
+def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Let compiled code have a function of its own for a plain one, chosen by the types of the arguments.
+
+    The decorated function gets Numba's types, and returns the function to compile.
+    """
+
+    def decorate(choose: Function) -> Function:
+        BEFORE_COMPILING.append(lambda: import_module("numba.extending").overload(function, strict=False)(choose))
+        return choose
+
+    return decorate
 
 
 def folder_name() -> str:
@@ -135,7 +223,7 @@ def folder_name() -> str:
 
     Contents are compared, not times: an archive or a wrong clock can give a file any date.
     """
-    digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__}".encode())
+    digest = hashlib.sha256(f"{sys.implementation.cache_tag} ".encode() + numba_inside.version())
     for source in sorted(SOURCES.rglob("*.py")):
         if source.relative_to(SOURCES).parts[0] in WITHOUT_LOOPS:
             continue
@@ -166,7 +254,7 @@ def _prepared(folder: Path) -> Path:
 
 def _find_folder() -> Path | None:
     """Choose the folder before anything is compiled, and log it if it is not the usual one; None if there is none."""
-    usual = Path(CONFIG.CACHE_DIR).absolute() if CONFIG.CACHE_DIR else HERE.with_name("__pycache__")
+    usual = Path(named).absolute() if (named := os.environ.get("NUMBA_CACHE_DIR")) else HERE.with_name("__pycache__")
     name, log = folder_name(), logging.getLogger("stereolag")
     try:
         return _prepared(usual / name)

@@ -1,14 +1,194 @@
 """All that loops take from the inside of Numba: what registers hold, and how machine code is kept and loaded.
 
-Numba documents none of it: instructions for vector registers are written with its code generator, and a kept loop is
-loaded by a cache of our own, without all that a compiler needs.
+Numba documents none of it: instructions for vector registers are written with its code generator, and kept machine
+code is loaded without Numba, whose import takes longer than most measurements. Machine code only needs LLVM's loader
+and the C modules of Numba that it calls. Where anything differs from what a compilation has noted, nothing is loaded,
+and Numba compiles again.
 """
 
 from __future__ import annotations
 
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.caching import FunctionCache
-from numba.core.runtime.nrt import rtsys
+import ctypes
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-__all__ = ["FunctionCache", "cgutils", "ir", "rtsys", "types"]
+if TYPE_CHECKING:
+    from llvmlite import ir
+    from numba.core import cgutils, types
+
+__all__ = ["MachineCode", "cgutils", "compile_loop", "ir", "load", "processor", "types", "version"]
+
+MODULES = {"ir": "llvmlite.ir", "cgutils": "numba.core.cgutils", "types": "numba.core.types"}
+"""Modules that instructions are written with, loaded when a loop is first compiled."""
+
+RUNTIME = ("numba._dynfunc", "numba._helperlib", "numba.core.runtime._nrt_python")
+"""Numba's C modules that machine code calls: functions as Python objects, conversions, memory of arrays."""
+
+
+class MachineCode(NamedTuple):
+    """The compiled code of a loop for arguments of certain types."""
+
+    code: bytes
+    """An object file of the machine that compiled it."""
+    entry: str
+    """The symbol of the function that takes Python's arguments."""
+    environments: tuple[tuple[str, list[Any]], ...]
+    """Symbols and constants of the Python objects that the code uses; the loop's own come first."""
+    calls: tuple[str, ...]
+    """Symbols that the process must provide."""
+
+    def packed(self) -> bytes:
+        """Return it as bytes for a file, with their checksum."""
+        content = pickle.dumps(tuple(self))
+        return hashlib.sha256(content).digest() + content
+
+    @classmethod
+    def unpacked(cls, data: bytes) -> MachineCode | None:
+        """Return what :meth:`packed` made; None for anything else."""
+        checksum, content = data[:32], data[32:]
+        return cls(*pickle.loads(content)) if hashlib.sha256(content).digest() == checksum else None
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Return one of the modules that instructions are written with."""
+    if name not in MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module(MODULES[name])
+
+
+@cache
+def version() -> bytes:
+    """Return what distinguishes this Numba and llvmlite from others, without loading them; raises ImportError."""
+    return b"".join(_folder(name).joinpath("_version.py").read_bytes() for name in ("numba", "llvmlite"))
+
+
+def _folder(name: str) -> Path:
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+    return Path(spec.origin).parent
+
+
+def processor() -> str:
+    """Return the name of the processor and of its abilities, for which machine code is made."""
+    from llvmlite import binding
+
+    return f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
+
+
+def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], MachineCode | None]:
+    """Compile a loop for arguments of these types.
+
+    Parameters
+    ----------
+    dispatcher
+        The function, as Numba compiles it.
+    arguments
+        Arguments of a call.
+
+    Returns
+    -------
+    tuple
+        The function to call, and its machine code, None if it is only of use in this process.
+    """
+    from numba import typeof
+
+    signature = tuple(map(typeof, arguments))
+    function = dispatcher.compile(signature)
+    made = dispatcher.overloads[signature]
+    if made.lifted or made.reload_init or made.library.has_dynamic_globals:
+        return function, None
+    code, _ = made.library.serialize_using_object_code()[2]
+    environments = {each.env_name: each.consts for each in (made.environment, *made._find_referenced_environments())}
+    module = made.library._final_module
+    named = [
+        each.name for group in (module.functions, module.global_variables) for each in group if each.is_declaration
+    ]
+    calls = tuple(name for name in named if not name.startswith("llvm."))
+    return function, MachineCode(code, made.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
+
+
+def load(kept: MachineCode, function: FunctionType) -> Callable[..., Any] | None:
+    """Load machine code into this process.
+
+    Parameters
+    ----------
+    kept
+        The machine code.
+    function
+        The function that was compiled.
+
+    Returns
+    -------
+    callable or None
+        The function to call; None if the process lacks a symbol that the code calls (LLVM would end the process).
+    """
+    binding, make_function, environment = _runtime()
+    machine = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    if any(binding.address_of_symbol(name) is None for name in kept.calls):
+        return None
+    engine.add_object_file(binding.ObjectFileRef.from_data(kept.code))
+    engine.finalize_object()
+    environments = []
+    for name, constants in kept.environments:
+        environments.append(environment(function.__globals__))
+        environments[-1].consts[:] = constants
+        if address := engine.get_global_value_address(name):
+            ctypes.c_void_p.from_address(address).value = id(environments[-1])
+    return make_function(  # type: ignore[no-any-return]
+        sys.modules.get(function.__module__),
+        function.__name__,
+        function.__doc__ or "",
+        engine.get_function_address(kept.entry),
+        environments[0],
+        (engine, *environments),  # which must live as long as the function
+    )
+
+
+@cache
+def _runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
+    """Load all that machine code calls; return LLVM's loader, and Numba's functions and environments of Python objects.
+
+    Numba later finds its C modules loaded, and gives their symbols the same addresses again.
+    """
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    functions, helpers, memory = map(_c_module, RUNTIME)
+    symbols = {f"PyExc_{kind.__name__}": id(kind) for kind in vars(sys.modules["builtins"]).values() if _is_error(kind)}
+    symbols["_Py_NoneStruct"] = id(None)
+    for prefix, module in (("numba_", functions), ("numba_", helpers), ("NRT_", memory)):
+        symbols |= {
+            name if name[0] == "_" and module is memory else prefix + name: at for name, at in module.c_helpers.items()
+        }
+    for name, address in symbols.items():
+        binding.add_symbol(name, address)
+    return binding, functions.make_function, functions.Environment
+
+
+def _is_error(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, BaseException)
+
+
+def _c_module(name: str) -> Any:
+    """Return a C module of Numba, without importing the packages that it is in."""
+    if name not in sys.modules:
+        file = _folder("numba").joinpath(*name.split(".")[1:])
+        (path,) = (path for suffix in EXTENSION_SUFFIXES if (path := file.with_name(file.name + suffix)).exists())
+        spec = spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        sys.modules[name] = module
+    return sys.modules[name]

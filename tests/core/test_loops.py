@@ -24,12 +24,11 @@ from typing import TextIO, TypeAlias
 
 import numpy as np
 import pytest
-from numba.core.dispatcher import Dispatcher
 
 import stereolag
-from stereolag.loops import compilation
+from stereolag.loops import compilation, numba_inside
 from stereolag.loops.bands import available_cores, over_bands, row_bands
-from stereolag.loops.compilation import FOLDER, MAKES_CODE, SOURCES, compiled
+from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, volume
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
@@ -37,27 +36,28 @@ COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 PROJECT = Path(__file__).resolve().parents[2]
 
 SMALL_LAG = """
+import sys
 import numpy as np
 import stereolag as sl
 sound = np.random.default_rng(0).normal(size=400)
-print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag)
+print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag, "numba" in sys.modules)
 """
 """A measurement with few loops, because each start without machine code compiles them."""
 
 TWO_LOOPS = """
 import sys
-import inner
-from compilation import compiled
+from stereolag.loops.compilation import compiled
+from stereolag.loops.inner import inner
 @compiled
 def outer(number):
-    return inner.inner(number)
+    return inner(number)
 if "wait" in sys.argv:
     print("ready", flush=True)
     input()
 print(outer(1))
 """
 INNER = """
-from compilation import compiled
+from stereolag.loops.compilation import compiled
 @compiled
 def inner(number):
     return number + {}
@@ -134,9 +134,11 @@ def loops(tmp_path: Path) -> Path:
 
 def two_loops(package: Path, number: int = 1) -> Path:
     """Make a package that contains only a folder with the decorator and two loops, and return that folder."""
-    room = package / "room"
+    room = package / "stereolag" / "loops"
     room.mkdir(parents=True)
-    shutil.copy(SOURCES / COMPILATION, room)
+    for source in ("__init__.py", "loops/__init__.py", "loops/compilation.py", "loops/numba_inside.py"):
+        shutil.copy(SOURCES / source, room.parent / source)
+    room.parent.joinpath("__init__.py").write_text("")
     (room / "outer.py").write_text(TWO_LOOPS)
     (room / "inner.py").write_text(INNER.format(number))
     return room
@@ -159,19 +161,30 @@ def variables_for(folder: Path) -> dict[str, str]:
 
 def code_in(folder: Path) -> dict[str, int]:
     """Return the machine code files anywhere in a folder, with their modification times."""
-    return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.nbc")}
+    return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.code")}
 
 
-def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(tmp_path: Path) -> None:
+def test_a_first_start_keeps_machine_code_beside_the_sources_and_later_ones_load_it_without_numba(
+    tmp_path: Path,
+) -> None:
     install = tmp_path / "install"
     shutil.copytree(PROJECT / "stereolag", install / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
     command = [sys.executable, "-B", "-W", "error", "-c", SMALL_LAG]
-    told = subprocess.run(
-        command, cwd=tmp_path, env=variables_for(install), capture_output=True, text=True, check=False
-    )
-    assert (told.stdout, told.stderr) == ("4\n", "")
-    assert code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
-    assert not code_in(tmp_path / "temporary")
+
+    def started() -> tuple[str, str]:
+        told = subprocess.run(
+            command, cwd=tmp_path, env=variables_for(install), capture_output=True, text=True, check=False
+        )
+        return told.stdout, told.stderr
+
+    assert started() == ("4 True\n", "")
+    code = code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
+    assert code and not code_in(tmp_path / "temporary")
+    assert started() == ("4 False\n", "")
+    damaged = Path(next(iter(code)))
+    damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
+    assert started() == ("4 True\n", "")
+    assert started() == ("4 False\n", "")
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path, run: Run) -> None:
@@ -257,7 +270,7 @@ def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_
     assert run(loops) == ("4\n", "")
 
 
-def modules_with_loops() -> dict[ModuleType, list[Dispatcher]]:
+def modules_with_loops() -> dict[ModuleType, list[Loop]]:
     """Return every module of the library that defines loops, with these."""
     names = [module.name for module in pkgutil.walk_packages(stereolag.__path__, "stereolag.")]
     library = [importlib.import_module(name) for name in names if name.split(".")[1] not in ("ui", "app", "commands")]
@@ -265,7 +278,7 @@ def modules_with_loops() -> dict[ModuleType, list[Dispatcher]]:
         module: [
             value
             for value in vars(module).values()
-            if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__
+            if isinstance(value, Loop) and value.py_func.__module__ == module.__name__
         ]
         for module in library
     }
@@ -275,7 +288,6 @@ def modules_with_loops() -> dict[ModuleType, list[Dispatcher]]:
 def test_every_loop_is_kept_in_the_folder_that_is_named_by_all_that_loops_are_made_of() -> None:
     constants = 0
     for module, found in modules_with_loops().items():
-        assert FOLDER is not None and all(Path(one.stats.cache_path).is_relative_to(FOLDER) for one in found)
         assert MAKES_CODE.search(Path(inspect.getfile(module)).read_bytes()), module
         used = {name for loop in found for name in loop.py_func.__code__.co_names}
         for statement in ast.walk(ast.parse(inspect.getsource(module))):
@@ -298,6 +310,35 @@ def test_nothing_is_divided_by_zero_with_an_error_and_nan_is_an_answer() -> None
 
     for function in (ratio, loose):
         assert np.isnan(function(0.0, 0.0)) and function(1.0, 0.0) == np.inf
+
+
+def of_each_kind(numbers: np.ndarray, pair: tuple[int, np.ndarray], factor: float = 2.0) -> tuple[np.ndarray, float]:
+    """Return an array and a number made of arrays, a tuple and a number."""
+    if numbers.size < 2:
+        raise ValueError("too few")
+    return factor * numbers[::-1].astype(np.float64) + pair[0] * pair[1], numbers.sum()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did(dtype: type) -> None:
+    loop = compiled(of_each_kind)
+    numbers = (np.random.default_rng(1).random((8, 6)) * 9).astype(dtype)
+    fixed = numbers[:, 1].copy()
+    fixed.flags.writeable = False
+    columns = (numbers[:, 1], numbers[:, 1].copy(), fixed)
+    for column, factors in zip(columns, ((), (np.float32(0.5),), (3,)), strict=True):
+        pair = (2, np.arange(float(column.size)))
+        expected = of_each_kind(column, pair, *factors)
+        arguments = (column, pair, *(factors or of_each_kind.__defaults__))
+        kept = numba_inside.compile_loop(loop.made(), arguments)[1]
+        again = numba_inside.load(numba_inside.MachineCode.unpacked(kept.packed()), of_each_kind)
+        for found in (loop(column, pair, *factors), again(*arguments)):
+            assert np.array_equal(found[0], expected[0]) and found[1] == expected[1]
+    with pytest.raises(ValueError, match="too few"):
+        again(fixed[:1], pair, 3)
+    assert numba_inside.load(kept._replace(calls=("no_such_function",)), of_each_kind) is None
+    with pytest.raises(TypeError, match="not str"):
+        loop("text", pair)
 
 
 def test_nothing_else_imports_numba_or_compiles() -> None:

@@ -9,17 +9,16 @@ import signal
 import socket
 import sys
 import traceback
+from pathlib import Path
 
 import numba
-from numba.core import config
 
 
 def run(folder: str, arguments: list[str], environment: dict[str, str]) -> None:
     """Run ``outer.py`` of a folder as a script."""
     os.environ.clear()
     os.environ.update(environment)
-    config.reload_config()
-    sys.path.insert(0, folder)
+    sys.path.insert(0, str(Path(folder).parents[1]))
     sys.argv[1:] = arguments
     runpy.run_path(f"{folder}/outer.py", run_name="__main__")
 

@@ -26,11 +26,12 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.core.arrays import Array
-from stereolag.loops.compilation import compiled, compiled_as, numba_types
+from stereolag.loops.compilation import compiled, compiled_as
 from stereolag.loops.vector_lanes import (
     LANES,
     at_least,
     cast,
+    is_integer,
     item,
     larger,
     largest,
@@ -74,7 +75,7 @@ def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any
     """Return an entering left pixel and the leaving one `back` before it, in all lanes; for compiled code only."""
 
 
-@compiled_as(left_change, strict=False)
+@compiled_as(left_change)
 def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -> Any:
     def packed(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
         enters = np.int32(item(left, at)) if which != NEITHER else np.int32(0)
@@ -86,14 +87,14 @@ def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -
         leaves = item(left, at - back) if which == BOTH else 0.0
         return splat(enters, rows.dtype), splat(leaves, rows.dtype)
 
-    return packed if isinstance(rows.dtype, numba_types.Integer) else apart
+    return packed if is_integer(rows.dtype) else apart
 
 
 def change(left: Any, rows: Array, at: int, back: int) -> Any:
     """Return the change in the products of a left pixel with sixteen right ones; for compiled code only."""
 
 
-@compiled_as(change, strict=False)
+@compiled_as(change)
 def _change_of_type(left: Any, rows: Any, at: Any, back: Any) -> Any:
     def packed(left: Any, rows: Array, at: int, back: int) -> Any:
         return paired_products(load(rows, at), left)
@@ -101,7 +102,7 @@ def _change_of_type(left: Any, rows: Any, at: Any, back: Any) -> Any:
     def apart(left: Any, rows: Array, at: int, back: int) -> Any:
         return left[0] * load(rows, at) - left[1] * load(rows, at - back)
 
-    return packed if isinstance(rows.dtype, numba_types.Integer) else apart
+    return packed if is_integer(rows.dtype) else apart
 
 
 @compiled

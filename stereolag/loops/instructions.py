@@ -1,0 +1,282 @@
+"""The instructions of :mod:`stereolag.loops.vector_lanes`, written for LLVM; loaded when a loop is first compiled."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+from typing import cast as declare
+
+from numba.extending import intrinsic, models, overload, register_model
+
+from stereolag.loops.numba_inside import cgutils, ir, types
+from stereolag.loops.vector_lanes import LANES
+
+Instruction = Callable[..., Any]
+
+
+def _instruction(typing_and_code: Instruction) -> Instruction:
+    """Make an instruction for compiled code; a type checker sees a plain function."""
+    return declare(Instruction, intrinsic(typing_and_code))
+
+
+class Lanes(types.Type):
+    """Sixteen numbers of one dtype, as Numba's type system sees them."""
+
+    def __init__(self, dtype: Any) -> None:
+        self.dtype = dtype
+        super().__init__(name=f"Lanes({dtype})")
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, lanes: Lanes) -> None:
+        vector = ir.VectorType(manager.lookup(lanes.dtype).get_value_type(), LANES)
+        super().__init__(manager, lanes, vector)  # type: ignore[no-untyped-call]
+
+
+def is_integer(dtype: Any) -> bool:
+    """Return whether a type of numbers, as Numba has it, is one of integers."""
+    return isinstance(dtype, types.Integer)
+
+
+def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
+    return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
+
+
+@_instruction
+def item(typing: Any, array: Any, index: Any) -> Any:
+    """Return one element: ``array.ravel()[index]``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_address(context, builder, signature.args[0], *arguments))
+
+    return array.dtype(array, types.intp), generate
+
+
+@_instruction
+def put(typing: Any, array: Any, index: Any, value: Any) -> Any:
+    """Set one element: ``array.ravel()[index] = value``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments[:2])
+        builder.store(context.cast(builder, arguments[2], signature.args[2], array.dtype), address)
+
+    return types.void(array, types.intp, value), generate
+
+
+@_instruction
+def nearest(typing: Any, value: Any, dtype: Any) -> Any:
+    """Return the number of `dtype` nearest to a float64, rounded for an integer type."""
+    target = dtype.dtype
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        number = arguments[0]
+        if isinstance(target, types.Integer):
+            rint = builder.module.declare_intrinsic("llvm.rint", [number.type])
+            return builder.fptosi(builder.call(rint, [number]), context.get_value_type(target))
+        return context.cast(builder, number, types.float64, target)
+
+    return target(types.float64, dtype), generate
+
+
+@_instruction
+def load(typing: Any, array: Any, index: Any) -> Any:
+    """Return sixteen elements: ``array.ravel()[index : index + 16]``."""
+    lanes = Lanes(array.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments)
+        vector = context.get_value_type(lanes)
+        return builder.load(builder.bitcast(address, vector.as_pointer()), align=array.dtype.bitwidth // 8)
+
+    return lanes(array, types.intp), generate
+
+
+@_instruction
+def store(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
+    """Set sixteen elements: ``array.ravel()[index : index + 16] = lanes``."""
+    if lanes != Lanes(array.dtype):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments[:2])
+        vector = arguments[2]
+        builder.store(vector, builder.bitcast(address, vector.type.as_pointer()), align=array.dtype.bitwidth // 8)
+
+    return types.void(array, types.intp, lanes), generate
+
+
+@_instruction
+def splat(typing: Any, value: Any, dtype: Any) -> Any:
+    """Return `value`, as `dtype`, in all sixteen lanes."""
+    lanes = Lanes(dtype.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        number = context.cast(builder, arguments[0], signature.args[0], lanes.dtype)
+        nothing = ir.Constant(context.get_value_type(lanes), ir.Undefined)
+        first = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
+        return builder.shuffle_vector(first, nothing, _places([0] * LANES))
+
+    return lanes(value, dtype), generate
+
+
+@_instruction
+def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
+    """Return `lanes` converted to `dtype`, lane by lane; floats lose their fraction on the way to integers."""
+    source, target = lanes.dtype, dtype.dtype
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if context.get_value_type(source) == context.get_value_type(target):
+            return arguments[0]
+        convert = getattr(builder, _conversion(source, target))
+        return convert(arguments[0], context.get_value_type(Lanes(target)))
+
+    return Lanes(target)(lanes, dtype), generate
+
+
+def _conversion(source: Any, target: Any) -> str:
+    """Return the name of LLVM's instruction; narrower integers keep their low bits."""
+    from_integer, to_integer = isinstance(source, types.Integer), isinstance(target, types.Integer)
+    if from_integer and to_integer:
+        return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
+    if from_integer:
+        return "sitofp" if source.signed else "uitofp"
+    if to_integer:
+        return "fptosi"
+    return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
+
+
+def _function(builder: Any, result: Any, argument: Any, name: str) -> Any:
+    """Return one of LLVM's own functions."""
+    function = ir.FunctionType(result, [argument])
+    return cgutils.get_or_insert_function(builder.module, function, name)  # type: ignore[no-untyped-call]
+
+
+def _of_two(generate: Callable[..., Any]) -> Instruction:
+    """Make an instruction that takes two values of type ``Lanes`` to one; `generate` writes it with LLVM's builder."""
+
+    def typing_and_code(typing: Any, one: Any, other: Any) -> Any:
+        return one(one, other), lambda context, builder, signature, arguments: generate(builder, *arguments)
+
+    return _instruction(typing_and_code)
+
+
+def _pairs_multiplied(builder: Any, *pairs: Any) -> Any:
+    halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
+    first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in pairs)
+    products = builder.mul(first, second)
+    low, high = (builder.shuffle_vector(products, products, _places(range(at, 2 * LANES, 2))) for at in (0, 1))
+    return builder.add(low, high)
+
+
+paired_products = _of_two(_pairs_multiplied)
+"""Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
+
+Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
+"""
+
+
+def _upper_halves_of_products(builder: Any, one: Any, other: Any) -> Any:
+    wide = ir.VectorType(ir.IntType(32), LANES)
+    product = builder.mul(builder.zext(one, wide), builder.zext(other, wide))
+    return builder.trunc(builder.lshr(product, ir.Constant(wide, [16] * LANES)), one.type)
+
+
+scaled = _of_two(_upper_halves_of_products)
+"""Return the upper 16 bits of the product of two uint16: `one` times `other` / 65536 (``vpmulhuw``)."""
+
+
+def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
+    of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # whose bits are counted by a table of half a byte
+    count = _function(builder, of_bytes, of_bytes, f"llvm.ctpop.v{2 * LANES}i8")
+    first, second = (builder.call(count, [builder.bitcast(lanes, of_bytes)]) for lanes in (one, other))
+    pairs = builder.bitcast(builder.add(first, second), one.type)
+    low = builder.and_(pairs, ir.Constant(one.type, [255] * LANES))
+    return builder.add(low, builder.lshr(pairs, ir.Constant(one.type, [8] * LANES)))
+
+
+bits_of_both = _of_two(_bits_of_both)
+"""Return the number of set bits of two uint16 together, lane by lane."""
+
+larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
+"""Return the larger of two integers, lane by lane."""
+
+smaller = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned("<", one, other), one, other))
+"""Return the smaller of two unsigned integers, lane by lane."""
+
+at_least = _of_two(lambda builder, one, other: builder.select(builder.fcmp_ordered(">", one, other), one, other))
+"""Return the larger of two floats, lane by lane; the second for NaN."""
+
+
+@_instruction
+def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) -> Any:
+    """Return `then` where ``one <= other`` (signed integers), and `otherwise` elsewhere."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.icmp_signed("<=", *arguments[:2]), *arguments[2:])
+
+    return then(one, other, then, otherwise), generate
+
+
+@_instruction
+def are_equal(typing: Any, one: Any, other: Any) -> Any:
+    """Return whether all sixteen integers equal those of `other`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        apart = builder.bitcast(builder.icmp_signed("!=", *arguments), ir.IntType(LANES))
+        return builder.icmp_signed("==", apart, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(one, other), generate
+
+
+def _over_lanes(operation: str, number: Any) -> Instruction:
+    """Make the instruction that reduces sixteen integers of a type to one by one of LLVM's operations."""
+
+    def typing_and_code(typing: Any, lanes: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            name = f"llvm.vector.reduce.{operation}.v{LANES}i{number.bitwidth}"
+            return builder.call(_function(builder, ir.IntType(number.bitwidth), arguments[0].type, name), arguments)
+
+        return number(lanes), generate
+
+    return _instruction(typing_and_code)
+
+
+smallest = _over_lanes("umin", types.uint16)
+"""Return the smallest of sixteen uint16."""
+
+largest = _over_lanes("smax", types.int32)
+"""Return the largest of sixteen int32."""
+
+
+def _places(lanes: Sequence[int]) -> Any:
+    return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
+
+
+def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
+    """Give ``Lanes`` one operator: LLVM's instructions for integers and for floats (None: no such instruction)."""
+
+    @_instruction
+    def lane_by_lane(typing: Any, one: Any, other: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            if isinstance(one.dtype, types.Integer):
+                return getattr(builder, integers)(*arguments)
+            # "contract" lets a product and a sum become one fused instruction; it leaves NaN and infinity alone.
+            return getattr(builder, str(floats))(*arguments, flags=("contract",))
+
+        return one(one, other), generate
+
+    @overload(symbol, strict=False)
+    def on_lanes(one: Any, other: Any) -> Any:
+        usable = isinstance(one, Lanes) and one == other and (floats or isinstance(one.dtype, types.Integer))
+        return (lambda one, other: lane_by_lane(one, other)) if usable else None
+
+
+_let_operator_work(operator.add, "add", "fadd")
+_let_operator_work(operator.sub, "sub", "fsub")
+_let_operator_work(operator.mul, "mul", "fmul")
+_let_operator_work(operator.and_, "and_", None)
+_let_operator_work(operator.or_, "or_", None)
+_let_operator_work(operator.xor, "xor", None)
+_let_operator_work(operator.rshift, "lshr", None)
