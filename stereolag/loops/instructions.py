@@ -9,8 +9,7 @@ from typing import cast as declare
 
 from numba.extending import intrinsic, models, overload, register_model
 
-from stereolag.loops.numba_inside import cgutils, ir, types
-from stereolag.loops.vector_lanes import LANES
+from stereolag.loops.numba_inside import LANES, cgutils, ir, types
 
 Instruction = Callable[..., Any]
 

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from llvmlite import ir
     from numba.core import cgutils, types
 
-__all__ = ["MachineCode", "cgutils", "compile_loop", "ir", "load", "processor", "types", "version"]
+__all__ = ["LANES", "MachineCode", "cgutils", "compile_loop", "ir", "load", "processor", "types", "version"]
+
+LANES = 16
+"""Numbers that the registers hold side by side."""
 
 MODULES = {"ir": "llvmlite.ir", "cgutils": "numba.core.cgutils", "types": "numba.core.types"}
 """Modules that instructions are written with, loaded when a loop is first compiled."""

@@ -16,9 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from stereolag.loops.compilation import BEFORE_COMPILING, Deferred
-
-LANES = 16
-"""Numbers in a value of type ``Lanes``."""
+from stereolag.loops.numba_inside import LANES as LANES
 
 if TYPE_CHECKING:
     from stereolag.loops.instructions import *  # noqa: F403
