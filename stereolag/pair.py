@@ -40,7 +40,7 @@ from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import StoredDisparity, read_disparity, read_frame, read_image, read_stored_disparity
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.settings import Session, holds_session, read_session
-from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, read_archive, read_bytes
+from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
 from stereolag.samples import StereoExample
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -593,6 +593,7 @@ class PairSet:
             except ValueError as error:
                 notes.append(f"The pair’s calibration is not used. {error}")
         description = f"Pair “{escape(files.name)}”."
+        notes.append(f"{quote(files.left)} is the left image, {quote(files.right)} the right one.")
         return assemble_pair(left, right, truth, calibration, id=pair_id, notes=notes, description=description)
 
 

@@ -24,6 +24,7 @@ from streamlit.proto.BackMsg_pb2 import BackMsg
 from streamlit.proto.ClientState_pb2 import ClientState
 from streamlit.proto.Element_pb2 import Element
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
+from streamlit.runtime.app_session import AppSession
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 from streamlit.runtime.state.safe_session_state import SafeSessionState
 from streamlit.runtime.uploaded_file_manager import UploadedFile
@@ -135,6 +136,24 @@ def run_again_when_reconnected() -> None:
     Streamlit keeps the old page on the screen, whose files and results may be gone, and tells only its own elements.
     """
     _watch(key="reconnection", on_back_change=lambda: None)
+
+
+_run_again = AppSession.request_rerun
+
+
+def _run_again_unless_left(session: AppSession, asked: ClientState | None) -> None:
+    """Request a run, unless a part of a page asks for it that the visitor has left.
+
+    Streamlit would run nothing under the name of the old page, at which the browser empties the new one.
+    """
+    if asked is not None and asked.page_script_hash:
+        if asked.fragment_id and asked.page_script_hash != session.page_script_hash:
+            return
+        session._client_state.page_script_hash = asked.page_script_hash  # Streamlit notes it only once that page runs
+    _run_again(session, asked)
+
+
+AppSession.request_rerun = _run_again_unless_left  # type: ignore[assignment, method-assign]
 
 
 class _LookedUp(Mapping[str, Any]):

@@ -40,7 +40,7 @@ from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
-from stereolag.io.sources import MAX_BYTES, escape, is_archive, read_archive
+from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
 from stereolag.streamlit_inside import Container
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
@@ -180,13 +180,17 @@ def _own() -> BoardPictures | None:
     names, pairs, pixels, alone = given.content
     description = f"{len(names)} pairs, matched by name."
     if alone:
-        description += f" {alone} more {'picture has' if alone == 1 else 'pictures have'} no partner."
+        description += f" Not used, without a partner or no pictures: {', '.join(map(quote, alone[:MOST_NAMED]))}."
     digest = hashlib.sha256(given.digest.encode()).hexdigest()
     return BoardPictures(names, pairs, pixels, description, digest, False)
 
 
-def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, int]:
-    """Return the names of the pairs, the pairs, the pixels of a picture, and the number of unmatched pictures."""
+MOST_NAMED = 4
+"""Most files named that are not used."""
+
+
+def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, list[str]]:
+    """Return the names of the pairs, the pairs, the pixels of a picture, and the files that are not used."""
     readers: dict[str, Callable[[], bytes]] = {}
     for name, data in files:
         if is_archive(data):
@@ -206,8 +210,8 @@ def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs
         raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
     pictures = PicturesOfFiles(pairs, lambda name: readers[name](), guarded(read_image))
     pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
-    alone = len([name for name in readers if name.lower().endswith(PICTURE_TYPES)]) - 2 * len(pairs)
-    return tuple(escape(pair.name) for pair in pairs), pictures, pixels, max(0, alone)
+    used = {name for pair in pairs for name in (pair.left, pair.right)}
+    return tuple(escape(pair.name) for pair in pairs), pictures, pixels, [name for name in readers if name not in used]
 
 
 # The board, and the fit

@@ -15,6 +15,7 @@ import streamlit as st
 from starlette.formparsers import MultiPartParser
 from streamlit import config
 from streamlit.elements.widgets.number_input import NumberInputMixin
+from streamlit.runtime.app_session import AppSession
 from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
 from streamlit.runtime.memory_session_storage import MemorySessionStorage
 from streamlit.runtime.runtime import Runtime
@@ -50,6 +51,13 @@ def test_there_is_no_event_of_a_connection_that_comes_back() -> None:
 def test_a_number_box_copies_the_whole_state_of_the_session() -> None:
     assert "filtered_state" in inspect.getsource(NumberInputMixin)
     assert isinstance(SafeSessionState.filtered_state, property)
+
+
+def test_a_request_of_a_page_that_was_left_is_run_as_if_it_were_still_there() -> None:
+    asked = inspect.getsource(inside._run_again)
+    assert "page_script_hash=client_state.page_script_hash" in asked
+    assert "page_script_hash !=" not in asked
+    assert AppSession.request_rerun is not inside._run_again
 
 
 def test_uploads_above_a_megabyte_go_to_the_disk_unless_the_parser_is_told() -> None:

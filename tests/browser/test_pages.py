@@ -51,10 +51,8 @@ def window(keep_page: OpenPage) -> Page:
 
 
 @pytest.fixture(scope="module")
-def page(name: str, window: Page, keep_page: OpenPage) -> Page:
+def page(name: str, window: Page) -> Page:
     """Return a page that has stopped computing, shared by all tests of it."""
-    if name == "Depth maps":  # what a part of it answers late, once another page is there, breaks Streamlit
-        return keep_page(ADDRESSES[name])
     window.emulate_media(color_scheme="light")
     resized(window, USUAL)
     window.get_by_test_id("stPageLink").get_by_text(name, exact=True).click()

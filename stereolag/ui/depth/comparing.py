@@ -356,7 +356,7 @@ def show_all_pairs(view: DepthView) -> None:
     pairs, preparation = set_of(view.pair.id), preparation_of_sets()
     if pairs is None:
         prose.info(
-            "This is for several pairs at once: choose “ZIP or several pairs” under your own files, and upload a ZIP, "
+            "This is for several pairs at once: choose “Files at once, or a ZIP” under your own files, and give a ZIP, "
             "or many files whose names tell left from right.",
             icon=":material/stacks:",
         )

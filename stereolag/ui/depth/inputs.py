@@ -227,7 +227,7 @@ def _keep_settings(pair: Pair) -> None:
 
 # The visitor’s own pair
 
-ARRANGEMENTS = {"files": "Left and right files", "beside": "One image with both", "several": "ZIP or several pairs"}
+ARRANGEMENTS = {"files": "Left and right files", "beside": "One image with both", "several": "Files at once, or a ZIP"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +282,7 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     )
     if arrangement == "several":
         bundle = upload_named(
-            "A ZIP, or the files of several pairs",
+            "Left and right images at once, those of several pairs, or a ZIP of them",
             read_bundle,
             key=f"{PAIR}.several",
             types=tuple(dict.fromkeys((*PICTURE_TYPES, "zip", *DISPARITY_TYPES, *CALIBRATION_TYPES))),

@@ -16,7 +16,7 @@ from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
-from stereolag.figures.pictures import as_rgb, edge_path, thinned
+from stereolag.figures.pictures import as_rgb, coloured, edge_path, png, thinned
 from stereolag.figures.verdicts import REASON_WORDS
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
@@ -37,7 +37,7 @@ from stereolag.ui.controls import (
 )
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
-from stereolag.ui.elements import announce, show_refused
+from stereolag.ui.elements import announce, show_png, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
     PackedPicture,
@@ -343,6 +343,16 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
         st.session_state[SENT] = digests
         give_head_start()
     return packs
+
+
+def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
+    """Show the maps of a few settings side by side, if nobody has to wait for them."""
+    low, high, palette = view.colours.low, view.colours.high, view.colours.palette
+    for column, (title, matcher) in zip(st.columns(len(matchers)), matchers.items(), strict=True):
+        result = computed_at_once(**_computation(view.pair, matcher))
+        if result is not None:
+            with column:
+                show_png(png(coloured(result.disparity, low, high, palette)), title, title)
 
 
 def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:

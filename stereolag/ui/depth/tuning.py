@@ -39,7 +39,7 @@ from stereolag.pair import Pair, PairId, Preparation, prepare
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
-from stereolag.ui.depth.maps import DepthView, known_truth
+from stereolag.ui.depth.maps import DepthView, known_truth, show_beside
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,
@@ -205,7 +205,13 @@ def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Ca
 
 
 def _follow_job(
-    key: str, begun: PairJob, asked: object, told: Callable[[Any], str], ending: str, show: Callable[[Any], None]
+    key: str,
+    begun: PairJob,
+    asked: object,
+    told: Callable[[Any], str],
+    ending: str,
+    show: Callable[[Any], None],
+    watch: Callable[[Any], None] = lambda so_far: None,
 ) -> None:
     """Show the progress of a job and then its result; or why it failed, if that is still what the visitor asks for.
 
@@ -219,14 +225,15 @@ def _follow_job(
         Returns the text beside the progress, for the best result so far or None.
     ending
         What stays if the job is ended early.
-    show
-        Shows the result.
+    show, watch
+        Show the result, and the best one so far, below the progress.
     """
     running = begun.job.running
 
     def look() -> None:
         if begun.job.running:
             show_busy(begun.job, told(begun.job.so_far), key=f"{key}.cancel", ending=ending)
+            watch(begun.job.so_far)
             return
         if running:
             st.rerun(scope="app")
@@ -444,9 +451,14 @@ def show_suggest(view: DepthView) -> None:
         def show(found: Suggestion) -> None:
             if matcher in (start, found.matcher):
                 _show_suggestion(view, found)
+                watch(found)
+
+        def watch(found: Suggestion | None) -> None:
+            if found is not None and found.matcher != start:
+                show_beside(view, {"Your settings": start, "The best found so far": found.matcher})
 
         ending = "Ends the search; the best settings found so far stay."
-        _follow_job(SUGGEST, begun, matcher, told, ending, show)
+        _follow_job(SUGGEST, begun, matcher, told, ending, show, watch)
 
 
 def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -> None:

@@ -19,7 +19,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.sources import is_archive
-from stereolag.io.videos import VIDEO_ENDINGS
+from stereolag.io.videos import VIDEO_ENDINGS, GuardedVideo
 from stereolag.pair import Pair, PairId, upright
 from stereolag.samples import drives
 from stereolag.sequences import (
@@ -232,13 +232,19 @@ def _show_limits() -> None:
     )
 
 
+def _video(data: bytes) -> bytes:
+    """Return the bytes of a video; ValueError if they are none, before the other video is there."""
+    GuardedVideo(data)
+    return data
+
+
 @in_fold(KEY)
 def _ask_two() -> Upload[_Frames] | None:
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        left = upload("Left video", bytes, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
+        left = upload("Left video", _video, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
     with columns[1]:
-        right = upload("Right video", bytes, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
+        right = upload("Right video", _video, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
     _show_limits()
     if left is None or right is None:
         forget_together(f"{KEY}.two")
