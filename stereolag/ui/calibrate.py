@@ -526,12 +526,9 @@ def use_kept_calibration() -> Upload[Calibration] | None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
         with st.container(horizontal=True, vertical_alignment="center"):
             prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
-            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=_forget_calibration)
+            forget = partial(st.session_state.pop, KEPT, None)
+            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget)
     return kept
-
-
-def _forget_calibration() -> None:
-    st.session_state.pop(KEPT, None)
 
 
 # Sentences

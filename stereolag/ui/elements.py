@@ -1,4 +1,4 @@
-"""Shared page elements: rows of numbers, images, a progress bar, messages in place of a result, and the live region."""
+"""Shared page elements: numbers, images, a progress bar, messages in place of a result, and the live region."""
 
 from __future__ import annotations
 
@@ -28,13 +28,6 @@ class Number(NamedTuple):
     label: str
     value: str
     meaning: str
-
-
-def show_numbers(numbers: Iterable[Number]) -> None:
-    """Show numbers side by side, wrapped to the width of the window."""
-    with st.container(horizontal=True, gap="small"):
-        for label, value, meaning in numbers:
-            st.metric(label, typeset(value), help=typeset(meaning), width="content")
 
 
 def show_line(numbers: Iterable[Number]) -> None:

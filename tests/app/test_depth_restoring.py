@@ -23,6 +23,7 @@ from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.tuning import JudgedPairs
 from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, SCENE, given, own_files, part_on_a_set, shown
+from tests.app.pages import captions
 from tests.archives import zipped
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -151,6 +152,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     app = stepping(pair_of(1, 5) | pair_of(2, 9) | pair_of(10, 7))
     assert shown(app).truth is not None
     assert (shown(app).truth == 5).all()
+    assert "“set/left1.png” is the left image, “set/right1.png” the right one." in captions(app)
     assert app.selectbox(key="pairs.step").options == ["1 of 3: 1", "2 of 3: 2", "3 of 3: 10"]
     app.slider(key=keys.BLOCK).set_value(13)
     app.slider(key=keys.setting("bm", "num_disparities", shown(app).id.searched)).set_value(32).run()

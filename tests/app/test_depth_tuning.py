@@ -221,16 +221,19 @@ def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
 
     def work(job: Job[Suggestion]) -> Suggestion:
         job.report(0.5)
+        job.found(replace(least, matcher=StereoBM(block_size=9)))
         while not (job.cancelled or end.wait(0.001)):
             pass
-        return Suggestion(StereoBM(), StereoBM(), Outcome.AS_GOOD, Criterion.ESTIMATED_BAD_2, 30.0, 30.0)
+        return least
 
+    least = Suggestion(StereoBM(), StereoBM(), Outcome.AS_GOOD, Criterion.ESTIMATED_BAD_2, 30.0, 30.0)
     job, view = Job(work, LIGHT), judged_blind()
     try:
         app = part_of_page(show_suggest, view, {SUGGEST: job_of(view, StereoBM(), job)})
         for name in ("Convolution", "Semi-global"):
             app.segmented_control[0].set_value(name).run()
             assert "StereoBM" in app.get("progress")[0].proto.text
+            assert len(app.get("image")) == 2  # the map of the best settings so far, beside that of those in use
         cancel(app)
         assert job.cancelled
     finally:

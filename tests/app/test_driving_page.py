@@ -17,7 +17,7 @@ from stereolag.figures.pictures import coloured
 from stereolag.io.images import image_png, read_disparity, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.driving import inputs
-from stereolag.ui.driving.inputs import EXAMPLE
+from stereolag.ui.driving.inputs import EXAMPLE, TWO
 from stereolag.ui.driving.work import LINES, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
@@ -159,6 +159,12 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
     assert said in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
+
+
+def test_one_of_two_videos_is_refused_before_the_other_is_there() -> None:
+    app = page(TWO)
+    app.file_uploader(key="driving.left").set_value(("report.pdf", b"%PDF-1.7", "application/pdf")).run()
+    assert "“report.pdf”: This is not a video" in app.error[0].value
 
 
 def test_what_is_wrong_is_said_and_cameras_above_each_other_are_matched_after_a_click() -> None:

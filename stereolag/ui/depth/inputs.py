@@ -70,7 +70,6 @@ from stereolag.ui.uploads import (
     own_or_example,
     put_together,
     refuse,
-    refused,
     show_limits,
     upload,
     upload_named,
@@ -123,18 +122,9 @@ def choose_pair() -> Pair:
 
     notes = st.container(horizontal=True, vertical_alignment="center", gap="small", key="depth-notes")
 
-    def named(name: str) -> None:
-        with place:
-            prose.markdown(f"**{name}**", width="content")
-
-    def ask() -> Pair | None:
-        own = ask_own_pair(line, notes)
-        if own is not None or refused():
-            named("Your own pair")
-        return own
-
     def load(name: str) -> Pair:
-        named(examples[name].title)
+        with place:
+            prose.markdown(f"**{examples[name].title}**")
         return example_pair(examples[name])
 
     with fold:
@@ -142,6 +132,7 @@ def choose_pair() -> Pair:
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=PAIR)
+        ask = partial(ask_own_pair, line, notes)
         pair = own_or_example(chosen, ask, load, examples, key=PAIR, awaited="both images are")
         st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
@@ -164,6 +155,8 @@ def choose_pair() -> Pair:
     if pair.shared:
         with line:
             show_try_first(TRY_FIRST)
+    else:
+        place.markdown("**Your own pair**")
     with notes:
         for change in pair.changes:
             if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED):

@@ -114,7 +114,7 @@ def ask_drive() -> Drive | None:
         return _example(example.name)
     expect_uploads()
     with st.container(horizontal=True, key="folds"):
-        found = _ask_one() if origin == ONE else _ask_two()
+        found = _ask_frames()
         place = st.expander("Calibration (optional): for depth in metres, and to rectify")
     calibration = ask_calibration(KEY, place)
     if found is None and refused():
@@ -209,9 +209,19 @@ def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
 
 
 @in_fold(KEY)
+def _ask_frames() -> Upload[_Frames] | None:
+    found = _ask_one() if st.session_state[f"{KEY}.origin"] == ONE else _ask_two()
+    most = limits()
+    show_limits(
+        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
+        f"{most.max_video_s // 60} minutes per video."
+    )
+    return found
+
+
 def _ask_one() -> Upload[_Frames] | None:
     layout = ask_layout(KEY)
-    given = upload(
+    return upload(
         "ZIP of left/ and right/, or a video with both views",
         partial(_opened, layout=layout),
         key=f"{KEY}.one",
@@ -219,16 +229,6 @@ def _ask_one() -> Upload[_Frames] | None:
         note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, one view is "
         "beside or above the other.",
         variant=layout and f" {layout}",
-    )
-    _show_limits()
-    return given
-
-
-def _show_limits() -> None:
-    most = limits()
-    show_limits(
-        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
-        f"{most.max_video_s // 60} minutes per video."
     )
 
 
@@ -238,14 +238,12 @@ def _video(data: bytes) -> bytes:
     return data
 
 
-@in_fold(KEY)
 def _ask_two() -> Upload[_Frames] | None:
     columns = st.columns(2, gap="medium")
     with columns[0]:
         left = upload("Left video", _video, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
     with columns[1]:
         right = upload("Right video", _video, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
-    _show_limits()
     if left is None or right is None:
         forget_together(f"{KEY}.two")
         return None
