@@ -22,6 +22,7 @@ from stereolag.assess.arrangement import (
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout
 from stereolag.assess.orientation import (
     FEWEST_MATCHES,
+    LENS_LEFT,
     Correspondences,
     bend_of,
     best_rectification,
@@ -52,9 +53,6 @@ SCALE_DIFFERENCE = 0.006
 BENT_PX = 0.6
 """Beyond noise, at the size at which features were matched, which limits the precision. Public drives, rectified by
 their makers, bend by up to 0.57 px."""
-LENS_LEFT, BENT_BY_LENS_PX = 0.18, 0.15
-"""Lens coefficient, and the spread of its bend, above which rows are bent although the matches' spread is small: over
-near ground, where features are rare, a drive's map loses 5 to 10 % of its pixels at 0.3."""
 SAME_GREYS = 0.002
 """Mean difference up to which two pictures count as identical, as a share of the image's grey-level range."""
 SAME_PLACE_PX = 0.35
@@ -450,7 +448,7 @@ def diagnose(
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
     geometry = _judge_geometry(points) if points is not None and upright else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
-    coarse = _coarse_range(images[0], exposed_alike(*images), points) if upright and sides_known else None
+    coarse = _coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
     seen = None if coarse is None or (points is None and coarse.share < LEAST_WITHOUT_FEATURES) else coarse.ends
     findings = (
         judge_matches(len(found)),
@@ -551,7 +549,6 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     turned, (grid, lens) = (float(np.degrees(sine)), float(1 + growth)), bend_of(points)
     bent, noise, ends = row_spread(residuals), match_noise(points, residuals), np.percentile(residuals, (2, 98))
     bend = float(np.std(grid))
-    lens = lens if bend * points.scale > BENT_BY_LENS_PX else 0.0
     doubted = max(bent, bend) * points.scale > BENT_PX or abs(lens) > LENS_LEFT
     straight = best_rectification(points) if doubted else None
     if bend > bent and (straight is not None or lens):
@@ -798,9 +795,9 @@ def _applied(left: Image, right: Image, remedy: Remedy, found: Correspondences |
         return right, left
     if remedy is Remedy.MIRROR_RIGHT:
         return left, np.ascontiguousarray(right[:, ::-1])
-    if remedy is Remedy.MATCH_EXPOSURE:
-        return left, exposed_alike(left, right)
     points = find_correspondences(left, right) if found is None else found
+    if remedy is Remedy.MATCH_EXPOSURE:
+        return left, exposed_alike(left, right, points)
     if remedy is Remedy.TURN_UPRIGHT:
         quarters = quarters_upright(points)
         return turned(left, quarters), turned(right, quarters)
@@ -839,13 +836,13 @@ def _levelling(points: Correspondences) -> DoubleMap:
     return turn
 
 
-def _exposure(left: Image, right: Image, points: Correspondences | None = None) -> tuple[float, float]:
+def _exposure(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float]:
     """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
 
-    They are compared at matched points, or as a whole without.
+    They are compared at matched points, or as a whole if there are too few: the rims show different things.
     """
     samples: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
-    if points is not None:
+    if points is not None and len(points) >= FEWEST_MATCHES:
         samples = [
             cv2.remap(cv2.blur(grey, (5, 5)), where[:, 0], where[:, 1], cv2.INTER_LINEAR).ravel()
             for grey, where in zip(samples, (points.left, points.right), strict=True)
@@ -855,9 +852,9 @@ def _exposure(left: Image, right: Image, points: Correspondences | None = None) 
     return gain, float(np.mean(samples[1]) - gain * np.mean(samples[0]))
 
 
-def exposed_alike(left: Image, right: Image) -> Image:
+def exposed_alike(left: Image, right: Image, points: Correspondences | None) -> Image:
     """Return the right image with its brightness and contrast fitted to the left image's, in its own dtype."""
-    gain, offset = _exposure(left, right)
+    gain, offset = _exposure(left, right, points)
     fitted = (right.astype(np.float64) - offset) / gain
     if right.ndim == 3 and right.shape[2] == 4:
         fitted[:, :, 3] = right[:, :, 3]

@@ -442,8 +442,13 @@ GRID, GRID_NEIGHBOURS = 16, 5
 EVIDENCE = 20.0
 """Decrease in the summed logarithms of the row errors that justifies more parameters."""
 
-SURE_LENS = 5.0
-"""Standard deviations from 0 at which matches tell a lens coefficient."""
+SURE_LENS, LEAST_BEND_PX = 5.0, 0.15
+"""Standard deviations from 0 at which matches tell a lens coefficient, and the least spread of its bend, px at the size
+at which they were matched."""
+
+LENS_LEFT = 0.18
+"""Lens coefficient above which rows are bent although the matches' spread is small: over near ground, where features are
+rare, a drive's map loses 5 to 10 % of its pixels at 0.3."""
 
 RECTIFIED_GAIN = 0.6
 """Share of the original row residuals below which a rectification must bring held-out row errors to be worthwhile."""
@@ -505,7 +510,8 @@ def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
 
     The bend is the dy due to rotations and lens, minus the best offset, rotation and scale, and 0 everywhere if it is
     only noise; on a grid, because matches follow texture and are rare in the corners, where rows bend most. The lens
-    coefficient is OpenCV's k1 for a focal length of one width; 0 if the matches do not surely tell it.
+    coefficient is OpenCV's k1 for a focal length of one width; 0 if the matches do not surely tell it, or rows hardly
+    bend.
     """
     dy, terms = points.dy.astype(np.float64), row_terms(points)
     bent, straight = robust_fit(terms, dy), robust_fit(terms[:, :3], dy)
@@ -522,10 +528,11 @@ def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
     there = row_terms(Correspondences(left.astype(np.float32), right.astype(np.float32), points.shape))
     bend = there @ bent
     plane, *_ = np.linalg.lstsq(there[:, :3], bend, rcond=None)
+    bend = np.asarray(bend - there[:, :3] @ plane)
     weights = 1 / (1 + (left_over / (2 * noise)) ** 2)
     deviation = noise * np.sqrt(np.linalg.pinv((terms.T * weights) @ terms)[-1, -1])
-    lens = float(bent[-1]) / cols if abs(bent[-1]) > SURE_LENS * deviation else 0.0
-    return np.asarray(bend - there[:, :3] @ plane), lens
+    told = abs(bent[-1]) > SURE_LENS * deviation and np.std(bend) * points.scale > LEAST_BEND_PX
+    return bend, float(bent[-1]) / cols if told else 0.0
 
 
 def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], most: int) -> npt.NDArray[np.intp]:
@@ -549,18 +556,22 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
 def best_rectification(points: Correspondences) -> UncalibratedRectification | None:
     """Return the rectification fitted to matches that does best on held-out matches; None if none helps much.
 
-    It includes a lens coefficient only if that helps.
+    It includes a lens coefficient if that helps, or if the rows tell one: where features crowd far away, as on a drive,
+    few of them are where it helps.
     """
     turned = fit_rectification(points, lens=False)
     freed = fit_rectification(points, lens=True, start=turned)
     turned_errors = held_out_errors(points, lens=False, start=turned)
     freed_errors = held_out_errors(points, lens=True, start=freed)
-    noise = max(LEAST_NOISE_PX, row_spread(freed_errors))
-    gain = np.log1p((turned_errors / noise) ** 2).sum() - np.log1p((freed_errors / noise) ** 2).sum()
-    model, errors = (freed, freed_errors) if gain > EVIDENCE else (turned, turned_errors)
-    spread = row_spread(errors)
     _, residuals = vertical_plane(points)
-    return replace(model, spread_px=spread) if spread < RECTIFIED_GAIN * row_spread(residuals) else None
+    noise = max(LEAST_NOISE_PX, row_spread(freed_errors))
+    misfit, with_turns, with_lens = (
+        np.log1p((errors / noise) ** 2).sum() for errors in (residuals, turned_errors, freed_errors)
+    )
+    told = abs(bend_of(points)[1]) > LENS_LEFT and misfit - with_lens > EVIDENCE
+    model, errors = (freed, freed_errors) if told or with_turns - with_lens > EVIDENCE else (turned, turned_errors)
+    spread = row_spread(errors)
+    return replace(model, spread_px=spread) if told or spread < RECTIFIED_GAIN * row_spread(residuals) else None
 
 
 EPIPOLAR_PX = 1.0

@@ -94,7 +94,8 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
             FindingCode.ROTATION,
             {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)},
         ),
-        ("cube", darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.08)}),
+        # Its rims, which only one picture shows, are of other greys.
+        ("square", darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.01)}),
     ],
     ids=["offset", "rotation of the road", "scale", "exposure"],
 )
