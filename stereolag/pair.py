@@ -39,7 +39,7 @@ from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import StoredDisparity, read_disparity, read_frame, read_image, read_stored_disparity
 from stereolag.io.pairing import PairFiles, matched_pairs
-from stereolag.io.settings import Session, holds_session, read_session
+from stereolag.io.settings import SESSION, Session, read_session
 from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
 from stereolag.samples import StereoExample
 from stereolag.stereo.opencv import StereoSGBM
@@ -612,7 +612,7 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
     digest = hashlib.sha256(b"".join(hashlib.sha256(data).digest() for _, data in files)).hexdigest()
     if len(files) == 1 and is_archive(files[0][1]):
         archive = read_archive(files[0][1])
-        if holds_session(archive):
+        if SESSION in archive.names:
             return read_session(archive, guarded)
         names, read = archive.names, archive.read
     elif sum(len(data) for _, data in files) > MAX_BYTES:

@@ -100,12 +100,15 @@ class Views:
     @property
     def above_each_other(self) -> bool:
         """Return whether distance moves points along the columns instead of the rows."""
-        rows, columns = (self._scatter(points) for points in (self.points, _turned(self.points)))
+        given = self.points
+        turned = Correspondences(given.left[:, ::-1], given.right[:, ::-1], given.shape[::-1], given.scale)
+        rows, columns = _scatter(given), _scatter(turned)
         return rows > LEAST_PARALLAX_PX and columns < VERTICAL_SHARE * rows
 
-    @staticmethod
-    def _scatter(points: Correspondences) -> float:
-        return row_spread(vertical_plane(points)[1]) * points.scale
+
+def _scatter(points: Correspondences) -> float:
+    """Return the scatter of the rows of matches, px at the size at which features were matched."""
+    return row_spread(vertical_plane(points)[1]) * points.scale
 
 
 def find_views(found: Correspondences) -> Views | None:
@@ -120,22 +123,17 @@ def find_views(found: Correspondences) -> Views | None:
     points = found if found.candidates is None else found.candidates
     if len(points) < FEWEST_MATCHES:
         return None
-    lines = fundamental_matrix(points, EPIPOLE_PX, EPIPOLE_TRIALS)
-    if lines is None or lines[1].mean() < AGREEING_SHARE or lines[1].sum() < FEWEST_MATCHES:
+    lines, agreeing = fundamental_matrix(points, EPIPOLE_PX, EPIPOLE_TRIALS)
+    if lines is None or agreeing.mean() < AGREEING_SHARE or agreeing.sum() < FEWEST_MATCHES:
         return None
-    chosen = points.chosen(lines[1])
-    column, row, depth = np.linalg.svd(lines[0])[2][2]
+    chosen = points.chosen(agreeing)
+    column, row, depth = np.linalg.svd(lines)[2][2]
     height, width = points.shape
-    if row_spread(vertical_plane(chosen)[1]) * points.scale < EPIPOLE_ROWS_PX or abs(depth) < 1e-12:
+    if _scatter(chosen) < EPIPOLE_ROWS_PX or abs(depth) < 1e-12:
         return Views(chosen, None)
     place = Epipole(float(column / depth / width), float(row / depth / height))
     near = max(abs(place.x - 0.5), abs(place.y - 0.5)) < FARTHEST_EPIPOLE
     return Views(chosen, place if near else None)
-
-
-def _turned(points: Correspondences) -> Correspondences:
-    """Return the matches with x and y exchanged."""
-    return Correspondences(points.left[:, ::-1], points.right[:, ::-1], points.shape[::-1], points.scale)
 
 
 def repetition(image: Image) -> float:

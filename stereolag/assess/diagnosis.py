@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -13,12 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.arrangement import (
-    Epipole,
-    find_views,
-    mirrored_matches,
-    repetition,
-)
+from stereolag.assess.arrangement import Epipole, find_views, mirrored_matches, repetition
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout
 from stereolag.assess.orientation import (
     FEWEST_MATCHES,
@@ -292,36 +288,6 @@ def judge_border(left_share: float, right_share: float) -> Finding:
     return _found(FindingCode.EMPTY_BORDER, empty, None, left_share=left_share, right_share=right_share)
 
 
-def judge_searched(
-    seen: tuple[float, float], searched: tuple[int, int], suggested: tuple[int, int], repeats: float = 0.0
-) -> Finding:
-    """Judge a search range: first disparity, px, and number, as is the suggested one.
-
-    `seen` are the lowest and the highest disparity, and `repeats` the distance at which the picture repeats along its
-    rows, px; 0 if it does not.
-    """
-    (lowest, highest), (first, count) = seen, searched
-    missing = max(0.0, first - INFINITY_SLACK_PX - lowest, highest - (first + count))
-    return _found(
-        FindingCode.RANGE,
-        missing > 0 or count >= 2 * suggested[1] or 0 < repeats < count,
-        Remedy.SET_RANGE,
-        lowest_px=lowest,
-        highest_px=highest,
-        min_disparity=first,
-        num_disparities=count,
-        missing_px=missing,
-        suggested_min_disparity=suggested[0],
-        suggested_num_disparities=suggested[1],
-        repeats_px=repeats,
-    )
-
-
-def _misleads(numbers: Mapping[str, float]) -> bool:
-    """Return whether a search range leaves disparities out, or finds points of a repeating picture more than once."""
-    return numbers["missing_px"] > 0 or numbers["repeats_px"] > 0
-
-
 def _found(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
     return Finding(code, not ill, numbers, remedy if ill else None)
 
@@ -377,8 +343,12 @@ class Diagnosis:
 
     @property
     def doubts(self) -> tuple[Finding, ...]:
-        """Return the findings that make a map doubtful: a search wider than needed only takes longer."""
-        return tuple(one for one in self.ill if one.code != FindingCode.RANGE or _misleads(one.numbers))
+        """Return the findings that make a map doubtful.
+
+        A search wider than needed only takes longer, unless it finds points of a repeating picture more than once.
+        """
+        misleading = ("missing_px", "repeats_px")
+        return tuple(one for one in self.ill if one.code != FindingCode.RANGE or any(map(one.numbers.get, misleading)))
 
     def finding(self, code: FindingCode) -> Finding | None:
         """Return the finding on one question; None if it could not be judged."""
@@ -448,8 +418,7 @@ def diagnose(
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
     geometry = _judge_geometry(points) if points is not None and upright else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
-    coarse = _coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
-    seen = None if coarse is None or (points is None and coarse.share < LEAST_WITHOUT_FEATURES) else coarse.ends
+    seen = _coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
     findings = (
         judge_matches(len(found)),
         identical,
@@ -460,7 +429,10 @@ def diagnose(
         judge_border(*map(_border_share, images)),
     )
     if any(not finding.healthy for finding in findings):
-        layout = judge_layout(_layout_of(images[0]))
+        divided = None
+        with suppress(Anaglyph):  # both views are in its colours
+            divided = likely_layout(images[0])
+        layout = judge_layout(divided and divided[0])
         if layout.healthy:
             findings = tuple(_worth_offering(findings, images, found))
         else:  # nothing else is to be mended
@@ -470,15 +442,6 @@ def diagnose(
     width = images[0].shape[1]
     examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen, width, repeats), repeats)
     return examined.over((min_disparity, num_disparities))
-
-
-def _layout_of(image: Image) -> Layout | None:
-    """Return how both views stand in an image; None if it holds one, or both in its colours."""
-    try:
-        found = likely_layout(image)
-    except Anaglyph:
-        return None
-    return None if found is None else found[0]
 
 
 def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
@@ -537,8 +500,22 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     """Judge another search range, px, for a pair that has been examined; None if the sides or the range are unknown."""
     if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
-    searched = min_disparity, num_disparities
-    return judge_searched(diagnosis.disparities, searched, diagnosis.suggested_range, diagnosis.repeats_px)
+    (lowest, highest), suggested = diagnosis.disparities, diagnosis.suggested_range
+    missing = max(0.0, min_disparity - INFINITY_SLACK_PX - lowest, highest - (min_disparity + num_disparities))
+    repeated = 0 < diagnosis.repeats_px < num_disparities
+    return _found(
+        FindingCode.RANGE,
+        missing > 0 or num_disparities >= 2 * suggested[1] or repeated,
+        Remedy.SET_RANGE,
+        lowest_px=lowest,
+        highest_px=highest,
+        min_disparity=min_disparity,
+        num_disparities=num_disparities,
+        missing_px=missing,
+        suggested_min_disparity=suggested[0],
+        suggested_num_disparities=suggested[1],
+        repeats_px=diagnosis.repeats_px,
+    )
 
 
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
@@ -609,15 +586,7 @@ RANGE_MARGIN = 0.15
 """Margin of the suggested range beyond the disparities seen, as a share of their span."""
 
 
-@dataclass(frozen=True)
-class _CoarseRange:
-    """The range of disparities in a pair, px, and the share of the pixels that a coarse search measured."""
-
-    ends: tuple[float, float]
-    share: float
-
-
-def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> _CoarseRange | None:
+def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float] | None:
     """Return the range of disparities in a pair; None if neither pixels nor features reveal it.
 
     Combines a coarse semi-global search, far wider than any pair should need, with the matched features, by which the
@@ -633,11 +602,11 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
     found = _quick_map(coarse[0], coarse[1])
     seen = found[np.isfinite(found)]
     share = seen.size / found.size
-    if share >= FEWEST_MEASURED:
+    if share >= (LEAST_WITHOUT_FEATURES if points is None else FEWEST_MEASURED):
         far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
         low, high = np.percentile(seen, (far, 100 - near)) / scale
         ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
-    return _CoarseRange((min(low for low, _ in ends), max(high for _, high in ends)), share) if ends else None
+    return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 
 def _reduced(image: Image, width: int) -> Image:
@@ -683,7 +652,7 @@ def _worth_offering(
         # Swapped pictures are matched as well as given, and features tell which is the left one.
         if finding.remedy is not None and finding.remedy is not Remedy.SWAP_SIDES:
             before = _share_matched(*images) if before is None else before
-            after = _share_matched(*_applied(*images, finding.remedy, found))
+            after = _share_matched(*apply_remedy(*images, finding.remedy, found=found))
             if after < max(PLAUSIBLE, before + BETTER):
                 yield replace(finding, remedy=None)
                 continue
@@ -758,7 +727,9 @@ def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
     return np.asarray(cv2.remap(right, columns, lines, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
+def apply_remedy(
+    left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy, *, found: Correspondences | None = None
+) -> tuple[Image, Image]:
     """Apply one remedy to a pair.
 
     The left image is unchanged, so that everything known about its pixels remains valid, except that swapping exchanges
@@ -771,6 +742,8 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     remedy
         The remedy of a :class:`Finding`.
+    found
+        The matches between the images; by default they are looked for.
 
     Returns
     -------
@@ -786,11 +759,6 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     left, right = as_stereo_pair(left, right)
     if remedy is Remedy.SET_RANGE:
         raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
-    return _applied(left, right, remedy, None)
-
-
-def _applied(left: Image, right: Image, remedy: Remedy, found: Correspondences | None) -> tuple[Image, Image]:
-    """Apply a remedy to a checked pair, given the matches between the images if they are known."""
     if remedy is Remedy.SWAP_SIDES:
         return right, left
     if remedy is Remedy.MIRROR_RIGHT:

@@ -449,16 +449,12 @@ Pixel = tuple[int, int]
 
 
 class ExampleKind(StrEnum):
-    """The kinds of example."""
+    """The kinds of example: those of :class:`MatchKind`, and a point that a nearer object hides from the right view."""
 
     CLEAR = "clear"
-    """One peak, well above every other score."""
     REPEATS = "repeats"
-    """Two peaks of the same height with a valley between them."""
     BARE = "bare"
-    """A window without texture."""
     HIDDEN = "hidden"
-    """A point that a nearer object hides from the right camera."""
 
 
 LOOKED_AT = 150

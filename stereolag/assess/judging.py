@@ -241,19 +241,15 @@ class TuningPair:
         pixels = self.reference.size
         return Estimate(max(once.memory, JUDGEMENT_BYTES * pixels), once.seconds + JUDGEMENT_SECONDS * pixels)
 
-    def map_of(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> FloatMap:
-        """Return the disparity map of a matcher, (H, W) px; NaN = none.
+    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
+        """Judge the map of a matcher.
 
         Raises
         ------
         ValueError
             If the settings do not fit the images, or need more memory than one job may take.
         """
-        return matcher.compute(self.left, self.right, progress=progress).disparity
-
-    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
-        """Judge the map of a matcher; raises as :meth:`map_of` does."""
-        return Judgement.of(self.map_of(matcher, progress=progress), self.reference)
+        return Judgement.of(matcher.compute(self.left, self.right, progress=progress).disparity, self.reference)
 
 
 def criterion_of(pairs: Sequence[TuningPair]) -> Criterion:
@@ -494,7 +490,10 @@ def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows:
 
 def _tried(settings: StereoMatcher, pairs: Sequence[TuningPair], progress: Progress) -> tuple[FloatMap, float]:
     """Return the first pair's map and the mean bad-2 over the pairs that can judge, NaN without any."""
-    maps = (pair.map_of(settings, progress=part(progress, number, len(pairs))) for number, pair in enumerate(pairs))
+    maps = (
+        settings.compute(pair.left, pair.right, progress=part(progress, number, len(pairs))).disparity
+        for number, pair in enumerate(pairs)
+    )
     first = next(maps)
     every = [Judgement.of(one, pair.reference).bad for one, pair in zip(chain([first], maps), pairs, strict=True)]
     judged = [bad for bad in every if not math.isnan(bad)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -11,13 +12,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap, Mask
 from stereolag.core.inputs import Image, as_grey, transparent, with_border_transparent
 
 Points = npt.NDArray[np.float32]
 Eight = npt.NDArray[np.uint8]
 Codes = npt.NDArray[np.integer[Any] | np.floating[Any]]
-Chosen = npt.NDArray[np.bool_]
 
 FEWEST_MATCHES = 25
 """Fewest matched features for which the geometry of a pair is judged."""
@@ -79,7 +79,7 @@ class Correspondences:
     def __len__(self) -> int:
         return len(self.left)
 
-    def chosen(self, which: Chosen | npt.NDArray[np.intp]) -> Correspondences:
+    def chosen(self, which: Mask | npt.NDArray[np.intp]) -> Correspondences:
         """Return the matches selected by a mask or by indices."""
         return replace(self, left=self.left[which], right=self.right[which])
 
@@ -128,12 +128,10 @@ class FeatureMatches:
 
 
 def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: float, *, binary: bool) -> FeatureMatches:
-    """Match the features of two views, and refine their places by optical flow.
+    """Match the features of the left and the right view in 8-bit grey, and refine their places by optical flow.
 
     Parameters
     ----------
-    views
-        The left and the right view in 8-bit grey.
     shape, scale
         (rows, cols) of the images, and the factor by which they were reduced.
     binary
@@ -172,7 +170,7 @@ def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: fl
 
 def _flow(
     views: tuple[Eight, Eight], start: Points, end: Points, levels: int = 0, weakest: float = 1e-4
-) -> tuple[Points, Chosen]:
+) -> tuple[Points, Mask]:
     """Return where points of the first view are in the second one, searched from `end`, and which were found."""
     flow, ok, _ = cv2.calcOpticalFlowPyrLK(
         *views,
@@ -259,7 +257,7 @@ class UncalibratedRectification:
         """Return the remaining row differences of matches, right minus left, px."""
         return _row_errors(self.parameters, points)
 
-    def agrees(self, points: Correspondences, tolerance: float) -> Chosen:
+    def agrees(self, points: Correspondences, tolerance: float) -> Mask:
         """Return which matches are on the same row to `tolerance` px, at the size at which they were matched."""
         return np.asarray(np.abs(self.row_errors(points)) * points.scale < tolerance)
 
@@ -340,11 +338,6 @@ def fit_rectification(
     return UncalibratedRectification(parameters, covariance, points.shape)
 
 
-def robust_cost(model: UncalibratedRectification, points: Correspondences) -> float:
-    """Return the cost of a model: its misfit to matches, some of them wrong, plus a penalty for unusual cameras."""
-    return _cost(np.clip(model.row_errors(points) * points.scale, -4, 4), 2 * NOISE_PX, model.parameters)
-
-
 def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedRectification) -> DoubleMap:
     """Return the row error of every match, px, under a model fitted only to other matches."""
     errors = np.zeros(len(points))
@@ -356,6 +349,7 @@ def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedR
 
 
 def _cost(errors: DoubleMap, noise: float, parameters: DoubleMap) -> float:
+    """Return the cost of a model: its misfit to matches, and a penalty for unusual cameras."""
     with np.errstate(all="ignore"):
         total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
     return total if np.isfinite(total) else np.inf
@@ -447,21 +441,15 @@ SURE_LENS, LEAST_BEND_PX = 5.0, 0.15
 at which they were matched."""
 
 LENS_LEFT = 0.18
-"""Lens coefficient above which rows are bent although the matches' spread is small: over near ground, where features are
-rare, a drive's map loses 5 to 10 % of its pixels at 0.3."""
+"""Lens coefficient above which rows are bent although the matches' spread is small: over near ground, where features
+are rare, a drive's map loses 5 to 10 % of its pixels at 0.3."""
 
 RECTIFIED_GAIN = 0.6
 """Share of the original row residuals below which a rectification must bring held-out row errors to be worthwhile."""
 
 
 def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
-    """Return the (k,) coefficients of ``values = terms @ coefficients`` by Cauchy-reweighted least squares.
-
-    Parameters
-    ----------
-    terms, values
-        (n, k) and (n,), px.
-    """
+    """Return the (k,) coefficients of ``values = terms @ coefficients``, px, by Cauchy-reweighted least squares."""
     weights = np.ones(len(values))
     for _ in range(10):
         root = np.sqrt(weights)
@@ -634,7 +622,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     scale = min(1.0, LARGEST_SIDE / max(shape))
     views = _stretched(left, scale), _stretched(right, scale)
     quick = match_features(views, shape, scale, binary=True)
-    easy = _nearly_rectified(quick.points, _epipolar(quick.points))
+    easy = _nearly_rectified(quick.points, fundamental_matrix(quick.points, EPIPOLAR_PX, MOST_TRIALS)[1])
     if len(easy) >= ENOUGH:
         every = _tracked_evenly(views, easy)
         even = _nearly_rectified(every, np.ones(len(every), np.bool_))
@@ -644,37 +632,33 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     thorough = match_features(views, shape, scale, binary=False)
     distinct = quick.distinctive().joined(thorough.distinctive())
     every = replace(quick.points.joined(thorough.points), candidates=distinct)
-    seeds = (_epipolar(distinct), _on_a_plane(distinct)) if len(distinct) >= FEWEST_FITTED else ()
-    models = [model for seed in seeds if (model := _settled(distinct, seed)) is not None]
-    best = min(models, key=lambda model: robust_cost(model, distinct), default=None)
+    models = []
+    if len(distinct) >= FEWEST_FITTED:
+        seeds = fundamental_matrix(distinct, EPIPOLAR_PX, MOST_TRIALS)[1], _on_a_plane(distinct)
+        models = [model for seed in seeds if (model := _settled(distinct, seed)) is not None]
+    errors = [np.clip(model.row_errors(distinct) * scale, -4, 4) for model in models]  # some of them of wrong matches
+    costs = [_cost(one, 2 * NOISE_PX, model.parameters) for one, model in zip(errors, models, strict=True)]
+    best = models[int(np.argmin(costs))] if models else None
     if best is None or best.agrees(distinct, TOLERANCES_PX[-1]).sum() < CHANCE_SHARE * len(distinct):
         return every.chosen(np.arange(0))
     return _followed(every, every.chosen(best.agrees(every, TOLERANCES_PX[-1])))
 
 
-def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> tuple[DoubleMap, Chosen] | None:
-    """Return the (3, 3) fundamental matrix on whose lines most matches are, and which; None if there is none.
+def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> tuple[DoubleMap | None, Mask]:
+    """Return the (3, 3) fundamental matrix on whose lines most matches are, and which; None, and none, without one.
 
     A match is on a line up to `pixels` from it, at the size at which features were matched. At most `trials` samples of
     matches are drawn (MAGSAC++, Barath et al. 2020).
     """
     tolerance = pixels / points.scale
-    try:
+    with suppress(cv2.error):  # of points on one line, for one, it finds no model and fails
         matrix, found = cv2.findFundamentalMat(points.left, points.right, cv2.USAC_MAGSAC, tolerance, 0.999, trials)
-    except cv2.error:  # of points on one line, for one, it finds no model and fails
-        return None
-    if matrix is None or found is None:
-        return None
-    return np.asarray(matrix, dtype=np.float64), np.asarray(found.ravel() == 1)
+        if matrix is not None and found is not None:
+            return np.asarray(matrix, dtype=np.float64), np.asarray(found.ravel() == 1)
+    return None, np.zeros(len(points), np.bool_)
 
 
-def _epipolar(points: Correspondences) -> Chosen:
-    """Return the mask of matches on the epipolar lines of the best fundamental matrix."""
-    found = fundamental_matrix(points, EPIPOLAR_PX, MOST_TRIALS)
-    return np.zeros(len(points), np.bool_) if found is None else found[1]
-
-
-def _nearly_rectified(points: Correspondences, agreeing: Chosen) -> Correspondences:
+def _nearly_rectified(points: Correspondences, agreeing: Mask) -> Correspondences:
     """Return the matches of an easy pair whose dy fits small rotations and a lens; none for any other pair.
 
     The model is fitted first to the matches of the mask `agreeing`.
@@ -714,7 +698,7 @@ def _tracked_evenly(views: tuple[Eight, Eight], seeds: Correspondences) -> Corre
     return _at_full_size(start[good], end[good], seeds.shape, seeds.scale)
 
 
-def _on_a_plane(points: Correspondences) -> Chosen:
+def _on_a_plane(points: Correspondences) -> Mask:
     """Return the mask of matches near the best plane of dy over the image (RANSAC), for cameras nearly side by side.
 
     On a repeating pattern, more matches may agree on an epipolar geometry that such cameras cannot have.
@@ -729,7 +713,7 @@ def _on_a_plane(points: Correspondences) -> Chosen:
     return np.asarray(max(near, key=np.count_nonzero, default=np.zeros(len(points), np.bool_)))
 
 
-def _settled(points: Correspondences, agreeing: Chosen) -> UncalibratedRectification | None:
+def _settled(points: Correspondences, agreeing: Mask) -> UncalibratedRectification | None:
     """Return the model of the views that most matches agree on, starting from a subset; None with too few."""
     model = None
     for tolerance in TOLERANCES_PX:

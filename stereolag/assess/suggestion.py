@@ -245,15 +245,7 @@ class Suggestion:
 
 
 class _Search:
-    """A search within a time budget; every trial is told to `found` with those before it.
-
-    Parameters
-    ----------
-    start
-        The initial settings.
-    budget_s, progress, found, cancelled
-        As for :func:`suggest`.
-    """
+    """A search from initial settings within a time budget, with the arguments of :func:`suggest`."""
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import DoubleMap, Rgb
 from stereolag.core.inputs import as_eight_bit, as_grey, as_image
 from stereolag.core.jobs import Progress, silent
+from stereolag.geometry.rectification import scaled_image
 
 Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""
@@ -192,26 +193,18 @@ def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
     found = _detected(picture, (board.columns, board.rows))
     if found is None:
         return None
-    points = refined(grey, (found + 0.5) / factor - 0.5, board)
-    return None if points is None else Corners(np.arange(board.corners), points)
+    points = (found + 0.5) / factor - 0.5
+    spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
+    moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
+    too_far = (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any()
+    return None if too_far else Corners(np.arange(board.corners), moved)
 
 
 def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
     """Return a picture of at most `largest` px a side, and its size as a share of the original."""
     factor = min(1.0, largest / max(grey.shape))
-    if factor == 1:
-        return grey, factor
-    size = round(grey.shape[1] * factor), round(grey.shape[0] * factor)
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), size[0] / grey.shape[1]
-
-
-def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
-    """Return the (n, 2) corners of a whole board, row by row, refined in a picture; None if they move too far."""
-    spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
-    moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
-    if (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any():
-        return None
-    return moved
+    small = np.asarray(scaled_image(grey, factor), dtype=np.uint8)
+    return small, small.shape[1] / grey.shape[1]
 
 
 def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.float64]) -> DoubleMap:
@@ -510,10 +503,6 @@ def find_boards(
         The board, or its columns and rows of inner corners; None: guessed from the pictures.
     progress
         Called with the fraction done.
-
-    Returns
-    -------
-    BoardViews
 
     Raises
     ------

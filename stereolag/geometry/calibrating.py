@@ -477,9 +477,7 @@ def _left_out_error(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], f
             except ValueError:
                 return np.inf
             for points, places in sights[fold::folds]:
-                found, turn, place = cv2.solvePnP(points, places, camera.matrix, camera.distortion)
-                placed = cv2.projectPoints(points, turn, place, camera.matrix, camera.distortion)[0][:, 0]
-                errors.append(_rms(placed - places) if found else np.inf)
+                errors.append(_rms(camera.projected(points, camera.pose(points, places)) - places))
     return float(np.median(errors))
 
 

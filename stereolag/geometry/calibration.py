@@ -163,27 +163,17 @@ class StereoRig:
         ValueError
             Lenses with tilted sensors, whose coefficients cannot be turned.
         """
-        width, height = size
-        matrices = [self.left_matrix, self.right_matrix]
-        lenses = [self.left_distortion, self.right_distortion]
+        left, right = (self.left_matrix, self.left_distortion), (self.right_matrix, self.right_distortion)
         rotation, translation = self.rotation, self.translation
         for _ in range(quarters % 4):
-            matrices = [_turned_matrix(matrix, width) for matrix in matrices]
-            lenses = lenses if self.fisheye else [_turned_distortion(lens) for lens in lenses]
+            left, right = (
+                (_turned_matrix(matrix, size[0]), lens if self.fisheye else _turned_distortion(lens))
+                for matrix, lens in (left, right)
+            )
             rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
-            width, height = height, width
-        known = self.width is not None and self.height is not None
-        return StereoRig(
-            matrices[0],
-            lenses[0],
-            matrices[1],
-            lenses[1],
-            rotation,
-            translation,
-            width if known else None,
-            height if known else None,
-            fisheye=self.fisheye,
-        )
+            size = size[::-1]
+        width, height = (None, None) if self.width is None or self.height is None else size
+        return StereoRig(*left, *right, rotation, translation, width, height, fisheye=self.fisheye)
 
     def scaled(self, factor: float) -> StereoRig:
         """Return the rig for images resized by `factor`."""

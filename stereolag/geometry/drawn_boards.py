@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
+from stereolag.geometry.calibrating import Camera, Pose
 from stereolag.geometry.calibration import StereoRig
-
-Pose: TypeAlias = tuple[DoubleMap, npt.NDArray[np.float64]]
-"""The rotation (3, 3) and the translation (3,) of a board in a camera's frame, in squares."""
 
 FINER = 3
 """Rays per pixel, each way."""
@@ -42,29 +37,18 @@ MOST_TILT = 0.6
 
 
 class DrawnCamera:
-    """A camera whose pictures are drawn ray by ray, with its lens distortion.
+    """A camera whose pictures, of so many px across and down, are drawn ray by ray, with its lens distortion."""
 
-    Parameters
-    ----------
-    matrix, distortion
-        As in :class:`stereolag.geometry.calibration.StereoRig`.
-    size
-        Width and height, px.
-    """
-
-    def __init__(self, matrix: DoubleMap, distortion: npt.NDArray[np.float64], size: tuple[int, int]) -> None:
+    def __init__(self, camera: Camera, size: tuple[int, int]) -> None:
         self.size = size
         places = np.stack(np.meshgrid(*(np.arange(side, dtype=np.float64) for side in size)), axis=-1).reshape(-1, 1, 2)
         criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-        rays = cv2.undistortPoints(places, matrix, distortion, criteria=criteria)
+        rays = cv2.undistortPoints(places, camera.matrix, camera.distortion, criteria=criteria)
         self._rays = cv2.convertPointsToHomogeneous(rays)[:, 0].astype(np.float64)
 
-    def picture(self, board: Board, rotation: DoubleMap, translation: npt.NDArray[np.float64]) -> Grey8:
-        """Return the picture of a board, (height, width) uint8, at a pose whose unit of length is the side of a square.
-
-        A point at ``x`` on the board is at ``rotation @ x + translation`` in the camera's frame.
-        """
-        onto = self._rays @ np.linalg.inv(np.column_stack((rotation[:, :2], translation))).T
+    def picture(self, board: Board, pose: Pose) -> Grey8:
+        """Return the picture of a board at a pose, (height, width) uint8."""
+        onto = self._rays @ np.linalg.inv(np.column_stack((pose.rotation[:, :2], pose.translation))).T
         with np.errstate(divide="ignore", invalid="ignore"):
             # The first inner corner is the origin; pixel centres are at whole numbers.
             places = (onto[:, :2] / onto[:, 2:] + (1 + MARGIN_SQUARES)) * SQUARE_PX - 0.5
@@ -112,28 +96,26 @@ def drawn_pairs(
         raise ValueError("rig has no width and height; a picture needs its size.")
     random = np.random.default_rng(seed)
     size = rig.width, rig.height
-    cameras = (
-        DrawnCamera(rig.left_matrix, rig.left_distortion, size),
-        DrawnCamera(rig.right_matrix, rig.right_distortion, size),
-    )
+    cameras = Camera(rig.left_matrix, rig.left_distortion), Camera(rig.right_matrix, rig.right_distortion)
+    drawn = [DrawnCamera(camera, size) for camera in cameras]
+    beside = Pose(rig.rotation, rig.translation / square_m)
     for number in range(count):
-        poses = _poses(rig, size, board, square_m, random, number / max(1, count - 1), partly)
-        left, right = (
-            _taken(camera.picture(board, *pose), random) for camera, pose in zip(cameras, poses, strict=True)
-        )
+        poses = _poses(cameras, beside, size, board, random, number / max(1, count - 1), partly)
+        left, right = (_taken(camera.picture(board, pose), random) for camera, pose in zip(drawn, poses, strict=True))
         yield left, right
 
 
 def _poses(
-    rig: StereoRig,
+    cameras: tuple[Camera, Camera],
+    right: Pose,
     size: tuple[int, int],
     board: Board,
-    square_m: float,
     random: np.random.Generator,
     part: float,
     partly: bool,
 ) -> tuple[Pose, Pose]:
-    """Return the poses, in squares, of a board that both cameras see."""
+    """Return the poses, in squares, of a board that both cameras see, the second of which stands at `right`."""
+    matrix = cameras[0].matrix
     points = board.points()
     middle = points.mean(axis=0)
     for attempt in range(TRIES):
@@ -142,22 +124,18 @@ def _poses(
         # Later attempts are farther away and closer to the middle.
         ease = attempt / TRIES
         share = random.uniform(0.3, 0.6) * (1 - 0.5 * ease)
-        distance = rig.left_matrix[0, 0] * board.columns / (share * size[0])
+        distance = matrix[0, 0] * board.columns / (share * size[0])
         corner = random.uniform(-1, 1, 2) * (1 - ease)
-        towards = corner * np.array(size) / 2 / np.diag(rig.left_matrix)[:2]
-        between = -0.5 * rig.translation / square_m
-        translation = np.array([*(towards * distance * 0.8), distance]) + between - rotation @ middle
-        beside = rig.rotation @ rotation, rig.rotation @ translation + rig.translation / square_m
-        seen = []
-        for matrix, distortion, (turned, place) in (
-            (rig.left_matrix, rig.left_distortion, (rotation, translation)),
-            (rig.right_matrix, rig.right_distortion, beside),
-        ):
-            places = cv2.projectPoints(points, cv2.Rodrigues(turned)[0], place, matrix, distortion)[0][:, 0]
-            border = 0.01 * size[0] + 0.2 * distance**-1 * matrix[0, 0]
+        towards = corner * np.array(size) / 2 / np.diag(matrix)[:2]
+        between = -0.5 * right.translation
+        first = Pose(rotation, np.array([*(towards * distance * 0.8), distance]) + between - rotation @ middle)
+        poses, seen = (first, right.beside(first)), []
+        for camera, pose in zip(cameras, poses, strict=True):
+            places = camera.projected(points, pose)
+            border = 0.01 * size[0] + 0.2 * distance**-1 * camera.matrix[0, 0]
             seen.append(float(((places > border) & (places < np.array(size) - border)).all(axis=1).mean()))
         if min(seen) >= (0.5 if partly else 1.0) and (not partly or part < 0.3 or max(seen) < 1):
-            return (rotation, translation), beside
+            return poses
     raise ValueError(
         f"The views of the two cameras hardly overlap: in {TRIES} places no board of {board.columns} × {board.rows} "
         "corners was in both pictures."

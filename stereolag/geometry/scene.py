@@ -13,8 +13,8 @@ from stereolag.core.arrays import FloatMap
 from stereolag.geometry.calibration import Calibration, Float32Array
 
 MOST_POINTS = 100_000
-REACH = 2
-"""Neighbours are counted in the square of ±2 px."""
+REACH, SAME_SURFACE_PX = 2, 1.0
+"""Neighbours are counted in the square of ±2 px, if their disparities differ by no more than this."""
 
 FEWEST_NEIGHBOURS = 9
 """Of the 25 pixels in that square: the convex corner of a surface has 9, a straight edge 15, a line of 1 px only 5."""
@@ -27,43 +27,26 @@ def clean_point_cloud(
     *,
     max_points: int | None = MOST_POINTS,
 ) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
-    """Return the coloured points of a disparity map without its flying pixels.
+    """Return the points and colours of :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`, none flying.
 
-    Parameters
-    ----------
-    calibration
-        Turns the disparity into metres.
-    disparity, colour
-        (rows, cols) px and the left image, as for
-        :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`.
-    max_points
-        Above this number, an even random choice is returned, always the same; None keeps all.
-
-    Returns
-    -------
-    points
-        (n, 3) float32, metres: X to the right, Y down, Z forward.
-    colours
-        (n, 3) uint8 RGB.
+    Above `max_points`, an even random choice is returned, always the same; None keeps all.
     """
     measured = np.asarray(disparity, dtype=np.float32)
     points, colours = calibration.point_cloud(np.where(flying_pixels(measured), np.float32(np.nan), measured), colour)
     return (points, colours) if max_points is None else subsampled(points, colours, max_points)
 
 
-def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.NDArray[np.bool_]:
+def flying_pixels(disparity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     """Return where a disparity is on no surface: alone, or between a near and a far one.
 
     Matchers smear the edges of objects over a few pixels with disparities between those of the two sides; as points
     they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, including itself,
-    have the same disparity to within the tolerance.
+    have the same disparity to within 1 px: its error, unlike the depth's, does not grow with the distance.
 
     Parameters
     ----------
     disparity
         (rows, cols), px; NaN where there is none.
-    tolerance
-        Px, from 0. It applies to the disparity, whose error, unlike the depth's, does not grow with the distance.
 
     Returns
     -------
@@ -73,13 +56,11 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
     Raises
     ------
     ValueError
-        A disparity that is not two-dimensional, or a negative tolerance.
+        A disparity that is not two-dimensional.
     """
     values = np.asarray(disparity, dtype=np.float32)
     if values.ndim != 2:
         raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols).")
-    if not tolerance >= 0:
-        raise ValueError(f"tolerance is {tolerance} px; allowed are numbers from 0.")
     known = np.isfinite(values)
     values = np.where(known, values, np.float32(np.nan))
     rows, cols = values.shape
@@ -87,7 +68,7 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
     neighbours = np.zeros(values.shape, dtype=np.uint8)
     for row in range(2 * REACH + 1):
         for col in range(2 * REACH + 1):
-            neighbours += np.abs(around[row : row + rows, col : col + cols] - values) <= tolerance
+            neighbours += np.abs(around[row : row + rows, col : col + cols] - values) <= SAME_SURFACE_PX
     return known & (neighbours < FEWEST_NEIGHBOURS)
 
 
@@ -215,25 +196,14 @@ def distance_between(
     height: int,
     disparity_error: float = DISPARITY_ERROR,
 ) -> Distance:
-    """Return the distance between two points of the scene.
+    """Return the distance between two points of the scene, in a left image of this size, px.
 
-    Parameters
-    ----------
-    calibration
-        Calibration of the left image.
-    first, second
-        The points.
-    width, height
-        Size of the image, px: its centre replaces an unknown principal point.
-    disparity_error
-        Typical error of either disparity, px; the two are assumed to be independent.
-
-    Returns
-    -------
-    Distance
-        Its error is the component of the depth errors along the line between the points.
+    The error is the component of the depth errors along the line between the points; `disparity_error` is the typical
+    error of either disparity, px, and the two are assumed to be independent.
     """
-    rays = np.array([_ray(calibration, point, width, height) for point in (first, second)])
+    cx, cy = calibration.centre(width, height)
+    rays = np.array([(point.col - cx, point.row - cy, calibration.focal_px) for point in (first, second)])
+    rays /= calibration.focal_px  # at a depth of 1
     disparities = np.array([first.disparity, second.disparity])
     depths = calibration.depth(disparities).astype(np.float64)
     between = depths[1] * rays[1] - depths[0] * rays[0]
@@ -259,12 +229,6 @@ def calibrated_by(known: Calibration | None, disparity: float, distance_m: float
     """
     start = known or Calibration(width / (2 * math.tan(math.radians(FIELD_OF_VIEW / 2))), baseline_m=1.0)
     return replace(start, rig=None).with_known_distance(disparity, distance_m)
-
-
-def _ray(calibration: Calibration, point: SeenPoint, width: int, height: int) -> tuple[float, float, float]:
-    """Return the position of the point at a depth of 1."""
-    cx, cy = calibration.centre(width, height)
-    return (point.col - cx) / calibration.focal_px, (point.row - cy) / calibration.focal_px, 1.0
 
 
 _COLUMNS = 8

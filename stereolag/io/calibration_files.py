@@ -9,8 +9,8 @@ import io
 import json
 import math
 import re
-import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element, ParseError
 
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml import DefusedXmlException, ElementTree
 
-from stereolag.io.sources import ZIP_MAGIC, parse_npy, quote
+from stereolag.io.sources import ZIP_MAGIC, parse_npy, quote, read_archive
 
 MAX_TEXT_BYTES = 2**20
 MAX_ARCHIVE_BYTES = 2**24
@@ -62,11 +62,6 @@ class Entry(NamedTuple):
         if count is not None and values.size != count:
             raise ValueError(f"{name} in the calibration must hold {count} numbers; it holds {values.size}.")
         return values.ravel()
-
-    @property
-    def value_size(self) -> int:
-        """Return how many numbers there are."""
-        return 0 if isinstance(self.value, str) else self.value.size
 
     def text(self) -> str:
         """Return the text, or the numbers as one."""
@@ -131,10 +126,9 @@ class Entries(dict[str, Entry]):
             raise ValueError(f"The calibration has no {first}; it is needed here. It has {names_found(self)}.")
         return found
 
-    def text(self, names: str) -> str:
-        """Return a text, empty if there is none."""
-        found = self.find(names)
-        return "" if found is None else found.text()
+    def found(self, names: Mapping[str, str]) -> dict[str, Entry]:
+        """Return those of some entries that exist, each under another name."""
+        return {name: entry for name, given in names.items() if (entry := self.find(given)) is not None}
 
 
 def names_found(names: Iterable[str]) -> str:
@@ -191,22 +185,14 @@ def _check_names(count: int) -> None:
 
 
 def _arrays(data: bytes) -> dict[str, Matrix | str]:
-    """Return the arrays in an archive of NumPy, with placeholders for those that are large or not of numbers."""
+    """Return the arrays of numbers in an archive of NumPy, without large ones, which describe no camera."""
+    archive = read_archive(data, max_files=MAX_NAMES)
     arrays: dict[str, Matrix | str] = {}
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            _check_names(len(archive.infolist()))
-            for member in archive.infolist():
-                content = archive.read(member) if member.file_size <= MAX_ARRAY_BYTES else b""
-                try:
-                    array = _value(parse_npy(content, "calibration"))
-                except ValueError:
-                    continue
-                arrays[member.filename.removesuffix(".npy")] = array
-    except (ValueError, MemoryError):
-        raise
-    except Exception as error:  # zipfile and its decoders raise all kinds of errors on broken files
-        raise ValueError("The calibration (.npz) is damaged, cut short or locked; save it again.") from error
+    for name in archive.names:
+        member = archive.read(name)
+        with suppress(ValueError):  # texts and objects stand beside the numbers
+            if len(member) <= MAX_ARRAY_BYTES:
+                arrays[name.removesuffix(".npy")] = _value(parse_npy(member, "calibration"))
     return arrays
 
 

@@ -67,12 +67,11 @@ def together(files: Sequence[Entries]) -> Entries:
 def layout_of(files: Sequence[Entries]) -> Layout:
     """Return the first layout whose marks the files bear."""
     names = [name for one in files for name in one]
-
-    def borne(mark: str) -> bool:
-        wanted = re.compile(mark, re.IGNORECASE)
-        return any(map(wanted.fullmatch, names))
-
-    return next(layout for layout in LAYOUTS if all(map(borne, layout.marks)))
+    return next(
+        layout
+        for layout in LAYOUTS
+        if all(any(re.fullmatch(mark, name, re.IGNORECASE) for name in names) for mark in layout.marks)
+    )
 
 
 # Layouts of makers.
@@ -90,8 +89,7 @@ def named(**names: str) -> Reader:
             for part in ("focal", "M1", "baseline"):
                 if part in names:
                     entries.required(names[part])
-        found = {part: entries.find(name) for part, name in (names | SIZE | {"most": MOST}).items()}
-        return [{part: entry for part, entry in found.items() if entry is not None}]
+        return [entries.found(names | SIZE | {"most": MOST})]
 
     return read
 
@@ -223,16 +221,14 @@ def _realsense(files: Sequence[Entries]) -> list[Parts]:
     """Read a rectified pair for each size; the baseline is negative: the left camera's place seen from the right."""
     entries = together(files)
     baseline = numbers("baseline", np.abs(entries.required("baseline").numbers(1)))
+    names = {"cx": "ppx", "cy": "ppy", "width0": "width", "height0": "height"}
     found, number = [], 0
     while (focal := entries.find(f"rectified.{number}.fx")) is not None:
-        one = {part: entries.required(f"rectified.{number}.{name}") for part, name in _REALSENSE.items()}
+        one = {part: entries.required(f"rectified.{number}.{name}") for part, name in names.items()}
         if focal.numbers(1)[0] > 0 and one["width0"].numbers(1)[0] > 0:
             found.append(one | {"focal": focal, "baseline": baseline})
         number += 1
     return found
-
-
-_REALSENSE = {"cx": "ppx", "cy": "ppy", "width0": "width", "height0": "height"}
 
 
 def _ros_ini(files: Sequence[Entries]) -> list[Parts]:
@@ -281,14 +277,10 @@ def _matlab(files: Sequence[Entries]) -> list[Parts]:
 def _matlab_for_opencv(files: Sequence[Entries]) -> list[Parts]:
     """Read the results of ``stereoParametersToOpenCV`` under their own names; the size is rows and columns."""
     entries = together(files)
-    parts = {
-        "M1": entries.required("intrinsicMatrix1"),
-        "D1": entries.required("distortionCoefficients1"),
-        "M2": entries.required("intrinsicMatrix2"),
-        "D2": entries.required("distortionCoefficients2"),
-        "R": entries.required("rotationOfCamera2"),
-        "T": entries.required("translationOfCamera2"),
-    }
+    parts = {"R": entries.required("rotationOfCamera2"), "T": entries.required("translationOfCamera2")}
+    for side in "12":
+        parts[f"M{side}"] = entries.required(f"intrinsicMatrix{side}")
+        parts[f"D{side}"] = entries.required(f"distortionCoefficients{side}")
     if size := entries.find("imageSize"):
         parts["size0"] = numbers(size.name, size.numbers(2)[::-1])
     return [parts]
@@ -303,8 +295,7 @@ def _bouguet(files: Sequence[Entries]) -> list[Parts]:
         skew = fx * (entries.number(f"alpha_c_{name}") or 0.0)
         parts[f"M{side}"] = numbers(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]])
         parts[f"D{side}"] = entries.required(f"kc_{name}")
-    found = {"width0": entries.find("nx"), "height0": entries.find("ny")}
-    return [parts | {part: entry for part, entry in found.items() if entry is not None}]
+    return [parts | entries.found({"width0": "nx", "height0": "ny"})]
 
 
 def _drivingstereo(files: Sequence[Entries]) -> list[Parts]:
@@ -371,7 +362,7 @@ def _orb_slam(files: Sequence[Entries]) -> list[Parts]:
         return by_meaning(
             [Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})]
         )
-    size = {part: entry for part, name in SIZE.items() if (entry := entries.find(name)) is not None}
+    size = entries.found(SIZE)
     first = "Camera1" if entries.find("Camera1.fx") else "Camera"
     way = entries.find("Stereo.T_c1_c2|Tlr")
     if entries.find("Camera2.fx") and way is not None:
@@ -541,7 +532,7 @@ def _parts_of(entries: Entries) -> Parts:
     sides = {"both": "", "lone": "0", "left": "1", "right": "2", numbers[0]: "1", numbers[1]: "2"}
     parts: Parts = {}
     for entry, part, side in named:
-        if side in sides and not (part == "M" and entry.value_size not in (4, 9)):
+        if side in sides and not (part == "M" and np.size(entry.value) not in (4, 9)):
             entries.used.add(entry.name)
             parts.setdefault(part + sides[side], entry)
     if {"M0", "P0", "R"} <= set(parts) and "T" not in parts:
@@ -578,7 +569,8 @@ def by_meaning(files: Sequence[Entries]) -> list[Parts]:
         raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
     metric = bool(lone) and all("P0" in found[n] for n in lone)
     shifts = [found[n]["P0"].projection()[0, 3] for n in lone] if metric else []
-    right_first = len(lone) == 2 and "right" in files[lone[0]].text("camera_name").lower()
+    title = files[lone[0]].find("camera_name") if len(lone) == 2 else None
+    right_first = title is not None and "right" in title.text().lower()
     if len(shifts) == 1 or len(set(shifts)) == 2:
         right_first = shifts[0] < (0, *shifts[1:])[-1]
     poses: Entries = together(files)

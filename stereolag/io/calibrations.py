@@ -26,15 +26,7 @@ CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npz", "mat", "conf
 USUAL_SIZE = (1280, 720)
 """Of the sizes that a camera takes pictures in, the one that its calibration is for until pictures are known."""
 
-_UNIT_NAMES = {
-    "metre": "m",
-    "meter": "m",
-    "centimetre": "cm",
-    "centimeter": "cm",
-    "millimetre": "mm",
-    "millimeter": "mm",
-}
-_IN_WORDS = {1.0: "metres", 0.01: "centimetres", 0.001: "millimetres"}
+_IN_WORDS = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
 _NEEDED = {"M1": "left camera matrix", "M2": "right camera matrix", "R": "rotation", "T": "translation"}
 
 
@@ -118,21 +110,15 @@ def _calibration(
     unit = stated or length_unit_m or UNITS[layout.unit]
     notes = []
     if stated is None and length_unit_m is None:
-        notes.append(f"The file does not state its unit of length: {_IN_WORDS[unit]} are assumed.")
+        notes.append(f"The file does not state its unit of length: {_IN_WORDS[layout.unit]} are assumed.")
     if idle:
         notes.append(f"Not used, since these names are unknown here: {names_found(idle)}.")
     if "baseline" in parts or "product" in parts:
         if "M1" in parts and "M2" not in parts | {"cx2": 0, "doffs": 0} and layout.name == "Middlebury":
             notes.append("The file has neither doffs nor cam1: the principal points are taken to be the same.")
         found = _straight(parts, unit)
-    elif not parts:
-        raise ValueError(
-            f"The calibration holds {names_found(together(files))}: it is in no known format, or lacks both cameras; "
-            "accepted are files of OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, or "
-            "JSON with focal_px and baseline_m."
-        )
     else:
-        found = _from_cameras(parts, lens or parts.get("lens", Entry("", "")).text(), unit, idle, notes)
+        found = _from_cameras(files, parts, lens or parts.get("lens", Entry("", "")).text(), unit, idle, notes)
     most = parts["most"].counts(1)[0] if "most" in parts else None
     return replace(found, num_disparities=most, notes=tuple(notes), unit_stated=stated is not None)
 
@@ -141,10 +127,11 @@ def _stated_unit(layout: Layout, parts: Parts) -> float | None:
     """Return the unit that a file states or its layout always has, in metres; None if there is none."""
     if "unit" in parts:
         text = parts["unit"].text().lower()
-        unit = UNITS.get(_UNIT_NAMES.get(text.rstrip("s"), text))
+        plain = text.replace("meter", "metre")
+        unit = next((short for short, word in _IN_WORDS.items() if plain in (short, word, word[:-1])), None)
         if unit is None:
             raise ValueError(f"The calibration has {quote(text)} as its unit of length; allowed are m, cm and mm.")
-        return unit
+        return UNITS[unit]
     return UNITS[layout.unit] if layout.sure else None
 
 
@@ -185,7 +172,9 @@ def _from_projections(parts: Parts, unit_m: float) -> Calibration:
     return Calibration(focal, baseline, doffs, *centre, width=width, height=height, turn=turn)
 
 
-def _from_cameras(parts: Parts, lens: str, unit_m: float, idle: Sequence[str], notes: list[str]) -> Calibration:
+def _from_cameras(
+    files: Sequence[Entries], parts: Parts, lens: str, unit_m: float, idle: Sequence[str], notes: list[str]
+) -> Calibration:
     """Return the calibration from the cameras' matrices, before or after rectification."""
     how = _rectification(parts, unit_m)
     is_rectified = "Q" in parts or {"P1", "P2"} <= set(parts)
@@ -206,10 +195,11 @@ def _from_cameras(parts: Parts, lens: str, unit_m: float, idle: Sequence[str], n
         width, height = _image_size(parts)
         focal, back, doffs, cx, cy = _reprojected(parts["Q"])
         return Calibration(focal, unit_m / back, doffs / back, cx, cy, width=width, height=height)
+    names = dict.fromkeys([*(entry.name for entry in parts.values()), *together(files)])
     raise ValueError(
-        f"The calibration holds {names_found([*(entry.name for entry in parts.values()), *idle])}: it is in no known "
-        "format, or lacks both cameras; accepted are files of both cameras (M1, D1, M2, D2, R, T), or of the rectified "
-        "pair (Q, or P1 and P2)."
+        f"The calibration holds {names_found(names)}: it is in no known format, or lacks both cameras; accepted are "
+        "files of OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, of both cameras (M1, "
+        "D1, M2, D2, R, T) or of the rectified pair (Q, or P1 and P2), or JSON with focal_px and baseline_m."
     )
 
 

@@ -634,7 +634,7 @@ def on_own_clock(
         Times that go back, columns without values, or a size beyond the limits.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        clocks = _clock_columns(table, names)
+        clocks = {index for index, name in enumerate(names) if len(table) > 1 and _is_clock(table[index], name, index)}
         index = None if clock else _column_of_times(table, names)
     is_seconds, notes = True, []
     if index is not None:
@@ -667,12 +667,8 @@ def on_own_clock(
     )
 
 
-def _clock_columns(table: Channels, names: Sequence[str]) -> set[int]:
-    """Return the indices of columns that rise as their heading says that times or counts do."""
-    return {column for column, name in enumerate(names) if len(table) > 1 and _is_clock(table[column], name, column)}
-
-
 def _is_clock(values: Vector, name: str, column: int) -> bool:
+    """Return whether a column rises as its heading says that times or counts do."""
     is_count = bool(_COUNT.search(_words_of(name)))
     counted = float((np.diff(values) == 1).mean()) if is_count or column == 0 else 0.0
     if is_count and counted > MOSTLY:  # it may begin again after 255

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.images import LARGEST_UINT16, as_map, image_png, image_tiff, read_image
+from stereolag.io.images import LARGEST_UINT16, as_map, counts_png, image_tiff, read_image
 from stereolag.io.sources import Source, write_file
 
 MAP = "depth map"
@@ -100,10 +100,7 @@ def depth_png(depth: npt.ArrayLike) -> bytes:
     Pixels beyond 65.535 m have 0 too; :func:`too_far` counts them.
     """
     millimetres = _millimetres(depth)
-    pixels = np.zeros(millimetres.shape, np.uint16)
-    held = millimetres <= LARGEST_UINT16
-    pixels[held] = np.maximum(1, millimetres[held])
-    return image_png(pixels)
+    return counts_png(np.where(millimetres <= LARGEST_UINT16, millimetres, np.nan))
 
 
 def too_far(depth: npt.ArrayLike) -> int:

@@ -87,15 +87,7 @@ def start_guard() -> None:
 
 
 class GuardedObject(Generic[T]):
-    """An object made from a stranger's file; it lives in a worker of its own, which is replaced when it ends.
-
-    Parameters
-    ----------
-    make
-        Returns the object.
-    args
-        Arguments of `make`.
-    """
+    """An object that ``make(*args)`` returns for a stranger's file, in a worker of its own, replaced when that ends."""
 
     def __init__(self, make: Callable[..., T], *args: Any) -> None:
         self._make = partial(_keep, make, *args)

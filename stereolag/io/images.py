@@ -722,11 +722,7 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
     Format: the development kit of Geiger, Lenz & Urtasun, "Are we ready for autonomous driving?", CVPR 2012.
     """
     check_kitti(disparity)
-    values = as_map(disparity)
-    known = np.isfinite(values)
-    pixels = np.zeros(values.shape, dtype=np.uint16)
-    pixels[known] = np.maximum(1, np.rint(values[known] * KITTI_SCALE))
-    return image_png(pixels)
+    return counts_png(as_map(disparity) * KITTI_SCALE)
 
 
 def check_kitti(disparity: npt.ArrayLike) -> None:
@@ -825,10 +821,14 @@ DISPARITY_FORMATS = {
 
 def confidence_png(sure: npt.ArrayLike) -> bytes:
     """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
-    values = np.asarray(sure)
-    known = np.isfinite(values)
-    pixels = np.zeros(values.shape, np.uint16)
-    pixels[known] = np.maximum(1, np.rint(np.clip(values[known], 0, 1) * LARGEST_UINT16))
+    return counts_png(np.clip(np.asarray(sure), 0, 1) * LARGEST_UINT16)
+
+
+def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
+    """Return numbers as a 16-bit grey PNG, rounded, at least 1; 0 where they are NaN or infinite."""
+    known = np.isfinite(numbers)
+    pixels = np.zeros(numbers.shape, np.uint16)
+    pixels[known] = np.maximum(1, np.rint(numbers[known]))
     return image_png(pixels)
 
 

@@ -149,7 +149,7 @@ def opencv_yaml(matcher: BlockMatcher) -> str:
 # Sessions.
 
 SESSION = "session.json"
-"""Name of the session file in an archive."""
+"""Name of the session file in an archive saved on the depth page."""
 MOST_SENTENCES = 20
 LONGEST_TEXT = 500
 LARGEST_COLOUR = 1e6
@@ -300,11 +300,6 @@ def session_json(
         colours=Colours.model_construct(**colours),
     )
     return json.dumps(document.model_dump(exclude_unset=True), indent=2) + "\n"
-
-
-def holds_session(archive: Archive) -> bool:
-    """Return whether an archive was saved on the depth page."""
-    return SESSION in archive.names
 
 
 def read_session(archive: Archive, door: Door = unguarded) -> Session:

@@ -19,8 +19,9 @@ from av.video.stream import VideoStream
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
+from stereolag.io.formats import sound_format
 from stereolag.io.guard import GuardedObject
-from stereolag.io.sources import Source, check_pixels, quote, read_bytes
+from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, quote, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
 WHAT = "video"
@@ -36,9 +37,7 @@ USUAL_RATE = 10.0
 LEAST_RATE, MOST_RATE = 0.01, 1000
 """Range of plausible frame rates, Hz."""
 
-_HEADER_BYTES = 12
-_CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"RIFF": "avi"}
-_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+_DEMUXERS = ("mov", "matroska", "avi")
 _PATIENCE_PACKETS = 64
 """Number of later frames decoded before a missing frame counts as damaged."""
 
@@ -47,11 +46,6 @@ class VideoFile:
     """The frames of a video by their numbers; a path is opened again after unpickling.
 
     Threads that ask at the same time take turns.
-
-    Parameters
-    ----------
-    source
-        A path, the bytes of the file, or a binary file object.
 
     Raises
     ------
@@ -112,19 +106,18 @@ class VideoFile:
     def _container(self) -> InputContainer:
         if isinstance(self._source, Path):
             with self._source.open("rb") as stream:
-                beginning = stream.read(_HEADER_BYTES)
+                form = sound_format(stream.read(HEADER_BYTES))
         else:
-            beginning = self._source[:_HEADER_BYTES]
+            form = sound_format(self._source[:HEADER_BYTES])
         # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
-        kind = next((name for magic, name in _CONTAINERS.items() if beginning.startswith(magic)), None)
-        kind = "mov" if beginning[4:8] in _BOXES else kind
-        if kind is None or (kind == "avi" and beginning[8:12] != b"AVI "):
+        if form is None or form.demuxer not in _DEMUXERS:
             raise ValueError(
                 f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
             )
         file = str(self._source) if isinstance(self._source, Path) else io.BytesIO(self._source)
+        options = {"protocol_whitelist": "file"}
         try:
-            return av.open(file, "r", format=kind, options={"protocol_whitelist": "file"}, metadata_errors="replace")
+            return av.open(file, "r", format=form.demuxer, options=options, metadata_errors="replace")
         except av.FFmpegError as error:
             raise ValueError(DAMAGED) from error
 

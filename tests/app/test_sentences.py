@@ -15,6 +15,7 @@ from pairs import shifted_pair
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.assess.arrangement import Epipole
 from stereolag.assess.diagnosis import (
+    Diagnosis,
     Finding,
     FindingCode,
     Remedy,
@@ -27,10 +28,10 @@ from stereolag.assess.diagnosis import (
     judge_matches,
     judge_mirrored,
     judge_moments,
+    judge_range,
     judge_raw_sides,
     judge_rotation,
     judge_rows,
-    judge_searched,
     judge_sides,
     judge_texture,
 )
@@ -361,7 +362,7 @@ HEALTHY = (
     judge_layout(None),
     judge_above(0),
     *judge_moments(None),
-    judge_searched((2.0, 50.0), (0, 64), (0, 64)),
+    judge_range(Diagnosis((), (2.0, 50.0), (0, 64)), 0, 64),
 )
 ILL = (
     judge_matches(12),
@@ -384,9 +385,9 @@ ILL = (
     judge_layout(Layout.HALF_BESIDE),
     judge_above(1),
     *judge_moments(Epipole(0.58, 0.46)),
-    judge_searched((2.0, 50.0), (0, 16), (0, 64)),
-    judge_searched((2.0, 15.0), (0, 48), (0, 16), 24.0),
-    judge_searched((2.0, 2.4), (-3, 256), (-3, 16)),
+    judge_range(Diagnosis((), (2.0, 50.0), (0, 64)), 0, 16),
+    judge_range(Diagnosis((), (2.0, 15.0), (0, 16), 24.0), 0, 48),
+    judge_range(Diagnosis((), (2.0, 2.4), (-3, 16)), -3, 256),
 )
 
 

@@ -396,6 +396,17 @@ def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1:
         assert not amber(again) & {FindingCode.BENT_ROWS, FindingCode.ROWS, FindingCode.SWAPPED}
 
 
+def test_a_lens_is_removed_though_most_features_are_far_away_where_it_bends_nothing() -> None:
+    rng = np.random.default_rng(0)
+    far = np.column_stack([rng.uniform(200, 680, 500), rng.normal(190, 25, 500)])
+    points = np.concatenate([far, rng.uniform((20, 200), (860, 390), (100, 2))])
+    near = np.maximum(1.0, (points[:, 1] - 180) / 4) + rng.uniform(0, 6, 600)
+    views = (points, points - np.column_stack([near, np.zeros(600)]))
+    seen = [through_barrel(one, (400, 880), -0.3) + rng.normal(0, 0.15, one.shape) for one in views]
+    found = best_rectification(matched(*seen, (400, 880)))
+    assert found is not None and found.lens == pytest.approx(-0.3, abs=0.05)
+
+
 @pytest.mark.parametrize("order", [1, -1], ids=["right", "swapped"])
 def test_turned_cameras_are_turned_back_and_their_sides_told(order: int) -> None:
     left, right, _ = bundled("cube")

@@ -89,14 +89,14 @@ UNKNOWN = st.sampled_from([np.nan, np.inf, -np.inf])
 
 
 @settings(max_examples=40)
-@given(hnp.arrays(np.float32, (7, 9), elements=UNKNOWN | st.floats(-50, 50, width=32)), st.floats(0, 9))
-def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity, tolerance):
-    flying = flying_pixels(disparity, tolerance=tolerance)
+@given(hnp.arrays(np.float32, (7, 9), elements=UNKNOWN | st.floats(-5, 5, width=32)))
+def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity):
+    flying = flying_pixels(disparity)
     rows, cols = ([*range(2, 0, -1), *range(size), size - 2, size - 3] for size in disparity.shape)  # mirrored
     for row, col in np.ndindex(disparity.shape):
         square = disparity[np.ix_(rows[row : row + 5], cols[col : col + 5])]
         square = square[np.isfinite(square)]
-        alike = np.count_nonzero(np.abs(square - disparity[row, col]) <= np.float32(tolerance))
+        alike = np.count_nonzero(np.abs(square - disparity[row, col]) <= 1)
         assert flying[row, col] == (np.isfinite(disparity[row, col]) and alike < 9)
 
 
@@ -219,7 +219,7 @@ def test_the_sky_follows_the_rotation_alone(nothing: float) -> None:
     assert not moved.disparity_change.any()
 
 
-FLAT, BODY, CLOUD = np.ones(SHAPE), np.zeros(SHAPE, np.uint8), np.ones((1, 3), np.float32)
+BODY, CLOUD = np.zeros(SHAPE, np.uint8), np.ones((1, 3), np.float32)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,6 @@ FLAT, BODY, CLOUD = np.ones(SHAPE), np.zeros(SHAPE, np.uint8), np.ones((1, 3), n
             for given in [(0, 3), (-2, 3), (25, 0)]
         ),
         (lambda: flying_pixels(np.zeros(4)), "allowed"),
-        *((lambda given=given: flying_pixels(FLAT, tolerance=given), "allowed") for given in (-1.0, np.nan)),
         (lambda: subsampled(CLOUD, BODY[:1, :3], 0), "max_points is 0"),
         (lambda: seen_from_above(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
         (lambda: seen_from_above(CLOUD, GREY, cells=0), "cells is 0"),

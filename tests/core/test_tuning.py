@@ -148,7 +148,7 @@ def test_strips_are_matched_as_the_whole_is() -> None:
     strips = pair.strips(0.5)
     assert strips.left.shape == strips.right.shape == strips.reference.shape == (3 * STRIP_ROWS, 120)
     matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(16))
-    whole, part = matcher.compute(left, right).disparity, strips.map_of(matcher)
+    whole, part = (matcher.compute(one.left, one.right).disparity for one in (pair, strips))
     judged = np.isfinite(strips.reference)
     assert judged.mean() == pytest.approx(1 - 2 * SEAM_ROWS / STRIP_ROWS)
     tops = [round(400 / 3 * number + (400 / 3 - STRIP_ROWS) / 2) for number in range(3)]
