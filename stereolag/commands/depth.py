@@ -21,6 +21,7 @@ from stereolag.commands.pairs import (
     add_trust,
     calibration_as_asked,
     findings_as_figures,
+    metres_are_doubtful,
     rectified_as_asked,
     said_of_calibration,
 )
@@ -54,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
         "--settings.",
         "LEFT [RIGHT] [--out DIR] [--preset NAME] [--calibration FILE] [--depth FILE] [--truth FILE] [--json] "
         "[settings]",
-        f"; {DOUBTFUL} done, but something is wrong with the pair: the findings say what",
+        f"; {DOUBTFUL} done, but something is wrong with the pair or its metres: the findings or notes say what",
     )
     _add_files(parser)
     flags = MatcherFlags(parser, arguments)
@@ -87,7 +88,7 @@ def run(arguments: Sequence[str]) -> int:
         files, left_out = _written(Path(options.out), wanted)
         figures |= {"out": options.out, "files": files, "left_out": left_out}
     tell(figures, "\n".join([*said, *_in_words(figures, pair)]), as_json=options.json)
-    return DOUBTFUL if figures["findings"] else DONE
+    return DOUBTFUL if figures["findings"] or metres_are_doubtful(pair.calibration, options) else DONE
 
 
 def _add_files(parser: CommandParser) -> None:

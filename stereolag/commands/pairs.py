@@ -67,6 +67,13 @@ def said_of_calibration(calibration: Calibration | None) -> tuple[str, ...]:
     return () if calibration is None else (calibration.in_words(), *calibration.notes)
 
 
+def metres_are_doubtful(calibration: Calibration | None, options: argparse.Namespace) -> bool:
+    """Return whether neither the file nor the user states a unit in which a calibration is of no stereo camera."""
+    if calibration is None or options.trust or options.unit:
+        return False
+    return not (calibration.plausible or calibration.unit_stated)
+
+
 def add_layout(parser: argparse.ArgumentParser) -> None:
     """Add the flag for the arrangement of both views in one picture."""
     parser.add_argument(

@@ -26,6 +26,7 @@ from stereolag.commands.pairs import (
     add_trust,
     calibration_as_asked,
     findings_as_figures,
+    metres_are_doubtful,
     rectified_as_asked,
     said_of_calibration,
 )
@@ -59,8 +60,8 @@ def run(arguments: Sequence[str]) -> int:
         "one, give --help with its --preset, --method or --settings.",
         "LEFT [RIGHT] --out DIR [--preset NAME] [--calibration FILE] [--video FILE.mp4] [--scheduler ADDRESS|local] "
         "[--json] [settings]",
-        f"; {DOUBTFUL} done, but for damaged frames, or something is wrong with the pairs: the findings say what; "
-        f"{INTERRUPTED} stopped by Ctrl-C",
+        f"; {DOUBTFUL} done, but for damaged frames, or something is wrong with the pairs or their metres: the findings "
+        f"or notes say what; {INTERRUPTED} stopped by Ctrl-C",
     )
     _add_frames(parser)
     _add_job(parser)
@@ -118,7 +119,7 @@ def run(arguments: Sequence[str]) -> int:
     tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)
     for name, problem in result.damaged.items():
         print(f"stereolag sequence: {name}: {one_line(problem)}", file=sys.stderr)
-    return DOUBTFUL if result.damaged or findings else DONE
+    return DOUBTFUL if result.damaged or findings or metres_are_doubtful(calibration, options) else DONE
 
 
 def _add_frames(parser: CommandParser) -> None:

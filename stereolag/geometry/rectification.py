@@ -121,7 +121,8 @@ def rectify(
         maps: Any = to_maps(*camera, size, cv2.CV_32FC1)
         _check_what_is_left(name, maps[0], maps[1], float(camera[3][0, 0] / camera[0][0, 0]))
         rectified.append(_fetched(image, maps))
-    return Rectified(rectified[0], rectified[1], _calibration(how, size))
+    known = replace(_calibration(how, size), notes=calibration.notes, unit_stated=calibration.unit_stated)
+    return Rectified(rectified[0], rectified[1], known)
 
 
 MOST_MAGNIFIED, LEAST_LEFT = 3.0, 0.3

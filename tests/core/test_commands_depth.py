@@ -268,6 +268,21 @@ def seen(name: str) -> tuple[Image, Image]:
     return left, right
 
 
+@pytest.mark.parametrize(("unit", "code"), [((), 3), (("--unit", "mm"), 0)])
+def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(
+    unit: tuple[str, ...], code: int, tmp_path: Path, ran: Command
+) -> None:
+    for name, view in zip(("left.png", "right.png"), seen("cube"), strict=True):
+        (tmp_path / name).write_bytes(image_png(view))
+    left = np.array([[450.0, 0, 159.5, 0], [0, 450, 119.5, 0], [0, 0, 1, 0]])
+    shift = np.zeros((3, 4))
+    shift[0, 3] = -450 * 17.0  # mm
+    (tmp_path / "camera").write_bytes(camera_files.npz(P1=left, P2=left + shift))
+    told = ran("depth", tmp_path / "left.png", tmp_path / "right.png", "--calibration", tmp_path / "camera", *unit)
+    assert told.code == code, told.err
+    assert ("metres are assumed" in told.out) == ("No stereo camera is like that" in told.out) == (code == 3)
+
+
 @pytest.mark.parametrize(
     ("change", "code"),
     [
