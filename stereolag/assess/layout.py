@@ -27,8 +27,6 @@ def views(image: Image, layout: Layout, *, crossed: bool = False) -> tuple[Image
     ----------
     image
         A checked image. If its width or height is odd, the middle column or row is left out.
-    layout
-        How the views stand in it.
     crossed
         Whether the right view comes first, as in JPS files for crossed eyes.
 

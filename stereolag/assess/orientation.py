@@ -606,17 +606,8 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). If there are few of them, SIFT matches are
     added, and those consistent with two rotated cameras and one lens coefficient are kept.
 
-    Their ``dy`` are the row differences: about 0 on a rectified pair.
-
-    Parameters
-    ----------
-    left, right
-        (H, W) or (H, W, 3 | 4) images of one size: uint8, uint16 or float.
-
-    Returns
-    -------
-    Correspondences
-        Possibly empty: matches that could have arisen by chance are no evidence.
+    Their ``dy`` are the row differences: about 0 on a rectified pair. There may be none of them: matches that could
+    have arisen by chance are no evidence.
     """
     shape = left.shape[0], left.shape[1]
     scale = min(1.0, LARGEST_SIDE / max(shape))

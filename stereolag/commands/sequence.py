@@ -60,8 +60,8 @@ def run(arguments: Sequence[str]) -> int:
         "one, give --help with its --preset, --method or --settings.",
         "LEFT [RIGHT] --out DIR [--preset NAME] [--calibration FILE] [--video FILE.mp4] [--scheduler ADDRESS|local] "
         "[--json] [settings]",
-        f"; {DOUBTFUL} done, but for damaged frames, or something is wrong with the pairs or their metres: the findings "
-        f"or notes say what; {INTERRUPTED} stopped by Ctrl-C",
+        f"; {DOUBTFUL} done, but for damaged frames, or something is wrong with the pairs or their metres: findings or "
+        f"notes say what; {INTERRUPTED} stopped by Ctrl-C",
     )
     _add_frames(parser)
     _add_job(parser)
