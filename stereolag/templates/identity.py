@@ -27,7 +27,7 @@ from stereolag.templates.fits import (
     blocks_of,
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, edges
-from stereolag.templates.redrawn import redrawing
+from stereolag.templates.redrawn import Redrawing, redrawing
 
 Kind: TypeAlias = Literal[
     "same", "lower_contrast", "higher_contrast", "partly_covered", "other_colours", "differs", "not_there"
@@ -91,8 +91,8 @@ class Identity:
         Share of the variance of the place that the template explains.
     blocks
         Rows of blocks over the template: whether they agree.
-    resized
-        Size here over that which was compared, if the template is drawn anew.
+    anew
+        Where and how the template is drawn anew at another size, if it is.
     """
 
     kind: Kind
@@ -100,7 +100,7 @@ class Identity:
     gain: tuple[float, ...]
     explained: float
     blocks: tuple[tuple[bool, ...], ...]
-    resized: float = 1.0
+    anew: Redrawing | None = None
 
     @property
     def is_template(self) -> bool:
@@ -109,7 +109,13 @@ class Identity:
 
 
 def identity(
-    image: Image, pattern: Pattern, row: int, col: int, *, posed: bool = False, upright: float = 1.0
+    image: Image,
+    pattern: Pattern,
+    row: int,
+    col: int,
+    *,
+    posed: bool = False,
+    resized: tuple[Pattern, float] | None = None,
 ) -> Identity:
     """Return what the image shows at a place of the template.
 
@@ -123,8 +129,8 @@ def identity(
         The place, accurate to a pixel.
     posed
         Whether size and angle are refined too.
-    upright
-        Size of the pattern over that of the template, if it is not rotated: it may be drawn anew at another size.
+    resized
+        The template and the size of the pattern over its own, if it is not rotated: it may be drawn anew.
     """
     if pattern.silhouette:
         return _identity_of_shape(image, pattern, row, col)
@@ -144,12 +150,11 @@ def identity(
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
     kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all())
-    if kind in ("differs", "not_there") and upright != 1 and fit.recoloured < RECOLOURED:
-        anew = redrawing(fit, upright)
+    if kind in ("differs", "not_there") and resized is not None and fit.recoloured < RECOLOURED:
+        anew = redrawing(image, resized[0], row, col, resized[1])
         if anew is not None:
-            contrast, gain = anew.contrast * fit.contrast, tuple(anew.contrast * one for one in fit.gain)
-            told = _told(_with_contrast(contrast), contrast, gain, anew.explained, np.ones_like(agrees))
-            return replace(told, resized=anew.size)
+            told = _told(_with_contrast(anew.contrast), anew.contrast, anew.gain, anew.explained, np.ones_like(agrees))
+            return replace(told, anew=anew)
     return _told(kind, fit.contrast, fit.gain, fit.explained, agrees)
 
 

@@ -1,57 +1,61 @@
 """A template drawn anew at another size: letters begin on whole pixels there, and are as wide and high as fits them.
 
-Its columns are then shifted by a pixel or two, letter by letter, and its height is another one than its width tells. A
-sibling has a stroke more, or one less, which no such shift explains.
+Its width and height are then other multiples of the template's, and its columns and rows shifted by a pixel or two,
+letter by letter, or the text of a button against its border. A sibling has a stroke more, or one less, which no such
+shift explains.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
 
-from stereolag.templates.fits import Fit, Plane, beyond, explained, gradient
+from stereolag.core.inputs import Image
+from stereolag.templates.fits import Plane, explained
+from stereolag.templates.patterns import Pattern
 
-SOFTER = 0.8
-"""Blur, px, of a template enlarged to the square root of 2 beside one drawn at that size."""
+SOFT = 0.55
+"""Spread of the blur, px of the template, after which two drawings are compared: 0.4 and 0.8 tell siblings less."""
 
-STEPS = 10
-"""Steps of the alignment."""
+ROOM = 0.12
+"""What is looked at beyond a place, as a share of its longer side."""
 
-FARTHEST = np.array([2.0, 3.0, 0.1, 0.03])
-"""Largest shift down and across, px, and largest change of height and of width, of the alignment."""
+COARSELY, FINELY = (-0.11, -0.055, 0.0, 0.055, 0.11), (-0.0275, 0.0, 0.0275)
+"""Steps of the logarithms of height and width."""
 
-REACH, FINELY = 2.0, 0.25
-"""Largest shift of a column and step of it, px."""
+LEAST_LIKE = 0.85
+"""Least correlation at the best height and width; where the template is, from 0.91."""
 
-STIFF = 1.0
-"""What a step of shift from a column to the next must save, in mean squared differences of a column."""
+BEYOND, SHOWN = 2, 0.1
+"""What counts of a template: so many px beyond the rows and columns with this share of the largest step of a value."""
 
-SMOOTH = 1.0
-"""Spread of the blur of the shifts of the columns, px."""
+REACH, STEP = 3.0, 0.25
+"""Largest shift of a column or row and step of it, px."""
 
-STROKE, LETTER, FAINTEST = 1.5, 3.0, 0.15
-"""Spreads of the blurs over a stroke and a letter, px of the template itself; least variance of a letter, as a share of
-the largest."""
+STIFF, SMOOTH = 0.2, 1.0
+"""What a step of shift from one to the next must save, in mean squared differences of a line; and spread of the blur of
+the shifts, px."""
 
-UNEXPLAINED = 0.16
-"""Least squared difference over a stroke that no part of a pixel explains, as a share of the variance of its letter,
-of something else.
+LETTER, FAINTEST = 2.75, 0.2
+"""Spread of the blur over a letter, px of the template; least variance of a letter, as a share of the largest."""
 
-Measured on screens drawn anew at 110 to 150 %: up to 0.15 where the template is; at words and numbers of which one
-letter is another and that the shifts bring nearer, from 0.17, but for two of 91.
+UNEXPLAINED = 0.3
+"""Least squared difference of a letter, as a share of its variance, of something else.
+
+Measured on screens drawn anew at 110 to 150 %: up to 0.3 at 94 of 103 words, numbers and buttons; from 0.31 at 102 of
+which one letter is another.
 """
 
-LEFT = 0.78
-"""Largest share of the difference that may be left if columns are shifted.
+LEAST_WIDE, LEAST_TALL = 1.8, 6
+"""Least width over height of what has letters, and least height of it, px. Icons are not rounded to pixels, and a mark
+in them is less than a letter."""
 
-Measured: up to 0.74 at words; of icons, of which another has one mark, 0.67 to 1.
-"""
-
-OF_HEIGHT = 0.75
-"""How much of the logarithm of the size the height tells, and the width the rest: it is rounded for each letter."""
+OF_HEIGHT = 0.5
+"""How much of the logarithm of the size the height tells, and the width the rest: both are rounded for each letter."""
 
 
 @dataclass(frozen=True)
@@ -61,65 +65,133 @@ class Redrawing:
     Parameters
     ----------
     size
-        Size there over that of the template that was fitted.
+        Size there over that of the template.
+    row, col
+        Middle, px from the top-left corner of the image.
+    gain
+        For each channel the slope of its values against those of the template.
     contrast
-        Contrast over that fitted before.
+        Standard deviation over that of the template.
     explained
         Share of the variance of the place that is explained.
     """
 
     size: float
+    row: float
+    col: float
+    gain: tuple[float, ...]
     contrast: float
     explained: float
 
 
-def redrawing(fit: Fit, scale: float) -> Redrawing | None:
-    """Return how a place is the template drawn anew at this scale; None if it is something else."""
-    weights = fit.counted.astype(np.float32)
-    seen = fit.seen
-    if scale > 1:
-        seen = _blurred(seen, SOFTER * math.sqrt(scale**2 - 1))
-    before = _in_light(fit.predicted, seen, weights)
-    stretched, size = _stretched(fit.predicted, seen, weights)
-    still = np.zeros(len(stretched), dtype=np.float32)
-    drawn = _in_light(_moved(stretched, still, _shifts(stretched, seen, weights)), seen, weights)
-    left, left_before = (float((np.square(seen - one).sum(axis=2) * weights).sum()) for one in (drawn, before))
-    if left > LEFT * left_before or _unexplained(drawn, seen, weights, scale) > UNEXPLAINED:
+def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float) -> Redrawing | None:
+    """Return how a place is the template drawn anew at about this scale; None if it is something else.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the template.
+    template
+        As given, all of which counts.
+    row, col
+        Top-left pixel of the place.
+    scale
+        Size there over that of the template, to a tenth.
+    """
+    shown = _shown(template)
+    tall, wide = (last - first - 2 * BEYOND for first, last in shown)
+    if tall < LEAST_TALL or wide < LEAST_WIDE * tall:
         return None
-    contrast = math.sqrt(float(drawn.var(axis=(0, 1)).sum() / fit.predicted.var(axis=(0, 1)).sum()))
-    pixels = seen.reshape(weights.size, -1), drawn.reshape(weights.size, -1)
-    return Redrawing(size, contrast, explained(*pixels, weights.ravel()))
+    sides = [round(side * scale) for side in template.shape]
+    margin = max(4, round(ROOM * max(sides)))
+    around = [np.arange(start - margin, start + side + margin) for start, side in zip((row, col), sides, strict=True)]
+    inside = [(at >= 0) & (at < length) for at, length in zip(around, image.shape, strict=False)]
+    rows, cols = (np.clip(at, 0, length - 1) for at, length in zip(around, image.shape, strict=False))
+    part = image[np.ix_(rows, cols)].astype(np.float32)
+    if not np.isfinite(part).all():
+        return None
+    weights = np.outer(*inside).astype(np.float32)
+    given = _blurred(np.moveaxis(template.deviations, 0, 2).astype(np.float32), SOFT)
+    seen = _blurred(part - part.mean(axis=(0, 1)), SOFT * max(1.0, scale))
+    like, tall, wide, top, left = _stretched(given, seen, scale)
+    if like < LEAST_LIKE:
+        return None
+    stretch = np.array([tall, wide]) / template.shape
+    middle = np.array([top + tall / 2, left + wide / 2])
+    linear = np.diag(stretch[::-1])
+    offset = middle[::-1] - 0.5 - linear @ ((np.array(template.shape[::-1]) - 1) / 2)
+    size = seen.shape[1], seen.shape[0]
+    warped = cv2.warpAffine(given, np.column_stack([linear, offset]), size, borderMode=cv2.BORDER_REPLICATE)
+    counts = tuple(
+        slice(max(0, math.floor(at + one * (first - side / 2))), math.ceil(at + one * (last - side / 2)))
+        for at, one, (first, last), side in zip(middle, stretch, shown, template.shape, strict=True)
+    )
+    drawn = np.asarray(warped, dtype=np.float32).reshape(seen.shape)[counts]
+    seen, weights = seen[counts], weights[counts]
+    down, across = np.zeros(len(drawn), np.float32), np.zeros(drawn.shape[1], np.float32)
+    for _ in range(2):
+        across = _shifts(_in_light(_moved(drawn, down, 0 * across), seen, weights), seen, weights, 1)
+        down = _shifts(_in_light(_moved(drawn, 0 * down, across), seen, weights), seen, weights, 0)
+    slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
+    drawn = _moved(drawn, down, across)
+    gain = _gain(drawn, seen, weights)
+    lit = _in_light(drawn, seen, weights)
+    if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
+        return None
+    return Redrawing(
+        size=float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT])),
+        row=row - margin + float(middle[0]),
+        col=col - margin + float(middle[1]),
+        gain=tuple(map(float, gain)),
+        contrast=math.sqrt(float(lit.var(axis=(0, 1)).sum() / drawn.var(axis=(0, 1)).sum())),
+        explained=explained(seen.reshape(weights.size, -1), lit.reshape(weights.size, -1), weights.ravel()),
+    )
 
 
-def _stretched(predicted: Plane, seen: Plane, weights: Plane) -> tuple[Plane, float]:
-    """Return the template moved, and its height and width changed, to be most like what is seen; and its size."""
-    down, across = (np.arange(side, dtype=np.float32) - np.float32((side - 1) / 2) for side in predicted.shape[:2])
-    motion, drawn = np.zeros(4), predicted
-    for _ in range(STEPS):
-        moved = _moved(predicted, motion[0] + motion[2] * down, motion[1] + motion[3] * across)
-        drawn = _in_light(moved, seen, weights)
-        rows, cols = (one * weights[:, :, np.newaxis] for one in gradient(drawn))
-        terms = [rows, cols, rows * down[:, np.newaxis, np.newaxis], cols * across[:, np.newaxis]]
-        slopes = np.stack([one.ravel() for one in terms]).astype(np.float64)
-        products = slopes @ slopes.T
-        products[np.diag_indices(4)] *= 1.001
-        products[np.diag_indices(4)] += 1e-9
-        residual = ((seen - drawn) * weights[:, :, np.newaxis]).ravel()
-        motion = np.clip(motion + np.linalg.solve(products, slopes @ residual), -FARTHEST, FARTHEST)
-    size = -OF_HEIGHT * math.log1p(motion[2]) - (1 - OF_HEIGHT) * math.log1p(motion[3])
-    return drawn, math.exp(size)
+def _stretched(drawn: Plane, seen: Plane, scale: float) -> tuple[float, int, int, int, int]:
+    """Return correlation, height, width, top and left of the template where it is most like a part of what is seen."""
+    best = -2.0, 0, 0, 0, 0
+    middle = np.log([scale, scale])
+    for steps in (COARSELY, FINELY):
+        tried = {
+            tuple(max(3, round(side * size)) for side, size in zip(drawn.shape, np.exp(middle + step), strict=False))
+            for step in product(steps, repeat=2)
+        }
+        for tall, wide in sorted(tried):
+            if tall > seen.shape[0] or wide > seen.shape[1]:
+                continue
+            scores = cv2.matchTemplate(seen, cv2.resize(drawn, (wide, tall)), cv2.TM_CCOEFF_NORMED)
+            _, score, _, (left, top) = cv2.minMaxLoc(scores)
+            best = max(best, (score, tall, wide, top, left))
+        middle = np.log(np.array(best[1:3]) / drawn.shape[:2]) if best[1] else middle
+    return best
 
 
-def _shifts(drawn: Plane, seen: Plane, weights: Plane) -> Plane:
-    """Return the shifts of the columns, each near that of the next, with the least squared difference of all."""
-    shifts = np.arange(-REACH, REACH + FINELY / 2, FINELY)
-    height, width = drawn.shape[:2]
-    still = np.zeros(height, dtype=np.float32)
-    moved = (_moved(drawn, still, np.full(width, shift, dtype=np.float32)) for shift in shifts)
-    costs = np.stack([(np.square(seen - one).sum(axis=2) * weights).sum(axis=0) for one in moved], axis=1)
-    costs /= max(float(costs.mean()), 1e-12)
-    least, before = costs[0], []
-    for cost in costs[1:]:
+def _shown(template: Pattern) -> list[tuple[int, int]]:
+    """Return the first row and column that count, and the ends of the last: in which something varies, or beside."""
+    ends = []
+    for axis in range(2):
+        other = 1 - axis
+        along = np.abs(np.diff(template.deviations, axis=1 + axis)).sum(axis=0).max(axis=other)
+        across = np.abs(np.diff(template.deviations, axis=1 + other)).sum(axis=0).max(axis=other)
+        step = np.maximum(np.maximum(np.append(along, 0), np.append(0, along)), across)
+        varies = np.flatnonzero(step > SHOWN * step.max())
+        ends.append((max(0, int(varies[0]) - BEYOND), min(len(step), int(varies[-1]) + 1 + BEYOND)))
+    return ends
+
+
+def _shifts(drawn: Plane, seen: Plane, weights: Plane, axis: int) -> Plane:
+    """Return the shifts of the rows or columns, each near that of the next, with the least difference of all."""
+    shifts = np.arange(-REACH, REACH + STEP / 2, STEP, dtype=np.float32)
+    still = [np.zeros(side, dtype=np.float32) for side in drawn.shape[:2]]
+    costs = []
+    for shift in shifts:
+        at = [one + shift * (number == axis) for number, one in enumerate(still)]
+        costs.append((np.square(seen - _moved(drawn, at[0], at[1])).sum(axis=2) * weights).sum(axis=1 - axis))
+    of_line = np.stack(costs, axis=1)
+    of_line /= max(float(of_line.mean()), 1e-12)
+    least, before = of_line[0], []
+    for cost in of_line[1:]:
         around = np.pad(least, 1, constant_values=math.inf)
         ways = np.stack([around[:-2] + STIFF, least, around[2:] + STIFF])
         before.append(ways.argmin(axis=0) - 1)
@@ -127,16 +199,31 @@ def _shifts(drawn: Plane, seen: Plane, weights: Plane) -> Plane:
     path = [int(least.argmin())]
     for ways in reversed(before):
         path.append(path[-1] + int(ways[path[-1]]))
-    best = shifts[path[::-1]].astype(np.float32).reshape(1, -1)
-    return _blurred(best, SMOOTH).ravel()
+    return _blurred(shifts[path[::-1]].reshape(1, -1), SMOOTH).ravel()
+
+
+def _slope(shifts: Plane, drawn: Plane, axis: int) -> float:
+    """Return by how much the shifts of rows or columns grow from one to the next, where something varies."""
+    steps = np.square(np.diff(drawn, axis=axis)).sum(axis=(1 - axis, 2))
+    counts = np.append(steps, 0) + np.append(0, steps)
+    at = np.arange(len(shifts)) - np.average(np.arange(len(shifts)), weights=counts)
+    return float((counts * at * shifts).sum() / (counts * np.square(at)).sum())
 
 
 def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> float:
-    """Return the largest difference over a stroke that no part of a pixel explains, as a share of its letter."""
-    differences = np.square(np.minimum(beyond(seen, drawn), beyond(drawn, seen))).sum(axis=2) * weights
-    means, squares = (_blurred(one, LETTER * scale) for one in (seen, np.square(seen)))
-    variance = np.maximum(squares - np.square(means), 0).sum(axis=2)
-    return float((_blurred(differences, STROKE * scale) / np.maximum(variance, FAINTEST * variance.max())).max())
+    """Return the largest squared difference of a letter, as a share of its variance."""
+
+    def about(plane: Plane) -> Plane:
+        blurred = _blurred(plane * weights[:, :, np.newaxis], LETTER * scale) / shares[:, :, np.newaxis]
+        return np.asarray(blurred, dtype=np.float32)
+
+    shares = np.maximum(_blurred(weights, LETTER * scale), 1e-3)
+    variances = [np.maximum(about(one * one) - np.square(about(one)), 0).sum(axis=2) for one in (drawn, seen)]
+    away = drawn - seen
+    left = np.maximum(about(away * away) - np.square(about(away)), 0).sum(axis=2)
+    most = np.maximum(*variances)
+    letters = most > FAINTEST * most.max()
+    return float((left[letters] / most[letters]).max(initial=0.0))
 
 
 def _moved(plane: Plane, rows: Plane, cols: Plane) -> Plane:
@@ -148,14 +235,19 @@ def _moved(plane: Plane, rows: Plane, cols: Plane) -> Plane:
     return np.asarray(moved, dtype=np.float32).reshape(plane.shape)
 
 
+def _gain(plane: Plane, seen: Plane, weights: Plane) -> Plane:
+    """Return the gain of each channel that, with an offset, brings a plane nearest to what is seen."""
+    shares = (weights / weights.sum())[:, :, np.newaxis]
+    about = (plane - (plane * shares).sum(axis=(0, 1))) * shares
+    energy = np.maximum((about * plane).sum(axis=(0, 1)), 1e-12)
+    return np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
+
+
 def _in_light(plane: Plane, seen: Plane, weights: Plane) -> Plane:
-    """Return a plane with a gain and an offset of each channel that bring it nearest to what is seen."""
+    """Return a plane with the gain and an offset of each channel that bring it nearest to what is seen."""
     shares = (weights / weights.sum())[:, :, np.newaxis]
     level, wanted = ((one * shares).sum(axis=(0, 1)) for one in (plane, seen))
-    about = (plane - level) * shares
-    energy = (about * (plane - level)).sum(axis=(0, 1))
-    gain = (about * (seen - wanted)).sum(axis=(0, 1)) / np.maximum(energy, 1e-12)
-    return np.asarray((plane - level) * gain + wanted, dtype=np.float32)
+    return np.asarray((plane - level) * _gain(plane, seen, weights) + wanted, dtype=np.float32)
 
 
 def _blurred(plane: Plane, blur: float) -> Plane:

@@ -307,13 +307,14 @@ class _LookedAt:
         if index not in self._shown:
             row, col = int(self.places.rows[index]), int(self.places.cols[index])
             scale, rotation = self._pose(index)
+            may_be_anew = rotation == 0 and scale != 1 and bool((self._pattern.weights == 1).all())
             self._shown[index] = identity(
                 self._image,
                 self._posed(index),
                 row,
                 col,
                 posed=self.places.poses is not None,
-                upright=scale if rotation == 0 else 1.0,
+                resized=(self._pattern, scale) if may_be_anew else None,
             )
         return self._shown[index]
 
@@ -338,11 +339,11 @@ class _LookedAt:
         shown = self._shown.get(index)
         if shown is None:
             return match
-        told = {name: value for name, value in vars(shown).items() if name != "resized"}
-        if shown.resized != 1:
-            tall, wide = warped_shape(self._pattern.shape, scale * shown.resized, rotation)
-            told |= {"row": max(0, row + (height - tall) // 2), "col": max(0, col + (width - wide) // 2)}
-            told |= {"height": tall, "width": wide, "scale": scale * shown.resized}
+        told = {name: value for name, value in vars(shown).items() if name != "anew"}
+        if shown.anew is not None:
+            tall, wide = warped_shape(self._pattern.shape, shown.anew.size, rotation)
+            told |= {"row": max(0, round(shown.anew.row - tall / 2)), "col": max(0, round(shown.anew.col - wide / 2))}
+            told |= {"height": tall, "width": wide, "scale": shown.anew.size}
         return replace(match, **told)
 
     def _pose(self, index: int) -> tuple[float, float]:
