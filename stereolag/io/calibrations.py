@@ -196,10 +196,14 @@ def _from_cameras(
         focal, back, doffs, cx, cy = _reprojected(parts["Q"])
         return Calibration(focal, unit_m / back, doffs / back, cx, cy, width=width, height=height)
     names = dict.fromkeys([*(entry.name for entry in parts.values()), *together(files)])
+    of_makers = (
+        "OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, or JSON with focal_px and"
+    )
+    both = "both cameras (M1, D1, M2, D2, R, T), or of the rectified pair (Q, or P1 and P2)"
+    accepted = both if parts else f"{of_makers} baseline_m"
     raise ValueError(
         f"The calibration holds {names_found(names)}: it is in no known format, or lacks both cameras; accepted are "
-        "files of OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, of both cameras (M1, "
-        "D1, M2, D2, R, T) or of the rectified pair (Q, or P1 and P2), or JSON with focal_px and baseline_m."
+        f"files of {accepted}."
     )
 
 
