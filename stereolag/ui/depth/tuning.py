@@ -450,8 +450,8 @@ def show_suggest(view: DepthView) -> None:
 
         def show(found: Suggestion) -> None:
             if matcher in (start, found.matcher):
-                _show_suggestion(view, found)
                 watch(found)
+                _show_suggestion(view, found)
 
         def watch(found: Suggestion | None) -> None:
             if found is not None and found.matcher != start:
