@@ -18,7 +18,7 @@ from stereolag.ui import prose
 from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
-from stereolag.ui.elements import show_png
+from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import example_pictures, example_recordings
 from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed
@@ -57,7 +57,7 @@ def show_search() -> None:
     )
     best = result.matches[0]
     rows, cols = pictures.picture.shape[:2]
-    show_png(match_close_up(pictures.picture, best), f"Rocketman in the crowd, framed: {place(best)}")
+    show_picture(match_close_up(pictures.picture, best), f"Rocketman in the crowd, framed: {place(best)}")
     prose.markdown(
         f"An image of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
         f"column **{best.col}**."
@@ -78,7 +78,7 @@ def show_depth() -> None:
     )
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
     alt = map_in_words(result.disparity, "A photograph of a puzzle cube that turns into its disparity map")
-    show_png(image_into_map(pair.left, result.disparity, low, high), alt)
+    show_picture(image_into_map(pair.left, result.disparity, low, high), alt)
     prose.markdown(
         f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** of one image were found in the "
         "other: those that shifted most, the bright ones, are the nearest."
@@ -104,9 +104,8 @@ MORE = (
         "**Your own stereo camera**, from pictures of a chessboard to depth in metres.",
     ),
 )
-TITLE = "Slide, multiply, find the peak"
-with page(TITLE):
-    with head(TITLE):
+with page("Slide, multiply, find the peak"):
+    with head("Slide, multiply, find the peak"):
         prose.markdown(
             "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest "
             "the two agree, and the distance you slid is the **lag**. **stereolag** measures three things this way."

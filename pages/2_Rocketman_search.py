@@ -7,7 +7,7 @@ from stereolag.figures import templates as figures
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.elements import show_png
+from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
@@ -29,7 +29,7 @@ PARTS = {
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return the query, or None if the settings are refused."""
-    show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
+    show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
     prose.caption(TEMPLATE_METHODS_EXPLAINED[method])
     min_score = control(TemplateQuery, "min_score", key="template.min_score")

@@ -26,6 +26,4 @@ def workspace(drive: Drive) -> None:
 
 
 with page("Driving"):
-    chosen = ask_drive()
-    if chosen is not None:
-        workspace(chosen)
+    workspace(ask_drive())

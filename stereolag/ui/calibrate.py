@@ -45,7 +45,7 @@ from stereolag.streamlit_inside import Container
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import Number, announce, show_jpeg, show_line, show_png, show_refused
+from stereolag.ui.elements import Number, announce, show_line, show_picture, show_refused
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
@@ -456,7 +456,7 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
     ):
         with column:
             found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
-            show_jpeg(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
+            show_picture(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
             prose.caption(f"{side}: {found}")
     if report is not None:
         prose.markdown(pair_in_words(report))
@@ -482,7 +482,7 @@ def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, resu
     except ValueError as error:
         show_refused(error)
         return
-    show_jpeg(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
+    show_picture(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
     prose.caption(
         f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
     )
@@ -501,7 +501,7 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
     for column, (side, corners, share) in zip(st.columns(2, gap="small"), sides, strict=True):
         with column:
             said = f"{side}: boards in {percent(share)} of the picture"
-            show_png(png(coverage_picture(corners, size)), said)
+            show_picture(png(coverage_picture(corners, size)), said)
             prose.caption(said)
 
 

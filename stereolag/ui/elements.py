@@ -50,22 +50,14 @@ def show_chart(figure: go.Figure, key: str, alt: str) -> None:
     st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)
 
 
-def show_png(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
-    """Show a PNG at full width, or at its own size; `alt` describes it for screen readers.
+def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
+    """Show a PNG or JPEG at full width, or at its own size; `alt` describes it for screen readers.
 
     It is embedded in the page message. The browser would have to request a separate file, which costs a round trip and
     fails if the next slider position has already replaced the file.
     """
-    _show(data, "image/png", alt, caption, stretch=stretch)
-
-
-def show_jpeg(data: bytes, alt: str) -> None:
-    """Show a JPEG at full width, as :func:`show_png` does."""
-    _show(data, "image/jpeg", alt, None, stretch=True)
-
-
-def _show(data: bytes, media_type: str, alt: str, caption: str | None, *, stretch: bool) -> None:
-    address = f"data:{media_type};base64," + base64.b64encode(data).decode("ascii")
+    kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
+    address = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     st.image(address, caption and typeset(caption), width="stretch" if stretch else "content", alt=alt and typeset(alt))
 
 

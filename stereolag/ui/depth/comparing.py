@@ -65,7 +65,7 @@ from stereolag.ui.depth.sentences import (
     estimates_in_words,
 )
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, show_chart, show_png, show_refused
+from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, show_chart, show_picture, show_refused
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn
@@ -260,7 +260,7 @@ def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, again
         with column:
             prose.markdown(f"**{name}**")
             alt = errors_in_words(result.disparity, reference, against)
-            show_png(error_png(result.disparity, reference), f"{name}. {alt}")
+            show_picture(error_png(result.disparity, reference), f"{name}. {alt}")
     show_chart(error_legend(), f"{key}.legend", ERROR_COLOURS_IN_WORDS)
 
 

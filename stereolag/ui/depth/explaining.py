@@ -68,7 +68,7 @@ from stereolag.ui.depth.sentences import (
     overlap_in_words,
     scores_in_words,
 )
-from stereolag.ui.elements import show_chart, show_png, shown_progress
+from stereolag.ui.elements import show_chart, show_picture, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.sentences import OPENCV_REASONS, REASONS_EXPLAINED, percent
@@ -297,7 +297,7 @@ def _show_patches(pair: Pair, seen: MatchExplanation, lags: Mapping[str, Lag]) -
     with st.container(horizontal=True, gap="small"):
         for name, score, image, box in places:
             with st.container(width=150):
-                show_png(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
+                show_picture(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
                 prose.caption(f"{name}{score}")
     prose.caption(
         "Enlarged, in grey as they are compared, each stretched to full contrast. "

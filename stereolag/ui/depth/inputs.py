@@ -110,7 +110,7 @@ def choose_pair() -> Pair:
     if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
         st.session_state[FOLD] = awaited
     with head("Depth maps") as line:
-        place = st.container(width="content")
+        place = st.empty()
         # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
         fold = st.expander(
             "Choose a pair or bring your own",
@@ -123,8 +123,7 @@ def choose_pair() -> Pair:
     notes = st.container(horizontal=True, vertical_alignment="center", gap="small", key="depth-notes")
 
     def load(name: str) -> Pair:
-        with place:
-            prose.markdown(f"**{examples[name].title}**")
+        place.markdown(f"**{examples[name].title}**", width="content")
         return example_pair(examples[name])
 
     with fold:
@@ -132,6 +131,8 @@ def choose_pair() -> Pair:
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=PAIR)
+        if chosen == OWN:  # until an example is shown in its place
+            place.markdown("**Your own pair**", width="content")
         ask = partial(ask_own_pair, line, notes)
         pair = own_or_example(chosen, ask, load, examples, key=PAIR, awaited="both images are")
         st.session_state[OWN_PAIR_THERE] = not pair.shared
@@ -155,8 +156,6 @@ def choose_pair() -> Pair:
     if pair.shared:
         with line:
             show_try_first(TRY_FIRST)
-    else:
-        place.markdown("**Your own pair**")
     with notes:
         for change in pair.changes:
             if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED):

@@ -37,7 +37,7 @@ from stereolag.ui.controls import (
 )
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
-from stereolag.ui.elements import announce, show_png, show_refused
+from stereolag.ui.elements import announce, show_picture, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
     PackedPicture,
@@ -352,7 +352,7 @@ def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
         result = computed_at_once(**_computation(view.pair, matcher))
         if result is not None:
             with column:
-                show_png(png(coloured(result.disparity, low, high, palette)), title, title)
+                show_picture(png(coloured(result.disparity, low, high, palette)), title, title)
 
 
 def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:

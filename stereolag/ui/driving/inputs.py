@@ -51,13 +51,14 @@ from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
+    OWN,
     Upload,
-    expect_uploads,
     forget_together,
     in_fold,
+    no_files_yet,
+    own_or_example,
     put_together,
-    refused,
-    show_awaited,
+    refuse,
     show_limits,
     upload,
 )
@@ -97,8 +98,8 @@ class Drive:
         return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
 
 
-def ask_drive() -> Drive | None:
-    """Ask for frames and calibration; return the example while frames are missing, None if they are refused."""
+def ask_drive() -> Drive:
+    """Ask for frames and calibration; return the example while frames are missing, stop if they are refused."""
     with head("Driving", "play it, and drag along the curves below the pictures."):
         origin = st.segmented_control(
             "Frames",
@@ -109,30 +110,24 @@ def ask_drive() -> Drive | None:
             **persistent(f"{KEY}.origin"),
             label_visibility="collapsed",
         )
-    example = next(iter(drives().values()))
-    if origin == EXAMPLE:
-        return _example(example.name)
-    expect_uploads()
+    no_files_yet(KEY)
+    chosen = next(iter(drives())) if origin == EXAMPLE else OWN
+    return own_or_example(chosen, _own, _example, drives(), key=KEY, awaited="your frames are")
+
+
+def _own() -> Drive | None:
     with st.container(horizontal=True, key="folds"):
         found = _ask_frames()
         place = st.expander("Calibration (optional): for depth in metres, and to rectify")
     calibration = ask_calibration(KEY, place)
-    if found is None and refused():
-        # Do not show results of the example below a refused file.
-        return None
-    if found is None:
-        show_awaited("your frames are" if origin == ONE else "both videos are", example.title)
-        return _example(example.name)
-    return _with_calibration(found, calibration)
+    return None if found is None else _with_calibration(found, calibration)
 
 
 def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] | None) -> Drive | None:
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
-        show_refused(
-            f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together."
-        )
+        refuse(f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together.")
         return None
     rows, cols = frame.left.shape[:2]
     fitted = None
@@ -144,7 +139,7 @@ def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] |
     try:
         left, right = as_stereo_pair(frame.left, frame.right)
     except ValueError as error:
-        show_refused(error)
+        refuse(str(error))
         return None
     ask_rectification(fitted, KEY)
     pair = prepared(

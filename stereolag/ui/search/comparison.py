@@ -24,7 +24,7 @@ from stereolag.templates.trials import (
 )
 from stereolag.ui import prose
 from stereolag.ui.controls import control
-from stereolag.ui.elements import show_jpeg
+from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_in_turn, computed_or_refused
@@ -108,7 +108,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: Templat
     for column, trial in zip(st.columns(len(NAMES), gap="medium"), survival.trials, strict=True):
         with column:
             prose.markdown(f"**{NAMES[trial.method]}** :{MARKS[trial.outcome]} {OUTCOMES[trial.outcome]}]")
-            show_jpeg(
+            show_picture(
                 getattr(survival, trial.method),
                 f"The damaged image, searched by {NAMES[trial.method]}: {OUTCOMES[trial.outcome]}.",
             )

@@ -17,7 +17,7 @@ from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, take_away
-from stereolag.ui.elements import Number, announce, show_line, show_png
+from stereolag.ui.elements import Number, announce, show_line, show_picture
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.panels import packed, search_by_hand, show_score_map
@@ -72,7 +72,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches[: result.clear]
-        show_png(
+        show_picture(
             drawn_once(
                 "places framed",
                 lambda: figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape),
@@ -83,7 +83,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         )
     with beside:
         if not result.found:
-            show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
+            show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
         for match in (places or doubtful(result))[:CLOSE_UPS]:
             close_up = partial(
                 figures.match_close_up,
@@ -93,7 +93,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
                 template=inputs.template.shape,
             )
             drawn = drawn_once(f"close-up at {place(match)}", close_up, inputs, query)
-            show_png(drawn, f"The image up close at {place(match)}", place(match))
+            show_picture(drawn, f"The image up close at {place(match)}", place(match))
 
 
 def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
