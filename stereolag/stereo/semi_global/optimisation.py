@@ -123,6 +123,24 @@ def _carry(paths: Array, step: Step, here: int, lag: int, cost: Any, small: Any)
     return carried
 
 
+@compiled
+def _carry_four(
+    paths: Array, steps: tuple[Any, ...], places: tuple[Any, ...], lag: int, cost: Any, small: Any, least: tuple[Any, ...]
+) -> Any:
+    """Extend the four paths at sixteen lags, and return the sum of their costs, and the lowest costs so far."""
+    along = _carry(paths, steps[0], places[0], lag, cost, small)
+    from_behind = _carry(paths, steps[1], places[1], lag, cost, small)
+    from_above = _carry(paths, steps[2], places[2], lag, cost, small)
+    from_ahead = _carry(paths, steps[3], places[3], lag, cost, small)
+    lowest = (
+        smaller(least[0], along),
+        smaller(least[1], from_behind),
+        smaller(least[2], from_above),
+        smaller(least[3], from_ahead),
+    )
+    return (along + from_behind) + (from_above + from_ahead), lowest
+
+
 LEAST = -LANES // 2
 """Place of the lowest cost of a path's cell, from its first lag; between cells there is room for sixteen numbers."""
 
@@ -170,63 +188,64 @@ def _sweep(
 
     The sums are set, or added to if `adds`. Extending four paths at once reads each cost and writes each sum only once.
     """
-    costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
+    costs, sums = costs3.reshape(-1), sums3.reshape(-1)
     height, width, lags = costs3.shape
-    size = cell_size(lags)
+    size, whole = cell_size(lags), lags - lags % LANES
     large, small = penalties[1], splat(penalties[0], np.uint16)
     most = splat(65535, np.uint16)
     spare_costs, spare_sums = np.full(LANES, WALL, np.uint16), np.zeros(LANES, np.uint16)
+    jumps = np.empty(PATHS // 2 * width, np.uint16)
     for i in range(first, end):
         y = height - 1 - i if backwards else i
-        previous = y if i == 0 else (y + 1 if backwards else y - 1)
-        start_1, start_2, start_3 = _starts(height, width, i)
+        _price_jumps(guide2, large, y, y if i == 0 else (y + 1 if backwards else y - 1), backwards, jumps)
+        starts = _starts(height, width, i)
         # Two cells in turn; before the first pixel there is nothing, as before the first row.
-        here_0, before_0 = LANES, LANES + size
-        paths[before_0 : before_0 + size - LANES] = 0
-        paths[before_0 + LEAST] = 0
-        for j in range(width):
-            x = width - 1 - j if backwards else j
-            behind = x if j == 0 else (x + 1 if backwards else x - 1)
-            ahead = x if j == width - 1 else (x - 1 if backwards else x + 1)
-            pixel, upper = y * width + x, previous * width
-            level = item(guide, pixel)
-            here_1, here_2, here_3 = (
-                (start_1 + j) * size + LANES,
-                (start_2 + j) * size + LANES,
-                (start_3 + j) * size + LANES,
+        here, before = LANES, LANES + size
+        paths[before : before + size - LANES] = 0
+        paths[before + LEAST] = 0
+        places = here, starts[0] * size + LANES, starts[1] * size + LANES, starts[2] * size + LANES
+        at, ahead = y * width * lags, lags
+        if backwards:
+            at, ahead = at + (width - 1) * lags, -lags
+        for j in range(0, PATHS // 2 * width, PATHS // 2):
+            steps = (
+                _step(paths, before, item(jumps, j)),
+                _step(paths, places[1] + size, item(jumps, j + 1)),
+                _step(paths, places[2] + size, item(jumps, j + 2)),
+                _step(paths, places[3] + size, item(jumps, j + 3)),
             )
-            along = _step(paths, before_0, item(large, _apart(level, item(guide, y * width + behind))))
-            from_behind = _step(paths, here_1 + size, item(large, _apart(level, item(guide, upper + behind))))
-            from_above = _step(paths, here_2 + size, item(large, _apart(level, item(guide, upper + x))))
-            from_ahead = _step(paths, here_3 + size, item(large, _apart(level, item(guide, upper + ahead))))
-            least_0, least_1, least_2, least_3 = most, most, most, most
-            for lag in range(0, lags, LANES):
-                at, rest = pixel * lags + lag, lags - lag
-                if rest >= LANES:
-                    cost = cast(load(costs, at), np.uint16)
-                else:
-                    for one in range(rest):
-                        put(spare_costs, one, item(costs, at + one))
-                        put(spare_sums, one, item(sums, at + one))
-                    cost = load(spare_costs, 0)
-                cost_0 = _carry(paths, along, here_0, lag, cost, small)
-                cost_1 = _carry(paths, from_behind, here_1, lag, cost, small)
-                cost_2 = _carry(paths, from_above, here_2, lag, cost, small)
-                cost_3 = _carry(paths, from_ahead, here_3, lag, cost, small)
-                least_0, least_1 = smaller(least_0, cost_0), smaller(least_1, cost_1)
-                least_2, least_3 = smaller(least_2, cost_2), smaller(least_3, cost_3)
-                four = (cost_0 + cost_1) + (cost_2 + cost_3)
-                if rest >= LANES:
-                    store(sums, at, four + load(sums, at) if adds else four)
-                else:
-                    store(spare_sums, 0, four + load(spare_sums, 0) if adds else four)
-                    for one in range(rest):
-                        put(sums, at + one, item(spare_sums, one))
-            put(paths, here_0 + LEAST, smallest(least_0))
-            put(paths, here_1 + LEAST, smallest(least_1))
-            put(paths, here_2 + LEAST, smallest(least_2))
-            put(paths, here_3 + LEAST, smallest(least_3))
-            here_0, before_0 = before_0, here_0
+            least = most, most, most, most
+            for lag in range(0, whole, LANES):
+                four, least = _carry_four(paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, least)
+                store(sums, at + lag, four + load(sums, at + lag) if adds else four)
+            if whole < lags:
+                for one in range(lags - whole):
+                    put(spare_costs, one, item(costs, at + whole + one))
+                    put(spare_sums, one, item(sums, at + whole + one))
+                four, least = _carry_four(paths, steps, places, whole, load(spare_costs, 0), small, least)
+                store(spare_sums, 0, four + load(spare_sums, 0) if adds else four)
+                for one in range(lags - whole):
+                    put(sums, at + whole + one, item(spare_sums, one))
+            put(paths, places[0] + LEAST, smallest(least[0]))
+            put(paths, places[1] + LEAST, smallest(least[1]))
+            put(paths, places[2] + LEAST, smallest(least[2]))
+            put(paths, places[3] + LEAST, smallest(least[3]))
+            here, before, at = before, here, at + ahead
+            places = here, places[1] + size, places[2] + size, places[3] + size
+
+
+@compiled
+def _price_jumps(guide: Pixels, large: Array, y: int, previous: int, backwards: bool, jumps: Array) -> None:
+    """Set the large penalties of the four paths at every pixel of a row, in the order of the sweep."""
+    last = guide.shape[1] - 1
+    for j in range(last + 1):
+        x = last - j if backwards else j
+        behind, ahead = min(x + 1, last) if backwards else max(x - 1, 0), max(x - 1, 0) if backwards else min(x + 1, last)
+        level = guide[y, x]
+        jumps[4 * j] = large[_apart(level, guide[y, behind])]
+        jumps[4 * j + 1] = large[_apart(level, guide[previous, behind])]
+        jumps[4 * j + 2] = large[_apart(level, guide[previous, x])]
+        jumps[4 * j + 3] = large[_apart(level, guide[previous, ahead])]
 
 
 @compiled
