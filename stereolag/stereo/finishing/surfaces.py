@@ -14,6 +14,7 @@ from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import LANES, load, store, where_at_most
 
 ROUNDS = 2
 """Number of times the pixels are assigned to patches; a third round does not improve the filling."""
@@ -95,42 +96,49 @@ def choose_patches(
     channels, height, width = planes.shape
     # The patches around each pixel are written out along the row, so that the loops over it vectorise.
     compared = np.empty((9, channels + 2, width), np.float32)
-    numbers = np.empty((9, width), np.int32)
-    nearest, away = np.empty(width, np.float32), np.empty(width, np.float32)
-    nearest_patch = np.empty(width, np.int32)
+    room = width + -width % LANES
+    numbers, away = np.empty((9, room), np.int32), np.empty(room, np.float32)
+    nearest, nearest_patch = np.empty(room, np.int32), np.empty(room, np.int32)
     for row in range(first, end):
         _spread_centres(centres, grid, row, width, compared, numbers)
         for y in range(-(-row * height // grid[0]), -(-(row + 1) * height // grid[0])):
-            nearest[:] = np.float32(np.inf)
+            nearest[:] = np.iinfo(np.int32).max
             for one in range(9):
                 _place_distances(compared, one, channels, np.float32(y), weights[1], away)
                 for channel in range(channels):
                     _add_colour_distances(planes, channel, y, compared, one, weights[0], away)
                 _keep_nearer(away, numbers, one, nearest, nearest_patch)
-            labels[y] = nearest_patch
+            labels[y] = nearest_patch[:width]
 
 
 @compiled
 def _spread_centres(
     centres: Array, grid: tuple[int, int], row: int, width: int, compared: Array, numbers: Array
 ) -> None:
-    """Write out the centres and numbers of the nine patches around each column, at infinity where there is none."""
-    for one in range(9):
-        down = row + one // 3 - 1
-        for x in range(width):
-            across = x * grid[1] // width + one % 3 - 1
+    """Write out the nine patches around each column, at infinity where there is none.
+
+    Of each its number, its colours and row, and the squared distance of its column.
+    """
+    last = compared.shape[1] - 1
+    for x in range(width):
+        square, beside = x * grid[1] // width, np.float32(x)
+        for one in range(9):
+            down, across = row + one // 3 - 1, square + one % 3 - 1
             inside = 0 <= down < grid[0] and 0 <= across < grid[1]
-            numbers[one, x] = down * grid[1] + across if inside else 0
-            for number in range(compared.shape[1]):
-                compared[one, number, x] = centres[numbers[one, x], number] if inside else np.float32(np.inf)
+            patch = down * grid[1] + across if inside else 0
+            numbers[one, x] = patch
+            for number in range(last):
+                compared[one, number, x] = centres[patch, number] if inside else np.float32(np.inf)
+            apart = centres[patch, last] - beside
+            compared[one, last, x] = apart * apart if inside else np.float32(np.inf)
 
 
 @compiled
 def _place_distances(compared: Array, one: int, channels: int, y: Any, weight: Any, away: Array) -> None:
     """Set the weighted squared distance of each pixel of a row from one of the patches around it."""
-    for x in range(away.size):
-        down, across = compared[one, channels, x] - y, compared[one, channels + 1, x] - np.float32(x)
-        away[x] = (down * down + across * across) * weight
+    for x in range(compared.shape[2]):
+        down = compared[one, channels, x] - y
+        away[x] = (down * down + compared[one, channels + 1, x]) * weight
 
 
 @compiled
@@ -138,18 +146,22 @@ def _add_colour_distances(
     planes: Array, channel: int, y: int, compared: Array, one: int, weight: Any, away: Array
 ) -> None:
     """Add the weighted squared difference from that patch in one channel."""
-    for x in range(away.size):
+    for x in range(compared.shape[2]):
         apart = planes[channel, y, x] - compared[one, channel, x]
         away[x] += apart * apart * weight
 
 
 @compiled
 def _keep_nearer(away: Array, numbers: Array, one: int, nearest: Array, nearest_patch: Array) -> None:
-    """Assign to the patch the pixels that are nearer to it than to any before."""
-    for x in range(away.size):
-        nearer = away[x] < nearest[x]
-        nearest_patch[x] = numbers[one, x] if nearer else nearest_patch[x]
-        nearest[x] = away[x] if nearer else nearest[x]
+    """Assign to the patch the pixels that are nearer to it than to any before.
+
+    The bits of floats that are not negative are ordered as they are.
+    """
+    distances, row = away.view(np.int32), one * numbers.shape[1]
+    for x in range(0, away.size, LANES):
+        here, least = load(distances, x), load(nearest, x)
+        store(nearest_patch, x, where_at_most(least, here, load(nearest_patch, x), load(numbers, row + x)))
+        store(nearest, x, where_at_most(least, here, least, here))
 
 
 @compiled
@@ -543,8 +555,8 @@ def filled_along_surfaces(
     ndarray
         (H, W) float32; a map without any measurement, or without a gap, is returned unchanged.
     """
-    missing = np.isnan(disparity)
-    if missing.all() or not missing.any():
+    low, high = np.fmin.reduce(disparity, axis=None), np.fmax.reduce(disparity, axis=None)
+    if np.isnan(low) or not np.isnan(disparity.sum()):
         return disparity
     size = -(-disparity.shape[1] // REDUCED), -(-disparity.shape[0] // REDUCED)
     small = cv2.resize(guide, size, interpolation=cv2.INTER_AREA)
@@ -556,7 +568,6 @@ def filled_along_surfaces(
     measured = Samples(*sampled(patches.labels, few, count, MEASURED_SAMPLES))
     guessed = Samples(*sampled(patches.labels, gaps, count, GUESSED_SAMPLES))
     surfaces = fitted(patches, measured, guessed)
-    low, high = np.nanmin(disparity), np.nanmax(disparity)
     at = np.ascontiguousarray(patches.centres[:, -2:])
     out = disparity.copy()
     over_bands(
