@@ -251,7 +251,8 @@ def _write_cells(
     vertical = lag_dy.size > 0
     reason = np.full(cols, MEASURED, np.uint8)
     dy, disparity = np.empty(cols, np.float32), np.empty(cols, np.float32)
-    step_32, last_32, first_32, end_32 = np.int32(step), np.int32(last_col), np.int32(dx_first), np.int32(dx_last)
+    level, columns = np.float32(flat), (step * np.arange(cols)).astype(np.int32)
+    last_32, first_32, end_32 = np.int32(last_col), np.int32(dx_first), np.int32(dx_last)
     for row in range(first, end):
         top = offset + row * step
         if step == 1:  # a window's cell is its pixel
@@ -262,11 +263,12 @@ def _write_cells(
             reason[:] = MEASURED
         if not circular:
             for col in range(cols):
-                lag = np.int32(lag_dx[row, col])
-                place = np.int32(np.int32(col) * step_32 + lag)
+                lag, known = np.int32(lag_dx[row, col]), reason[col]
+                place = columns[col] + lag
                 inside = (lag >= first_32) & (lag <= end_32)
                 cut = (place == 0) | (place == last_32)
-                reason[col] = OUT_OF_FRAME if cut else (reason[col] if inside else AT_SEARCH_EDGE)
+                known = known if inside else AT_SEARCH_EDGE
+                reason[col] = OUT_OF_FRAME if cut else known
             if vertical:
                 for col in range(cols):
                     lag = lag_dy[row, col]
@@ -274,13 +276,15 @@ def _write_cells(
                     inside = (lag >= dy_first) & (lag <= dy_last)
                     cut = (place == 0) | (place == last_row) | (reason[col] == OUT_OF_FRAME)
                     reason[col] = OUT_OF_FRAME if cut else (reason[col] if inside else AT_SEARCH_EDGE)
+        # Everything is loaded before it is chosen from, and few arrays at a time: otherwise the loops do not vectorise.
         for col in range(cols):
-            score = best[row, col]
-            known = reason[col] if score == score else OUT_OF_FRAME
-            known = LOW_TEXTURE if texture[row, col] <= flat else known
-            reason[col] = known
+            score, spread, known = best[row, col], texture[row, col], reason[col]
+            known = known if score == score else OUT_OF_FRAME
+            reason[col] = LOW_TEXTURE if spread <= level else known
+        for col in range(cols):
+            known = reason[col]
             # 0 - dx, as a negated zero would print as -0.
-            turned = np.float32(0) - (beside_dx[row, col] + np.float32(lag_dx[row, col]))
+            turned = np.float32(0) - (beside_dx[row, col] + np.float32(np.int32(lag_dx[row, col])))
             disparity[col] = turned if known == MEASURED else NOTHING
         if vertical:
             for col in range(cols):

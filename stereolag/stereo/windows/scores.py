@@ -166,8 +166,10 @@ def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Arra
     All three arrays have room for sixteen more. `span` is set to the sums of 1, 2, 4, ... neighbours in turn, and those
     that make up the window are added, so that no sum waits for the one beside it.
     """
-    span[:] = columns
-    sums[:] = 0
+    nothing = splat(0, sums.dtype)
+    for x in range(0, count + window - 1, LANES):
+        store(span, x, load(columns, x))
+        store(sums, x, nothing)
     done, width = 0, 1
     while width <= window:
         if window & width:
@@ -201,6 +203,17 @@ def deviations(energy: Array, floor: float, window: int, texture: Array) -> None
     for x in range(energy.size):
         known = np.float32(energy[x]) if energy[x] > floor else np.float32(0)
         texture[x] = np.sqrt(known) * np.float32(1 / window)
+
+
+@compiled
+def take_every(step: int, values: Array, row: Array) -> None:
+    """Set the row to every `step`-th of the values; the loop without a step vectorises."""
+    if step == 1:
+        for x in range(row.size):
+            row[x] = values[x]
+    else:
+        for x in range(row.size):
+            row[x] = values[x * step]
 
 
 @compiled
@@ -250,20 +263,23 @@ def describe_windows(
                 take_pixels(image[y - window], pixels, column_total, column_square)
         sum_columns(column_total, width, window, span, row_total)
         sum_columns(column_square, width, window, span, row_square)
-        total[row] = row_total[:width:step]
+        take_every(step, row_total, total[row])
         if norm > 0:
             inverse[row] = 1 / norm
         else:
             energies(row_total, row_square, share, energy)
             inverse_roots(energy, floor, root)
-            inverse[row] = root[::step]
+            take_every(step, root, inverse[row])
         if texture.size > 0:
-            if norm > 0 or share == 0:
+            about_mean = norm == 0 and share > 0
+            if not about_mean:
                 energies(row_total, row_square, 1 / window**2, energy)
             deviations(energy, floor, window, deviation)
-            texture[row] = deviation[::step]
-            for col in range(texture.shape[1]):
-                inverse[row, col] = inverse[row, col] if texture[row, col] > 0 else np.float32(np.nan)
+            take_every(step, deviation, texture[row])
+            # About the mean, a flat window has no inverse norm yet.
+            for col in range(0 if about_mean else texture.shape[1]):
+                known = inverse[row, col]
+                inverse[row, col] = known if texture[row, col] > 0 else np.float32(np.nan)
 
 
 def describe_windows_reference(
