@@ -198,6 +198,11 @@ def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
 bits_of_both = _of_two(_bits_of_both)
 """Return the number of set bits of two uint16 together, lane by lane."""
 
+following = _of_two(
+    lambda builder, one, other: builder.shuffle_vector(one, other, _places(range(LANES - 1, 2 * LANES - 1)))
+)
+"""Return the number before each of `other`, which follows `one`: the last of this one, and all but the last of that."""
+
 larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
 """Return the larger of two integers, lane by lane."""
 
@@ -208,14 +213,21 @@ at_least = _of_two(lambda builder, one, other: builder.select(builder.fcmp_order
 """Return the larger of two floats, lane by lane; the second for NaN."""
 
 
-@_instruction
-def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) -> Any:
-    """Return `then` where ``one <= other`` (signed integers), and `otherwise` elsewhere."""
+def _where(comparison: str) -> Instruction:
+    def typing_and_code(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.select(builder.icmp_signed(comparison, *arguments[:2]), *arguments[2:])
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.select(builder.icmp_signed("<=", *arguments[:2]), *arguments[2:])
+        return then(one, other, then, otherwise), generate
 
-    return then(one, other, then, otherwise), generate
+    return _instruction(typing_and_code)
+
+
+where_at_most = _where("<=")
+"""Return the third argument where the first is at most the second (signed integers), and the fourth elsewhere."""
+
+where_equal = _where("==")
+"""Return the third argument where the first two are equal, and the fourth elsewhere."""
 
 
 @_instruction

@@ -15,7 +15,19 @@ from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import volume
-from stereolag.loops.vector_lanes import LANES, cast, item, load, put, smaller, smallest, splat, store
+from stereolag.loops.vector_lanes import (
+    LANES,
+    cast,
+    following,
+    item,
+    load,
+    put,
+    smaller,
+    smallest,
+    splat,
+    store,
+    where_equal,
+)
 
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
@@ -125,7 +137,13 @@ def _carry(paths: Array, step: Step, here: int, lag: int, cost: Any, small: Any)
 
 @compiled
 def _carry_four(
-    paths: Array, steps: tuple[Any, ...], places: tuple[Any, ...], lag: int, cost: Any, small: Any, least: tuple[Any, ...]
+    paths: Array,
+    steps: tuple[Any, ...],
+    places: tuple[Any, ...],
+    lag: int,
+    cost: Any,
+    small: Any,
+    least: tuple[Any, ...],
 ) -> Any:
     """Extend the four paths at sixteen lags, and return the sum of their costs, and the lowest costs so far."""
     along = _carry(paths, steps[0], places[0], lag, cost, small)
@@ -216,7 +234,9 @@ def _sweep(
             )
             least = most, most, most, most
             for lag in range(0, whole, LANES):
-                four, least = _carry_four(paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, least)
+                four, least = _carry_four(
+                    paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, least
+                )
                 store(sums, at + lag, four + load(sums, at + lag) if adds else four)
             if whole < lags:
                 for one in range(lags - whole):
@@ -240,7 +260,10 @@ def _price_jumps(guide: Pixels, large: Array, y: int, previous: int, backwards: 
     last = guide.shape[1] - 1
     for j in range(last + 1):
         x = last - j if backwards else j
-        behind, ahead = min(x + 1, last) if backwards else max(x - 1, 0), max(x - 1, 0) if backwards else min(x + 1, last)
+        behind, ahead = (
+            min(x + 1, last) if backwards else max(x - 1, 0),
+            max(x - 1, 0) if backwards else min(x + 1, last),
+        )
         level = guide[y, x]
         jumps[4 * j] = large[_apart(level, guide[y, behind])]
         jumps[4 * j + 1] = large[_apart(level, guide[previous, behind])]
@@ -350,6 +373,10 @@ NO_RIGHT_MATCH = np.iinfo(np.int16).min
 """Marks a pixel of the right image that no lag pairs with a pixel of the left image."""
 
 
+NONE = 65535
+"""Above any sum of costs."""
+
+
 class CheapestLags(NamedTuple):
     """Cheapest lags of every pixel, and their costs."""
 
@@ -387,66 +414,63 @@ def cheapest_lags(sums: Sums, smallest: int, *, runner_up: bool = True) -> Cheap
 
 
 @compiled
-def _cheapest_rows(sums3: Sums, smallest: int, first: int, end: int, found: CheapestLags) -> None:
-    """Find the cheapest lags of rows `first` to `end`.
+def _cheapest_rows(sums3: Sums, shift: int, first: int, end: int, found: CheapestLags) -> None:
+    """Find the cheapest lags of rows `first` to `end`, sixteen at once; lag k leads from column x to ``x - shift - k``.
 
-    A key is the cost with the lag in its low bits, so that one comparison decides on cost and breaks ties.
+    What the right image has seen is kept by lag: from one pixel to the next, each of its pixels moves on by one lag.
+    Kept by its own columns, every load would wait for two stores.
     """
-    width, count = sums3.shape[1], sums3.shape[2]
-    lags = np.uint64(count)
-    sums = sums3.reshape(-1)
-    keys = np.zeros(lags, np.uint32)
-    # Right columns run backwards, so that larger lags are at larger addresses, with room beyond the frame.
-    before = max(0, -smallest)
-    right = np.zeros(width + before + max(0, smallest + count), np.uint32)
+    lag_found, around, runner_up, right_lag = found
+    height, width, count = sums3.shape
+    pixels, lags = height * width, -(-count // LANES) * LANES
+    sums, numbers = sums3.reshape(-1), np.arange(lags).astype(np.uint16)
+    last, seen, seen_lag = np.full(LANES, NONE, np.uint16), np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
+    none = splat(NONE, np.uint16)
     for y in range(first, end):
-        right[:] = np.uint32(0xFFFFFFFF)
+        seen[:] = NONE
+        right_lag[y] = NO_RIGHT_MATCH
         for x in range(width):
-            place = (np.uint64(y) * np.uint64(width) + np.uint64(x)) * lags
-            target = np.uint64(before + width - 1 - x + smallest)
-            least = np.uint32(0xFFFFFFFF)
-            least = _keys(sums, place, lags, keys)
-            _see_from_right(keys, right, target, lags)
-            best = int(least & np.uint32(4095))
-            found.lag[y, x] = best
-            found.around[1, y, x] = least >> np.uint32(12)
-            found.around[0, y, x] = keys[best - 1] >> np.uint32(12) if best > 0 else -1
-            found.around[2, y, x] = keys[best + 1] >> np.uint32(12) if best < count - 1 else -1
-            if found.runner_up.size > 0:
-                second = min(
-                    _least(keys, np.uint64(0), np.uint64(max(0, best - 1))),
-                    _least(keys, np.uint64(min(count, best + 2)), lags),
-                )
-                found.runner_up[y, x] = -1 if second == np.uint32(0xFFFFFFFF) else second >> np.uint32(12)
-        for x in range(width):
-            key = right[before + width - 1 - x]
-            found.right_lag[y, x] = NO_RIGHT_MATCH if key == np.uint32(0xFFFFFFFF) else np.int64(key & np.uint32(4095))
+            place = (y * width + x) * count
+            least, least_lag, before, before_lag = none, none, none, none
+            for lag in range(0, lags, LANES):
+                if lag + LANES <= count:
+                    cost = load(sums, place + lag)
+                else:
+                    for one in range(count - lag):
+                        put(last, one, item(sums, place + lag + one))
+                    cost = load(last, 0)
+                number, here, here_lag = load(numbers, lag), load(seen, lag), load(seen_lag, lag)
+                lowest = smaller(least, cost)
+                least, least_lag = lowest, where_equal(lowest, least, least_lag, number)
+                moved = following(before, here)
+                lowest = smaller(moved, cost)
+                store(seen, lag, lowest)
+                store(seen_lag, lag, where_equal(lowest, moved, following(before_lag, here_lag), number))
+                before, before_lag = here, here_lag
+            lowest_cost, pixel = smallest(least), y * width + x
+            best = int(smallest(where_equal(least, splat(lowest_cost, np.uint16), least_lag, none)))
+            put(lag_found, pixel, best)
+            put(around, pixels + pixel, lowest_cost)
+            put(around, pixel, np.int32(item(sums, place + best - 1)) if best > 0 else -1)
+            put(around, 2 * pixels + pixel, np.int32(item(sums, place + best + 1)) if best < count - 1 else -1)
+            if runner_up.size > 0:
+                beside = min(_least(sums, place, place + best - 1), _least(sums, place + best + 2, place + count))
+                put(runner_up, pixel, -1 if beside == NONE else np.int32(beside))
+            left = x - shift - count + 1  # a column of the right image that no further pixel meets
+            if 0 <= left < width:
+                put(right_lag, y * width + left, item(seen_lag, count - 1))
+        for lag in range(count - 1):
+            left = width - 1 - shift - lag
+            if 0 <= left < width:
+                put(right_lag, y * width + left, item(seen_lag, lag))
 
 
 @compiled
-def _keys(sums: Array, place: Any, lags: Any, keys: Array) -> Any:
-    """Set the keys of one pixel and return the smallest."""
-    least = np.uint32(0xFFFFFFFF)
-    for lag in range(lags):
-        key = np.uint32(np.uint32(np.uint32(sums[place + lag]) << np.uint32(12)) | np.uint32(lag))
-        keys[lag] = key
-        least = min(least, key)
-    return least
-
-
-@compiled
-def _see_from_right(keys: Array, right: Array, target: Any, lags: Any) -> None:
-    """Update the smallest key of each pixel of the right image that the lags lead to."""
-    for lag in range(lags):
-        right[target + lag] = min(right[target + lag], keys[lag])
-
-
-@compiled
-def _least(keys: Array, first: Any, end: Any) -> Any:
-    """Return the smallest key in a range of lags."""
-    least = np.uint32(0xFFFFFFFF)
-    for lag in range(first, end):
-        least = min(least, keys[lag])
+def _least(sums: Array, first: int, end: int) -> Any:
+    """Return the lowest cost of a range of places, NONE if it is empty."""
+    least = np.uint16(NONE)
+    for place in range(first, end):
+        least = min(least, item(sums, place))
     return least
 
 
