@@ -186,13 +186,9 @@ def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths
             row[x] = np.int16(np.int32(np.rint(source[x] * np.float32(SIXTEENTHS)))) if known else np.int16(NOTHING)
         count = np.int32(row[0] != NOTHING)
         for x in range(1, row.size):
-            count += np.int32(_starts_run(np.int32(row[x - 1]), np.int32(row[x]), most))
+            before, here = np.int32(row[x - 1]), np.int32(row[x])
+            count += np.int32((here != NOTHING) & ((before == NOTHING) | (abs(here - before) > most)))
         counts[y] = count
-
-
-@compiled
-def _starts_run(before: Any, here: Any, most: Any) -> Any:
-    return (here != NOTHING) & ((before == NOTHING) | (abs(here - before) > most))
 
 
 @compiled
@@ -203,11 +199,12 @@ def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int
         before = np.int32(NOTHING)
         for x in range(row.size):
             here = np.int32(row[x])
-            if (before != NOTHING) & ((here == NOTHING) | (abs(here - before) > most)):
-                runs[1, run] = x
-                run += 1
-            if _starts_run(before, here, most):
-                runs[0, run] = x
+            if (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most):
+                if before != NOTHING:
+                    runs[1, run] = x
+                    run += 1
+                if here != NOTHING:
+                    runs[0, run] = x
             before = here
         if before != NOTHING:
             runs[1, run] = row.size

@@ -164,15 +164,14 @@ class SemiGlobalMatcher(StereoMatcher):
         reason, offset = self._reasons(found, highest), np.zeros(found.lag.shape, np.float32)
         disparity, score = np.empty_like(offset), np.empty_like(offset)
         for end in set(ends):
-            at_end = found.lag == end
-            inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, at_end)
-            offset += beside
             # Disparity 0 is infinity: a physical limit, not an edge of the search.
-            if end > 0 or self.min_disparity != 0:
-                lost = at_end & ~inside & (reason != Reason.OUT_OF_FRAME)
-                reason = np.where(lost, np.uint8(Reason.AT_SEARCH_EDGE), reason)
-        flat = self._flat(grey)
-        reason = np.where(flat, np.uint8(Reason.LOW_TEXTURE), reason)
+            is_edge = end > 0 or self.min_disparity != 0
+            asked = (found.lag == end) & ((reason != Reason.OUT_OF_FRAME) if is_edge else (reason == Reason.MEASURED))
+            inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, asked)
+            offset += beside
+            if is_edge:
+                np.copyto(reason, np.uint8(Reason.AT_SEARCH_EDGE), where=asked & ~inside)
+        np.copyto(reason, np.uint8(Reason.LOW_TEXTURE), where=self._flat(grey))
         over_bands(
             lambda first, end: place_valleys(
                 found, reason, ends, self.min_disparity, highest, first, end, offset, disparity, score
@@ -237,5 +236,6 @@ class SemiGlobalMatcher(StereoMatcher):
             level = (found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))
             reason = np.where(level, np.uint8(Reason.AMBIGUOUS), reason)
         match = np.arange(lag.shape[1], dtype=np.int16) + dx
-        outside = (match < 0) | (match >= lag.shape[1])
-        return np.where(outside, np.uint8(Reason.OUT_OF_FRAME), reason)
+        outside = match.view(np.uint16) >= lag.shape[1]  # negative ones are large
+        np.copyto(reason, np.uint8(Reason.OUT_OF_FRAME), where=outside)
+        return reason

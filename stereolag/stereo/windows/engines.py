@@ -101,11 +101,12 @@ class PreparedPair:
         shape = (self.rows, self.cols)
         seen = (self.rows, self.width - window + 1) if query.right_matches else (0, 0)
         vertical = self.lags is not None and self.lags.rows > 1
+        written = np.empty if self.lags else np.zeros
         self.found = WindowResults(
             dy=np.zeros(shape if vertical or (self.lags and self.lags.dy_first) else (0, 0), np.int16),
-            dx=np.zeros(shape, np.int16),
-            around=np.zeros((9 if vertical else 3, *shape), np.int32),
-            runner_up=np.zeros(shape if query.runner_up else (0, 0), np.int32),
+            dx=written(shape, np.int16),
+            around=written((9 if vertical else 3, *shape), np.int32),
+            runner_up=written(shape if query.runner_up else (0, 0), np.int32),
             right_key=np.zeros(
                 (self.rows, self.right.shape[1]) if query.right_matches and self.lags else (0, 0), np.int32
             ),

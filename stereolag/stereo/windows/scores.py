@@ -523,13 +523,18 @@ def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float)
     Normalised scores are clipped to -1..1, as rounding may have carried them beyond. If `right_norm` is above 0, the
     normalisation is undone.
     """
+    # A copy of each row, since a loop over arrays that may overlap does not vectorise.
+    stored = np.empty(kept.shape[1], np.int32)
     for row in range(kept.shape[0]):
-        for col in range(kept.shape[1]):
-            value = np.float32(kept[row, col]) * np.float32(1 / SCALE) - np.float32(OFFSET)
+        for col in range(stored.size):
+            stored[col] = kept[row, col]
+        for col in range(stored.size):
+            value = np.float32(stored[col]) * np.float32(1 / SCALE) - np.float32(OFFSET)
             value = min(max(value, np.float32(-1)), np.float32(1))
-            if right_norm > 0:
-                value *= np.float32(right_norm) / left_inverse[row, col]
-            score[row, col] = value if kept[row, col] > 0 else np.float32(np.nan)
+            score[row, col] = value if stored[col] > 0 else np.float32(np.nan)
+        if right_norm > 0:
+            for col in range(stored.size):
+                score[row, col] *= np.float32(right_norm) / left_inverse[row, col]
 
 
 def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
