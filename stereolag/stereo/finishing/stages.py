@@ -379,13 +379,8 @@ def _median_rows(
     missing = values[0, 0]
     for y in range(first, end):
         for x in range(0, width, LANES):
-            centre = (y + radius) * stride + x + radius
-            at = 0
-            for row in range(y, y + side * spacing, spacing):
-                for place in range(row * stride + x, row * stride + x + side * spacing, spacing):
-                    _weigh(planes, centre, place, contrast, weights, at)
-                    at += LANES
-            store(found, x, _median(values, centre, y * stride + x, side, spacing, numbers, weights))
+            centre, corner = (y + radius) * stride + x + radius, y * stride + x
+            store(found, x, _median(values, planes, contrast, centre, corner, side, spacing, numbers, weights))
         for x in range(width):
             known = values[y + radius, x + radius] != missing
             number = np.float32(np.int32(found[x]) + np.int32(middle)) / np.float32(UNITS)
@@ -393,23 +388,29 @@ def _median_rows(
 
 
 @compiled
-def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array, at: int) -> None:
-    """Set the weights of one neighbour of each of sixteen pixels.
-
-    `centre` and `place` are the start of the pixels and of their neighbours in a plane of the guide, `at` that of the
-    weights.
-    """
+def _weight(planes: Array, centre: int, place: int, contrast: int, dtype: Any) -> Any:
+    """Return the weights of one neighbour of each of sixteen pixels, which start at `centre` and `place` in a plane."""
     channels, plane = planes.shape[0], planes.shape[1] * planes.shape[2]
-    weight = splat(contrast * channels, weights.dtype)
+    weight = splat(contrast * channels, dtype)
     for channel in range(channels):
-        here = cast(load(planes, channel * plane + centre), weights.dtype)
-        there = cast(load(planes, channel * plane + place), weights.dtype)
+        here = cast(load(planes, channel * plane + centre), dtype)
+        there = cast(load(planes, channel * plane + place), dtype)
         weight = weight - larger(here - there, there - here)
-    store(weights, at, larger(weight, splat(1, weights.dtype)))
+    return larger(weight, splat(1, dtype))
 
 
 @compiled
-def _median(values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array) -> Any:
+def _median(
+    values: Array,
+    planes: Array,
+    contrast: int,
+    centre: int,
+    corner: int,
+    side: int,
+    spacing: int,
+    numbers: Array,
+    weights: Array,
+) -> Any:
     """Return the medians of sixteen pixels, by bisecting the range of each.
 
     Bisection needs no sorting: the weight at or below a value is a plain sum, the same operation for all pixels. The
@@ -423,8 +424,8 @@ def _median(values: Array, centre: int, corner: int, side: int, spacing: int, nu
     at = 0
     for row in range(corner, corner + side * spacing * stride, spacing * stride):
         for place in range(row, row + side * spacing, spacing):
-            number = load(values, place)
-            weight = where_at_most(number, missing, nothing, load(weights, at))
+            number, weight = load(values, place), _weight(planes, centre, place, contrast, values.dtype)
+            weight = where_at_most(number, missing, nothing, weight)
             number = where_at_most(number, missing, own, number)
             store(numbers, at, number)
             store(weights, at, weight)
