@@ -524,7 +524,7 @@ def use_kept_calibration() -> Upload[Calibration] | None:
     kept: Upload[Calibration] | None = st.session_state.get(KEPT)
     if kept is not None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
-        with st.container(horizontal=True, vertical_alignment="center"):
+        with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
             prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
             forget = partial(st.session_state.pop, KEPT, None)
             st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget)

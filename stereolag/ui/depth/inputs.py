@@ -163,7 +163,7 @@ def choose_pair() -> Pair:
         show_decision(pair, PAIR)
         show_start(pair)
         pairs = set_of(pair.id)
-        if pairs is not None:
+        if pairs is not None and len(pairs) > 1:
             _ask_step(pairs)
     recall_settings(pair)
     return pair
@@ -495,7 +495,7 @@ def _ask_step(pairs: PairSet) -> None:
         move = partial(st.session_state.update, {STEP: number + by})
         st.button(label, key=f"{STEP}.{by}", on_click=move, disabled=disabled, width="content")
 
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
         step_button("Previous", -1, disabled=number == 0)
         st.selectbox(
             f"Pair, of {count}",
