@@ -111,7 +111,7 @@ class Fit:
         self._counts = self._flat(self.weights)
         self._given = self._flat(self.template)
         self._about = np.atleast_2d(np.cov(self._given.T, bias=True))
-        self._terms = np.column_stack([self._given, np.ones(len(self._given), np.float32)])
+        self._terms = np.column_stack([self._given, np.ones(len(self._given))]).astype(np.float64)
         # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
         least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
@@ -171,7 +171,7 @@ class Fit:
     def _in_light(self, trust: Plane) -> Matrix:
         """Return the mixture of the template's colours, and a level, that is nearest to what is seen."""
         channels, terms = self._given.shape[1], self._terms
-        weighted = (terms * trust[:, np.newaxis]).astype(np.float64)
+        weighted = terms * trust[:, np.newaxis]
         products, sums = weighted.T @ terms, weighted.T @ self._flat(self.seen)
         # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
         energies = (products.diagonal() - np.square(products[-1]) / products[-1, -1])[:-1]
@@ -396,7 +396,8 @@ def gradient(image: Plane) -> list[Plane]:
 
 def _motion(predicted: Plane, residual: Plane, on: npt.NDArray[Any], trust: Plane, posed: bool) -> Matrix:
     """Return the motion of the place, as :meth:`_Place.moved` takes it, that explains most of the residual."""
-    down, right = (one[on] for one in gradient(predicted))
+    chosen = not on.all()
+    down, right = (one[on] if chosen else one.reshape(-1, one.shape[2]) for one in gradient(predicted))
     motions = [-down, -right]
     if posed:
         rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))

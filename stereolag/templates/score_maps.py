@@ -35,7 +35,7 @@ Indices = npt.NDArray[np.intp]
 
 ScoreMap = npt.NDArray[np.float32]
 
-STRIP = 48
+STRIP = 24
 """Rows of a map computed at a time, so that what they need stays in the cache."""
 
 
@@ -511,9 +511,12 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
 
     def band(first: int) -> Indices:
         start = max(0, first - 1)  # compared with the adjacent rows too
-        part = np.fmax(score_map[start : first + ROWS_AT_ONCE + 1], np.float32(-2.0))  # in place of NaN
-        around = cv2.dilate(part, NEIGHBOURS).reshape(part.shape)
-        highest = part >= np.maximum(around, np.float32(-1.0), out=around)
+        part = score_map[start : first + ROWS_AT_ONCE + 1]
+        if np.isnan(part.min()):
+            part = np.fmax(part, np.float32(-2.0))
+        highest = part >= np.asarray(cv2.dilate(part, NEIGHBOURS)).reshape(part.shape)
+        if part.min() < -1:
+            highest &= part >= -1
         return np.asarray(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
 
     found = in_threads([partial(band, first) for first in range(0, len(score_map), ROWS_AT_ONCE)], silent)
