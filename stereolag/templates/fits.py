@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image
-from stereolag.templates.patterns import Pattern
+from stereolag.templates.patterns import FULL_WEIGHT, Pattern
 
 Plane: TypeAlias = npt.NDArray[np.float32]
 Matrix: TypeAlias = npt.NDArray[np.float64]
@@ -65,6 +65,9 @@ the template's variance."""
 COUNTS, COUNTED = 0.5, 0.3
 """Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
 
+OPAQUE = 0.6
+"""Least share of the pixels of an opaque template through which no background shows."""
+
 ROUNDING = float(np.finfo(np.float32).eps)
 """The share of its level by which a flat place may vary, computed as it is."""
 
@@ -102,7 +105,8 @@ class Fit:
         self.shape = pattern.shape
         on = self.weights > 0
         self._on = slice(None) if on.all() else on.ravel()
-        self.is_opaque = bool((self.own_weights[on] >= 1).all())
+        # But for the rim of one that was resized.
+        self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
         blur = _Blur(self.own_weights)
         self.template = blur(self._deviations)
@@ -136,7 +140,7 @@ class Fit:
         if _squares(self._residual()).max() >= NONE * self.variance:
             self._curves = self._tones(trust.astype(np.float64))
             self.predicted = self._as_seen(self.template)
-        behind = 0.0 if self.is_opaque else float(self._beside.var(axis=(0, 1)).sum())
+        behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
 
     def _aligned(self, place: _Place, blur: _Blur, posed: bool) -> tuple[Matrix, Plane]:

@@ -60,12 +60,12 @@ RECOLOURED = 0.037
 Measured: up to 0.033 under other lights and in JPEG, from 0.040 for lamps and buttons of another colour.
 """
 
-LEAST_EXPLAINED, LEAST_THROUGH, LEAST_OF_SMALL, SMALL = 0.9, 0.57, 0.95, 256
+LEAST_EXPLAINED, LEAST_THROUGH, LEAST_OF_SMALL, SMALL = 0.9, 0.57, 0.95, 400
 """Least share of the variance of a place that an opaque template explains, that one through which the background shows
 does, and that an opaque one of fewer pixels than the last.
 
 A few blocks of a few pixels agree by chance. Measured: from 0.97 where the template is, off the grid and in JPEG too;
-up to 0.94 at most places where one of 9 px is not.
+up to 0.94 at most places where one of 9 px is not, 0.93 where a play button of 18 px is sought at a record button.
 """
 
 CHANGED_CONTRAST = 1.25
