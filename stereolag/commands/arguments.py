@@ -12,6 +12,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, get_args
 
@@ -128,7 +129,8 @@ def read_frames(paths: Sequence[str], numbers: Sequence[int]) -> tuple[list[Imag
     """Return frames of images, facts about them, and a line for each that is not the only one."""
     from stereolag.io.images import read_frame
 
-    frames = [read(read_frame, path, number=number) for path, number in zip(paths, numbers, strict=True)]
+    with ThreadPoolExecutor() as aside:
+        frames = list(aside.map(lambda path, number: read(read_frame, path, number=number), paths, numbers))
     facts = [{"file": path, "frame": one.number, "frames": one.count} for path, one in zip(paths, frames, strict=True)]
     lines = ["{file}: frame {frame} of {frames}".format(**one) for one in facts if one["frames"] != 1]
     return [one.pixels for one in frames], facts, lines

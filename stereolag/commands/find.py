@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 
 import stereolag as sl
 from stereolag.commands.arguments import (
@@ -39,7 +41,9 @@ def run(arguments: Sequence[str]) -> int:
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
-    (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
+    with ThreadPoolExecutor(1) as aside:
+        aside.submit(import_module, "stereolag.templates.search")  # takes as long as to decode a large image
+        (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}
     tell(figures, "\n".join([*_told(result, query), *_left_out(result), *lines]), as_json=options.json)
