@@ -6,14 +6,20 @@ measurements wait for neither, and the times shown are those of the computation 
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache, partial
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
+from stereolag.core.inputs import Image
+from stereolag.loops.bands import available_cores
 from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
+from stereolag.stereo.matcher import StereoMatcher
 
 LAG_METHODS: tuple[dict[str, Any], ...] = (
     {"method": "fft"},
@@ -32,27 +38,60 @@ MATCHERS = (
 )
 
 
-@cache
-def warm() -> None:
-    """Run every measurement once on small images and recordings; once per process is enough."""
+def _measure_sounds() -> None:
     random = np.random.default_rng(0)
     sound, long = random.normal(size=4000), random.normal(size=4 * SHORTEST_BLOCK)
     for settings in LAG_METHODS:
         signal_lag(sound[200:], sound[:-200], **settings)
     signal_lag(long, long, max_lag=30)
-    for kind in IMAGE_TYPES:
-        picture = random.integers(0, 255, (60, 80, 3)).astype(kind)
+
+
+def _measure_pictures() -> None:
+    for picture in _pictures():
         grey, part = picture[..., 0], picture[20:40, 30:50]
-        masked = np.dstack([part, np.full(part.shape[:2], 255, kind)])
+        masked = np.dstack([part, np.full(part.shape[:2], 255, part.dtype)])
         masked[:4, :4, 3] = 0
         for image, template in ((picture, masked), (picture, part), (grey, part[..., 0])):
             match_template(image, template, method="fft")
             match_template(image, template, method="sampled", seed=0)
-        for left in (grey, picture):
-            for matcher in MATCHERS:
-                matcher.compute(left, np.roll(left, -4, axis=1))
         optical_flow(grey, np.roll(grey, 2, axis=1), search=8)
 
 
+def _match(matcher: StereoMatcher) -> None:
+    for picture in _pictures():
+        for left in (picture[..., 0], picture):
+            matcher.compute(left, np.roll(left, -4, axis=1))
+
+
+def _pictures() -> list[Image]:
+    random = np.random.default_rng(0)
+    return [random.integers(0, 255, (60, 80, 3)).astype(kind) for kind in IMAGE_TYPES]
+
+
+PARTS: tuple[Callable[[], None], ...] = (
+    *(partial(_match, matcher) for matcher in reversed(MATCHERS)),
+    _measure_pictures,
+    _measure_sounds,
+)
+"""All measurements, those with the most loops first."""
+
+
+@cache
+def warm() -> None:
+    """Run every measurement once on small images and recordings; once per process is enough."""
+    for part in PARTS:
+        part()
+
+
+def _run_part(number: int) -> None:
+    PARTS[number]()
+
+
+def compile_all() -> None:
+    """Compile every loop, in a process for each core."""
+    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as processes:
+        list(processes.map(_run_part, range(len(PARTS))))
+
+
 if __name__ == "__main__":
-    warm()
+    compile_all()

@@ -107,9 +107,9 @@ class Loop(Deferred):
         self.py_func = function
         self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
         self._code: dict[Hashable, Callable[..., Any]] = {}
-        super().__init__(
-            lambda: _numba().njit(nogil=True, error_model="numpy", fastmath=set(fastmath))(function),
-        )
+        options = {"nogil": True, "error_model": "numpy", "fastmath": set(fastmath), "no_cfunc_wrapper": True}
+        super().__init__(lambda: _numba().njit(no_cpython_wrapper=True, **options)(function))
+        self.for_python = cache(lambda: _numba().njit(**options)(function))
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the machine code for arguments of these types."""
@@ -138,7 +138,7 @@ class Loop(Deferred):
     def _compiled(self, file: Path | None, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         while BEFORE_COMPILING:
             BEFORE_COMPILING.pop(0)()
-        code, kept = numba_inside.compile_loop(self.made(), arguments)
+        code, kept = numba_inside.compile_loop(self.for_python(), arguments)
         if file is not None and kept is not None:
             with suppress(OSError):  # a full disk: the next process compiles again
                 file.parent.mkdir(parents=True, exist_ok=True)

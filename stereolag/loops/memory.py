@@ -1,4 +1,4 @@
-"""Memory that is used again: to get fresh pages from the system can take longer than the loops that fill them."""
+"""Memory that is used again, since to get fresh pages can take longer than to fill them; copies and fills in loops."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import weakref
 from collections import deque
 from contextlib import suppress
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Array
+from stereolag.loops.compilation import compiled
 
 LINE = 64
 """Bytes of a cache line; no sixteen lags of a volume that starts at one straddle two."""
@@ -58,3 +60,17 @@ def keep_freed_memory() -> None:
     It keeps blocks as large as the largest that was ever freed, up to this size. Other allocators ignore it.
     """
     np.empty(2**25 - 2**16, np.uint8)
+
+
+@compiled
+def copy(values: Array, to: Array) -> None:
+    """Set ``to[:] = values[: to.size]``; Numba takes seconds to compile an assignment to a slice."""
+    for at in range(to.size):
+        to[at] = values[at]
+
+
+@compiled
+def fill(to: Array, value: Any) -> None:
+    """Set ``to[:] = value`` of one dimension, as :func:`copy` does."""
+    for at in range(to.size):
+        to[at] = value

@@ -237,7 +237,8 @@ def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
     """Fill `turned` (N,) with ``signal * turn``, and with zeros after the end of the signal."""
     for i in range(signal.size):
         turned[i] = complex(signal[i] * turn[i].real, signal[i] * turn[i].imag)
-    turned[signal.size :] = 0
+    for at in range(signal.size, turned.size):
+        turned[at] = 0
 
 
 @compiled

@@ -330,7 +330,7 @@ def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did
         pair = (2, np.arange(float(column.size)))
         expected = of_each_kind(column, pair, *factors)
         arguments = (column, pair, *(factors or of_each_kind.__defaults__))
-        kept = numba_inside.compile_loop(loop.made(), arguments)[1]
+        kept = numba_inside.compile_loop(loop.for_python(), arguments)[1]
         again = numba_inside.load(numba_inside.MachineCode.unpacked(kept.packed()), of_each_kind)
         for found in (loop(column, pair, *factors), again(*arguments)):
             assert np.array_equal(found[0], expected[0]) and found[1] == expected[1]

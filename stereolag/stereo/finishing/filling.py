@@ -9,6 +9,7 @@ import numpy as np
 from stereolag.core.arrays import Array, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import item
 from stereolag.stereo.matcher import Reason
 
@@ -72,7 +73,7 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
             if x < width and np.isnan(disparity[y, x]):
                 continue
             if start < x:
-                reason[y, start:x] = FILLED
+                fill(reason[y, start:x], FILLED)
             if start < x and not (start == 0 and x == width):
                 value = np.float32(np.inf)
                 wide = x - start >= WIDE

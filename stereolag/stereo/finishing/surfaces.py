@@ -14,6 +14,7 @@ from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import copy, fill
 from stereolag.loops.vector_lanes import LANES, load, store, where_at_most
 
 ROUNDS = 2
@@ -102,13 +103,13 @@ def choose_patches(
     for row in range(first, end):
         _spread_centres(centres, grid, row, width, compared, numbers)
         for y in range(-(-row * height // grid[0]), -(-(row + 1) * height // grid[0])):
-            nearest[:] = np.iinfo(np.int32).max
+            fill(nearest, np.iinfo(np.int32).max)
             for one in range(9):
                 _place_distances(compared, one, channels, np.float32(y), weights[1], away)
                 for channel in range(channels):
                     _add_colour_distances(planes, channel, y, compared, one, weights[0], away)
                 _keep_nearer(away, numbers, one, nearest, nearest_patch)
-            labels[y] = nearest_patch[:width]
+            copy(nearest_patch, labels[y])
 
 
 @compiled
@@ -386,7 +387,7 @@ def refitted(
     for patch in range(planes.shape[0]):
         if np.isnan(planes[patch, 2]):
             continue
-        sums[:] = 0
+        fill(sums, 0)
         sums[0] = sums[3] = LEVEL
         count = measured_kept[patch]
         weight = measured_counts[patch] / max(count, 1)

@@ -19,7 +19,7 @@ from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Applies, Settings, marker
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.loops.memory import volume
+from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
     LANES,
     bits_of_both,
@@ -407,7 +407,7 @@ def cost_rows(
                 product = paired_products(load(right_levels, there + lag), pixel)
                 store(columns, at, load(columns, at) + product)
     for y in range(first, end):
-        window[:] = 0
+        fill(window, 0)
         _cost_row(left, right, radius, origin, weights, y, y > first, columns, window, last, costs)
         for x in range(width):
             _mark_unseen(costs, y, x, x - smallest, weights.unseen)

@@ -14,7 +14,7 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.loops.memory import volume
+from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
     LANES,
     cast,
@@ -219,7 +219,7 @@ def _sweep(
         starts = _starts(height, width, i)
         # Two cells in turn; before the first pixel there is nothing, as before the first row.
         here, before = LANES, LANES + size
-        paths[before : before + size - LANES] = 0
+        fill(paths[before : before + size - LANES], 0)
         paths[before + LEAST] = 0
         places = here, starts[0] * size + LANES, starts[1] * size + LANES, starts[2] * size + LANES
         at, ahead = y * width * lags, lags
@@ -427,8 +427,8 @@ def _cheapest_rows(sums3: Sums, shift: int, first: int, end: int, found: Cheapes
     last, seen, seen_lag = np.full(LANES, NONE, np.uint16), np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
     none = splat(NONE, np.uint16)
     for y in range(first, end):
-        seen[:] = NONE
-        right_lag[y] = NO_RIGHT_MATCH
+        fill(seen, NONE)
+        fill(right_lag[y], NO_RIGHT_MATCH)
         for x in range(width):
             place = (y * width + x) * count
             least, least_lag, before, before_lag = none, none, none, none

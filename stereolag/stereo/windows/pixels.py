@@ -10,6 +10,7 @@ import numpy as np
 from stereolag.core.arrays import DoubleMap, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import copy, fill
 from stereolag.stereo.matcher import PixelMatches, Reason
 from stereolag.stereo.windows.search import LagMap, LagRange, WindowMatches, WindowQuery
 
@@ -258,9 +259,9 @@ def _write_cells(
         if step == 1:  # a window's cell is its pixel
             reason, disparity = maps.reason[top, offset : offset + cols], maps.disparity[top, offset : offset + cols]
         if refused.size:
-            reason[:] = refused[row]
+            copy(refused[row], reason)
         else:
-            reason[:] = MEASURED
+            fill(reason, MEASURED)
         if not circular:
             for col in range(cols):
                 lag, known = np.int32(lag_dx[row, col]), reason[col]
@@ -294,9 +295,9 @@ def _write_cells(
             _blank(maps, y, 0, offset)
             _blank(maps, y, offset + cols * step, width)
             if step == 1:
-                maps.score[y, offset : offset + cols] = best[row]
+                copy(best[row], maps.score[y, offset : offset + cols])
                 if vertical:
-                    maps.dy[y, offset : offset + cols] = dy
+                    copy(dy, maps.dy[y, offset : offset + cols])
                 continue
             for x in range(cols * step):
                 col = x // step

@@ -27,6 +27,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled, compiled_as
+from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import (
     LANES,
     at_least,
@@ -265,7 +266,7 @@ def describe_windows(
         sum_columns(column_square, width, window, span, row_square)
         take_every(step, row_total, total[row])
         if norm > 0:
-            inverse[row] = 1 / norm
+            fill(inverse[row], 1 / norm)
         else:
             energies(row_total, row_square, share, energy)
             inverse_roots(energy, floor, root)
@@ -682,7 +683,8 @@ def match_tile(
         top = (row_first + row) * step
         renewed = row == 0 or 2 * step > window
         if renewed:
-            columns[:width] = 0
+            for x in range(width):
+                fill(columns[x], 0)
         which = ENTERING if renewed else BOTH
         left_back, right_back = window * left_stride, 0 if renewed else window * right_stride
         left_row = right_row_at = 0
@@ -694,7 +696,7 @@ def match_tile(
             change_row(
                 columns, changed, left, left_row, left_back, right_rows, right_row_at, right_back, offsets, which
             )
-        window_sums[:] = 0
+        fill(window_sums, 0)
         for column in range(window - 1):
             slide(window_sums, columns, column, -1)
         at = row * grid_cols + col_first
