@@ -34,6 +34,7 @@ from stereolag.io.images import image_file, kitti_png, pfm, read_stored_disparit
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
+from stereolag.loops.compilation import nothing_kept
 from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
@@ -179,8 +180,14 @@ def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:
     """Match a few rows, so that loading or compiling the loops does not count towards the time of the map."""
     sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
     rows = max(sides, default=0) + ROWS_TO_LOAD
+    images = pair.left[:rows], pair.right[:rows]
     with suppress(ValueError):  # the map itself will be refused too
-        matcher.compute(pair.left[:rows], pair.right[:rows])
+        if nothing_kept():
+            from stereolag.stereo.compiling import compile_with_help
+
+            compile_with_help(matcher, *images)
+        else:
+            matcher.compute(*images)
 
 
 def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:

@@ -273,3 +273,8 @@ def _find_folder() -> Path | None:
 
 FOLDER: Path | None = _find_folder()
 """Folder of the machine code on disk; None if it is not kept."""
+
+
+def nothing_kept() -> bool:
+    """Return whether the folder is still empty: another process can compile a share of the loops for this one."""
+    return FOLDER is not None and not any(FOLDER.rglob("*.code"))
