@@ -26,10 +26,12 @@ import numpy as np
 import pytest
 
 import stereolag
+import stereolag as sl
 from stereolag.loops import compilation, numba_inside
 from stereolag.loops.bands import available_cores, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, volume
+from stereolag.stereo import compiling
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
@@ -339,6 +341,25 @@ def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did
     assert numba_inside.load(kept._replace(calls=("no_such_function",)), of_each_kind) is None
     with pytest.raises(TypeError, match="not str"):
         loop("text", pair)
+
+
+@pytest.mark.parametrize("name", ["fast", "accurate"])
+def test_the_process_that_helps_compiles_what_finishes_a_map(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    called: set[tuple[str, object]] = set()
+    run = Loop.__call__
+
+    def noted(loop: Loop, *arguments: object) -> object:
+        called.add((f"{loop.__module__}.{loop.__qualname__}", tuple(map(compilation._kind, arguments))))
+        return run(loop, *arguments)
+
+    monkeypatch.setattr(Loop, "__call__", noted)
+    matcher = sl.preset(name, num_disparities=16)
+    left = np.random.default_rng(0).integers(0, 256, (40, 80, 3), dtype=np.uint8)
+    matcher.compute(left, np.roll(left, -4, axis=1))
+    needed = {one for one in called if ".finishing." in one[0]}
+    called.clear()
+    compiling._finish(matcher, left, left)
+    assert len(called) > 5 and len(needed - called) <= 0.2 * len(needed), needed - called
 
 
 def test_nothing_else_imports_numba_or_compiles() -> None:
