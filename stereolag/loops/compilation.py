@@ -80,17 +80,6 @@ class Deferred:
         return self.made()(*arguments)
 
 
-@cache
-def _numba() -> Any:
-    """Load Numba, which learns here how loops name others and instructions."""
-    numba = import_module("numba")
-    context = import_module("numba.core.registry").cpu_target.typing_context
-    import_module("numba.extending").typeof_impl.register(Deferred)(
-        lambda value, _: context.resolve_value_type(value.made())
-    )
-    return numba
-
-
 class Loop(Deferred):
     """A function that runs as machine code, made or loaded on the first call with arguments of new types.
 
@@ -108,8 +97,8 @@ class Loop(Deferred):
         self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
         self._code: dict[Hashable, Callable[..., Any]] = {}
         options = {"nogil": True, "error_model": "numpy", "fastmath": set(fastmath), "no_cfunc_wrapper": True}
-        super().__init__(lambda: _numba().njit(no_cpython_wrapper=True, **options)(function))
-        self.for_python = cache(lambda: _numba().njit(**options)(function))
+        super().__init__(lambda: numba_inside.numba(Deferred).njit(no_cpython_wrapper=True, **options)(function))
+        self.for_python = cache(lambda: numba_inside.numba(Deferred).njit(**options)(function))
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the machine code for arguments of these types."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from llvmlite import ir
     from numba.core import cgutils, types
 
-__all__ = ["LANES", "MachineCode", "cgutils", "compile_loop", "ir", "load", "processor", "types", "version"]
+__all__ = ["LANES", "MachineCode", "cgutils", "compile_loop", "ir", "load", "numba", "processor", "types", "version"]
 
 LANES = 16
 """Numbers that the registers hold side by side."""
@@ -86,6 +86,15 @@ def processor() -> str:
     from llvmlite import binding
 
     return f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
+
+
+@cache
+def numba(deferred: type) -> ModuleType:
+    """Load Numba, to which a name of type `deferred` in a loop is what its method ``made`` returns."""
+    context = import_module("numba.core.registry").cpu_target.typing_context
+    extending = import_module("numba.extending")
+    extending.typeof_impl.register(deferred)(lambda value, _: context.resolve_value_type(value.made()))
+    return import_module("numba")
 
 
 def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], MachineCode | None]:
