@@ -8,10 +8,8 @@ from multiprocessing import get_context
 import numpy as np
 
 from stereolag.core.inputs import Image
-from stereolag.stereo.finishing.stages import finished
+from stereolag.stereo.finishing.stages import Finishing, finished
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 
 
 def compile_with_help(matcher: StereoMatcher, left: Image, right: Image) -> None:
@@ -26,7 +24,7 @@ def compile_with_help(matcher: StereoMatcher, left: Image, right: Image) -> None
 
 def _finish(matcher: StereoMatcher, left: Image, right: Image) -> None:
     """Filter and fill a map of random disparities as a matcher does."""
-    if isinstance(matcher, CorrelationMatcher | SemiGlobalMatcher):
+    if isinstance(matcher, Finishing):
         random = np.random.default_rng(0)
         disparity = random.integers(3, 6, left.shape[:2]).astype(np.float32)
         gaps = random.random(disparity.shape) < 0.1

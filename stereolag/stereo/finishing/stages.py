@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -510,6 +510,7 @@ Median = Annotated[
 ]
 
 
+@runtime_checkable
 class Finishing(Protocol):
     """Settings of a matcher that finishes its map."""
 
