@@ -579,6 +579,9 @@ FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
 NEIGHBOURS, LEAST_ALIKE, ALIKE = 8, 3, 0.01
 """Nearest features compared, number that must have the same disparity, and the tolerance as a share of the width."""
 
+BEYOND_PX, FEW_BEYOND = -1.0, 0.03
+"""Where features begin if none lies beyond infinity, and the share of pixels beyond it up to which they are wrong, as
+in a sky."""
 INFINITY_SLACK_PX = 4.0
 """Disparities no more than this below 0 still count as infinity on a rectified pair."""
 
@@ -605,6 +608,8 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
     if share >= (LEAST_WITHOUT_FEATURES if points is None else FEWEST_MEASURED):
         far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
         low, high = np.percentile(seen, (far, 100 - near)) / scale
+        if ends and ends[0][0] >= BEYOND_PX and np.mean(seen < -INFINITY_SLACK_PX * scale) <= FEW_BEYOND:
+            low = max(low, ends[0][0])
         ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 

@@ -29,7 +29,7 @@ from stereolag.assess.orientation import (
 from stereolag.assess.sentences import finding_in_words
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
 from stereolag.pair import DIVISORS, likely_divisor
-from stereolag.samples import stereo_pairs
+from stereolag.samples import drives, stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]
 SHAPE = (480, 640)
@@ -495,3 +495,11 @@ def test_the_divisor_is_the_one_its_makers_name(name: str, data_dir: Path) -> No
 def test_the_divisor_is_the_smallest_where_nothing_tells(side: int) -> None:
     flat = np.zeros((side, side), np.uint8)
     assert likely_divisor(np.full((side, side), 40.0), flat, flat) == DIVISORS[0]
+
+
+@pytest.mark.parametrize("number", [1, 2, 9, 12])
+def test_wrong_matches_in_a_sky_do_not_begin_the_range_beyond_infinity(number: int) -> None:
+    (drive,) = drives().values()
+    found = diagnose(read_image(drive.left[number]), read_image(drive.right[number]))
+    assert found.suggested_range == (0, 64)
+    assert all(finding.healthy for finding in found.findings)
