@@ -191,6 +191,8 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
     """
     if function is None:
         return partial(compiled, fastmath=fastmath)
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        return function  # as Numba does: the documentation shows functions
     return Loop(function, fastmath)
 
 
