@@ -123,7 +123,7 @@ def test_their_memory_is_given_back(server: Server) -> None:
     time.sleep(5)
     at_first = server.megabytes()
     with_all = awaited(visited(server, VISITORS))
-    assert with_all > at_first + 3 * MOST_LEFT_MB
+    assert with_all > at_first + 2 * MOST_LEFT_MB
     end = time.monotonic() + PATIENCE_S
     while (left := server.megabytes()) > at_first + MOST_LEFT_MB and time.monotonic() < end:
         time.sleep(0.5)
