@@ -608,8 +608,13 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
     if share >= (LEAST_WITHOUT_FEATURES if points is None else FEWEST_MEASURED):
         far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
         low, high = np.percentile(seen, (far, 100 - near)) / scale
-        if ends and ends[0][0] >= BEYOND_PX and np.mean(seen < -INFINITY_SLACK_PX * scale) <= FEW_BEYOND:
-            low = max(low, ends[0][0])
+        if (
+            low < BEYOND_PX
+            and ends
+            and ends[0][0] >= BEYOND_PX
+            and np.mean(seen < -INFINITY_SLACK_PX * scale) <= FEW_BEYOND
+        ):
+            low = ends[0][0]
         ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
