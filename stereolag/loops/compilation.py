@@ -120,7 +120,7 @@ class Loop(Deferred):
         source = Path(self.py_func.__code__.co_filename).absolute()
         if FOLDER is None or not source.is_relative_to(SOURCES):
             return None
-        made_for = hashlib.sha256(f"{kinds} {_processor()}".encode()).hexdigest()[:16]
+        made_for = hashlib.sha256(f"{kinds} {numba_inside.processor()}".encode()).hexdigest()[:16]
         name = f"{source.stem}.{self.py_func.__qualname__}-{self.py_func.__code__.co_firstlineno}-{made_for}.code"
         return FOLDER / source.relative_to(SOURCES).parent / name.replace("<locals>", "")
 
@@ -144,9 +144,6 @@ def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
         return None if kept is None else numba_inside.load(kept, function)
     except OSError:
         return None
-
-
-_processor = cache(numba_inside.processor)
 
 
 def _kind(value: Any) -> Hashable:

@@ -81,6 +81,7 @@ def _folder(name: str) -> Path:
     return Path(spec.origin).parent
 
 
+@cache
 def processor() -> str:
     """Return the name of the processor and of its abilities, for which machine code is made."""
     from llvmlite import binding
