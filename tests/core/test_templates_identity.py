@@ -20,9 +20,14 @@ MARKS = ("plus", "minus", "cross", "bars", "dot")
 
 
 def icon(
-    mark: str, colour: tuple[int, int, int] = BLUE, *, shift: tuple[float, float] = (0, 0), rounded: bool = True
+    mark: str,
+    colour: tuple[int, int, int] = BLUE,
+    *,
+    shift: tuple[float, float] = (0, 0),
+    rounded: bool = True,
+    side: int = SIDE,
 ) -> Array:
-    """Return a mark in an outline on a plain ground, (32, 32, 3), drawn finer and averaged."""
+    """Return a mark in an outline on a plain ground, (side, side, 3), drawn finer and averaged."""
     fine = np.full((SIDE * FINER, SIDE * FINER, 3), GROUND, np.uint8)
 
     def at(x: float, y: float) -> tuple[int, int]:
@@ -40,7 +45,7 @@ def icon(
     }[mark]
     for start, end in lines:
         cv2.line(fine, at(*start), at(*end), colour, (4 if mark == "dot" else 2) * FINER)
-    return np.asarray(cv2.resize(fine, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(fine, (side, side), interpolation=cv2.INTER_AREA))
 
 
 def screen(*icons: Array, seed: int = 0) -> Array:
@@ -291,3 +296,16 @@ def test_a_few_blocks_of_a_few_pixels_that_agree_are_not_the_template(seed: int)
     assert not match_template(picture, template).found
     picture[8:17, 5:14] = template
     assert place(search := match_template(picture, template)) == (8, 5) and search.found
+
+
+@pytest.mark.parametrize("side", [40, 48])
+@pytest.mark.parametrize(("drawn", "sought"), [("plus", "cross"), ("cross", "minus"), ("arrow", "dot")])
+def test_a_resized_template_is_opaque_but_for_its_rim_so_a_sibling_at_another_size_differs(
+    drawn: str, sought: str, side: int
+) -> None:
+    picture = screen()
+    picture[30 : 30 + side, 50 : 50 + side] = icon(drawn, side=side)
+    found = match_template(picture, icon(sought)[4:28, 4:28], scales=(0.9, 1.6))
+    assert (found.found, found.reason) == (False, "differs")
+    found = match_template(picture, icon(drawn)[4:28, 4:28], scales=(0.9, 1.6))
+    assert found.found and found.matches[0].scale == pytest.approx(side / SIDE, rel=0.05)
