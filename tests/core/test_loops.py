@@ -20,7 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TextIO, TypeAlias
+from typing import Any, TextIO, TypeAlias, get_args
 
 import numpy as np
 import pytest
@@ -31,7 +31,10 @@ from stereolag.loops import compilation, numba_inside
 from stereolag.loops.bands import available_cores, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, volume
+from stereolag.samples import recordings, stereo_pairs
 from stereolag.stereo import compiling
+from stereolag.stereo.methods import PresetName
+from stereolag.warming import warm
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
@@ -360,6 +363,27 @@ def test_the_process_that_helps_compiles_what_finishes_a_map(monkeypatch: pytest
     called.clear()
     compiling._finish(matcher, left, left)
     assert len(called) > 5 and len(needed - called) <= 0.2 * len(needed), needed - called
+
+
+def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    warm()
+    late: list[str] = []
+    find = Loop._found
+
+    def noted(loop: Loop, *asked: Any) -> Any:
+        late.append(loop.__qualname__)
+        return find(loop, *asked)
+
+    monkeypatch.setattr(Loop, "_found", noted)
+    for example in ("cube", "square"):
+        pair = stereo_pairs()[example]
+        images = sl.read_image(pair.left), sl.read_image(pair.right)
+        for matcher in (*map(sl.preset, get_args(PresetName)), sl.CorrelationMatcher(), sl.SemiGlobalMatcher()):
+            matcher.compute(*images)
+    sl.optical_flow(*images)
+    for heard in recordings().values():
+        sl.signal_lag(sl.read_signal(heard.signal_1), sl.read_signal(heard.signal_2))
+    assert not late
 
 
 def test_nothing_else_imports_numba_or_compiles() -> None:
