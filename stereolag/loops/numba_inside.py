@@ -187,7 +187,27 @@ def _runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
         }
     for name, address in symbols.items():
         binding.add_symbol(name, address)
+    _restore_without_numba(helpers.c_helpers["unpickle"])
     return binding, functions.make_function, functions.Environment
+
+
+def _restore_without_numba(address: int) -> None:
+    """Let the C function at `address` restore what machine code keeps pickled, as the class of an array it returns.
+
+    It asks a module of Numba for the function that does, and keeps it: here, one that needs nothing else.
+    """
+    if "numba" in sys.modules:
+        return
+    name = "numba.core.serialize"
+    module = ModuleType(name)
+    module._numba_unpickle = cache(lambda _place, pickled, _checksum: pickle.loads(pickled))  # type: ignore[attr-defined]
+    sys.modules |= {"numba": ModuleType("numba"), name: module}
+    try:
+        restore = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p)(address)
+        pickled = pickle.dumps(None)
+        restore(pickled, len(pickled), bytes(20))
+    finally:
+        del sys.modules["numba"], sys.modules[name]
 
 
 def _is_error(value: object) -> bool:

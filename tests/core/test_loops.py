@@ -44,10 +44,12 @@ SMALL_LAG = """
 import sys
 import numpy as np
 import stereolag as sl
+from stereolag.signals.correlation import running_sums
 sound = np.random.default_rng(0).normal(size=400)
+assert running_sums(sound).shape == (2, 401)
 print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag, "numba" in sys.modules)
 """
-"""A measurement with few loops, because each start without machine code compiles them."""
+"""A measurement with few loops, because each start without machine code compiles them; one returns an array."""
 
 TWO_LOOPS = """
 import sys
