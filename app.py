@@ -1,4 +1,4 @@
-"""Home page: the three measurements, each with a picture computed on the spot."""
+"""Home page: the three measurements, each with a result computed on the spot: the first to be moved by hand."""
 
 from collections.abc import Callable
 
@@ -7,9 +7,8 @@ import streamlit as st
 from stereolag import samples
 from stereolag.figures.legends import disparity_range
 from stereolag.figures.maps import image_into_map
-from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
-from stereolag.figures.verdicts import curve_in_words, place
+from stereolag.figures.verdicts import place
 from stereolag.pair import example_pair
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -20,13 +19,13 @@ from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import example_pictures, example_recordings
+from stereolag.ui.lag.panels import slide_by_hand
 from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed
-from stereolag.ui.sentences import CURVES
 
 
 def show_lag() -> None:
-    """Show the correlation of the first example recordings."""
+    """Let the first example recordings be slid by hand."""
     pair = example_recordings("coast")
     result = computed(
         "lag",
@@ -36,10 +35,9 @@ def show_lag() -> None:
         shared=True,
         label="Comparing two recordings …",
     )
-    figure = correlation_curve(result, CURVES["fft"]).update_layout(height=265)
-    st.plotly_chart(figure, key="lag", config={"staticPlot": True}, alt=curve_in_words(result))
+    slide_by_hand(pair, result, small=True)
     prose.markdown(
-        f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: the path to "
+        f"Two recordings of one beach. Drag the cut: it fits at a lag of **{result.lag:,} samples**, so the path to "
         f"sensor 2 is **{result.distance_m:,.2f} m** longer."
     )
 

@@ -139,7 +139,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
     assert typeset("378.17 m") in prose
     assert "row **200**, column **200**" in prose
     assert len(app.get("image")) == 2
-    assert len(app.get("plotly_chart")) == 1
+    assert not app.get("plotly_chart")  # whose script is larger than all else on this page
 
 
 def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_to_try(open_page: OpenPage) -> None:

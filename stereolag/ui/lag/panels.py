@@ -59,8 +59,11 @@ def slide_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
         prose.markdown(IN_A_SENTENCE)
 
 
-def slide_by_hand(pair: RecordingPair, result: SignalLag) -> None:
-    """Show an excerpt of the recordings, if they overlap enough, and the examples that can be slid by hand."""
+def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False) -> None:
+    """Show an excerpt of the recordings, if they overlap enough, and the examples that can be slid by hand.
+
+    A small one is low, without the other examples, and explains nothing.
+    """
     own = remembered(
         "excerpt",
         lambda: _excerpt(pair, result),
@@ -68,9 +71,10 @@ def slide_by_hand(pair: RecordingPair, result: SignalLag) -> None:
         settings=f"{result.lag} {result.verdict}",
         shared=pair.shared,
     )
+    examples = json.loads(own) + ([] if small else _slides())
     _sliding(
         key="lag.sliding",
-        data={"examples": [*json.loads(own), *_slides()], "colours": COLOURS, "words": SLIDING_WORDS},
+        data={"examples": examples, "colours": COLOURS, "words": SLIDING_WORDS, "small": small},
     )
 
 

@@ -20,6 +20,7 @@ class SlidingPanel extends VisitingPanel {
 
   prepare() {
     const { recording, cut, lag, step } = this.example;
+    this.root.classList.toggle("small", this.data.small);
     this.stage.setAttribute("aria-valuemin", lag);
     this.stage.setAttribute("aria-valuemax", lag + (recording.length - cut.length) * step);
     this.find(".normalise").checked = false;
@@ -116,14 +117,15 @@ const LEFT = 6;
 const RIGHT = 58;
 const NAME = 20; // px for the name above each strip
 const STRIPS = { recording: 72, cut: 48, products: 60, curve: 110 };
+const SMALL = { recording: 44, cut: 28, products: 36, curve: 68 };
 const GAP = 8;
 const AXIS = 36;
 
 // The layout of the strips for one width: their boxes, and the functions that map samples and values to px.
-function laidOut(width, example, all) {
+function laidOut(width, { example, all, data }) {
   const { recording, cut } = example;
   const pitch = (width - LEFT - RIGHT) / recording.length;
-  const { boxes, height: end } = stacked(STRIPS, NAME, () => GAP);
+  const { boxes, height: end } = stacked(data.small ? SMALL : STRIPS, NAME, () => GAP);
   const x = (sample) => LEFT + (sample + 0.5) * pitch;
   const written = example.whole && pitch >= 14; // each number is written below its stem
   const around = ({ top, height }, reach) => {
@@ -145,7 +147,7 @@ function laidOut(width, example, all) {
 
 function drawStrips(svg, panel, words) {
   const { example, all, place } = panel;
-  const at = laidOut(svg.clientWidth, example, all);
+  const at = laidOut(svg.clientWidth, panel);
   const { x, pitch, boxes, width } = at;
   const { recording, cut } = example;
   const covered = [...cut.keys()].map((index) => place + index);
