@@ -18,6 +18,7 @@ from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import (
     choose_maps,
     coloured_alike,
+    follow_dragged,
     measured,
     offer_fit,
     send_ahead,
@@ -91,7 +92,9 @@ def workspace(pair: Pair) -> None:
 
 
 with page("Depth maps"):
-    workspace(choose_pair())
+    pair = choose_pair()
+    follow_dragged(pair)
+    workspace(pair)
     with st.expander("The source report"):
         prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "

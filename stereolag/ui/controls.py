@@ -39,7 +39,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.streamlit_inside import Expander
 from stereolag.ui.elements import show_refused
-from stereolag.ui.keys import exact_key, more_key, setting_key
+from stereolag.ui.keys import class_of, exact_key, more_key, setting_key
 from stereolag.ui.sentences import CHOICE_NAMES
 
 ANY_PAGE = "page"
@@ -374,6 +374,8 @@ class _Place:
         The pair the matcher will work on.
     refusals
         Why nested settings were refused, if they conflict; one list for this place and all within it.
+    dragged
+        The class of a slider that is being dragged, and its value there.
     """
 
     kind: type[Settings]
@@ -382,6 +384,7 @@ class _Place:
     path: str
     pair: Pair
     refusals: list[SettingsError]
+    dragged: tuple[str, Any] = ("", None)
 
     @classmethod
     def of(cls, kind: type[StereoMatcher], pair: Pair) -> _Place:
@@ -430,6 +433,8 @@ class _Place:
             if _kinds(self.kind, name):
                 place = self.within(name)
                 found = place and place.settings()
+            elif class_of(self.key(name)) == self.dragged[0]:
+                found = self.dragged[1]
             else:
                 found = kept_value(self.kind, name, self.key(name), getattr(self.first, name), *self.ends(name))
             setattr(values, name, found if self.applies(name, values) else field.default)
@@ -482,6 +487,30 @@ def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
         except SettingsError as error:
             place.refusals.append(error)
     return AsSet(place, values, matchers.get(kind.short_name), next(iter(place.refusals), None))
+
+
+def matcher_dragged(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
+    """Return the settings of a method where one of its sliders is being dragged; None if that is no slider of any.
+
+    Parameters
+    ----------
+    pair
+        The pair the matcher will work on.
+    slider
+        The class of the slider, as :func:`stereolag.ui.keys.class_of` returns it.
+    value
+        Its value, which has not been set yet.
+
+    Raises
+    ------
+    SettingsError
+        The settings are refused.
+    """
+    for kind in METHODS:
+        if slider.startswith(class_of(setting_key(kind.short_name, ""))):
+            place = replace(_Place.of(kind, pair), dragged=(slider, value))
+            return cast(StereoMatcher, _made(kind, tuple(place.values().items())))
+    return None
 
 
 def ask_matcher(as_set: AsSet) -> StereoMatcher | None:

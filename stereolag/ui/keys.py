@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 PAIR: Final = "pairs"
@@ -40,6 +41,11 @@ def more_key(method: str) -> str:
 def preset_key(name: str) -> str:
     """Return the key of the button of a preset."""
     return f"depth.preset.{name}"
+
+
+def class_of(key: str) -> str:
+    """Return the class that Streamlit gives to the element with this key."""
+    return "st-key-" + re.sub(r"[^\w-]", "-", key, flags=re.ASCII)
 
 
 def exact_key(key: str) -> str:

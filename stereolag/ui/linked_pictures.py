@@ -164,8 +164,8 @@ class Mark:
     pictures: tuple[int, ...] = ()
 
 
-def packed(picture: Picture) -> PackedPicture:
-    """Return the pixels and the readings of a picture as an item.
+def packed(picture: Picture, more: Mapping[str, Any] | None = None) -> PackedPicture:
+    """Return the pixels and the readings of a picture as an item, with `more` in its header.
 
     Readings are int16 in units of a power of two below their last decimal (or larger if the range requires it), each
     stored as the step from its left neighbour: in smooth maps most steps fit into a byte; long ones follow separately.
@@ -182,7 +182,7 @@ def packed(picture: Picture) -> PackedPicture:
     shape = shapes.pop()
     step = -(-shape[1] // WIDEST)
     parts: list[bytes] = []
-    header: dict[str, Any] = {"kind": "pictures", "image": None}
+    header: dict[str, Any] = {"kind": "pictures", "image": None, **(more or {})}
     header["readings"] = [_reading(one, step, parts) for one in picture.readings]
     if picture.pixels is not None:
         pixels = picture.pixels[::step, ::step]

@@ -9,6 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
+from stereolag.ui.keys import class_of
 from tests.app import keys
 from tests.app.pages import controls
 
@@ -17,7 +18,7 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.controls import matcher_as_set, matchers_in_use
+    from stereolag.ui.controls import matcher_as_set, matcher_dragged, matchers_in_use
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import show_controls, show_presets
 
@@ -26,6 +27,8 @@ def page() -> None:
     show_presets(pair)
     show_controls(as_set)
     st.session_state["met"] = matchers_in_use(), [matcher_as_set(method, pair).matcher for method in METHODS]
+    if drag := st.session_state.pop("drag", None):
+        st.session_state["dragged"] = matcher_dragged(pair, *drag)
 
 
 def opened(pair: str) -> AppTest:
@@ -62,7 +65,9 @@ def other_values(control: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("method", [method.short_name for method in METHODS])
-def test_moving_any_control_changes_the_settings_of_its_method_alone(method: str) -> None:
+def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_while_dragged(
+    method: str,
+) -> None:
     app = opened("cube")
     app.button_group(key=keys.TAB).set_value(method).run()
     at_first = app.session_state["met"][1]
@@ -75,10 +80,15 @@ def test_moving_any_control_changes_the_settings_of_its_method_alone(method: str
             controls(app)[key].set_value(value).run()
             assert not app.exception, key
             agree(app)
-            changed = [one != other for one, other in zip(at_first, app.session_state["met"][1], strict=True)]
+            moved = app.session_state["met"][1]
+            changed = [one != other for one, other in zip(at_first, moved, strict=True)]
+            if any(changed):
+                app.session_state["drag"] = class_of(key), value
             controls(app)[key].set_value(before).run()
             if any(changed):
                 break
+        if controls(app)[key].type == "slider":
+            assert app.session_state["dragged"] == moved[mine], key
         assert changed == [number == mine for number in range(len(METHODS))], key
         assert app.session_state["met"][1] == at_first, key
 

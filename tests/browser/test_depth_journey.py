@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from tests.browser.parts import box_of
 from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 
@@ -84,6 +85,31 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenP
     chart.click(position={"x": x, "y": y})
     visit.settle()
     assert visit.number("Bad-2", method=1) == pytest.approx(np.min(bad), abs=0.06)
+
+
+def test_a_map_follows_a_slider_while_it_is_dragged_and_is_whole_once_it_is_released(open_page: OpenPage) -> None:
+    page = open_page("Depth_maps?pair=cube")
+    canvas, slider = page.locator(".linked .layer canvas").first, page.get_by_role("slider", name="Window")
+    box, start = box_of(slider.locator("..")), slider.input_value()
+    y, xs = box["y"] + box["height"] / 2, [box["x"] + box["width"] / 2 + by for by in (0, 30, 60)]
+
+    def drag_to(x: float, width: int) -> None:
+        page.mouse.move(x, y)
+        expect(canvas).to_have_js_property("width", width)
+
+    page.mouse.move(xs[0], y)
+    page.mouse.down()
+    drag_to(xs[1], 320)
+    expect(page).to_have_url(re.compile("pair=cube$|Depth_maps$"))
+    drag_to(xs[0], 320)
+    page.mouse.up()
+    expect(slider).to_have_value(start)
+    expect(canvas).to_have_js_property("width", 640)  # as before: nothing was asked of the server
+    page.mouse.down()
+    drag_to(xs[2], 320)
+    page.mouse.up()
+    expect(canvas).to_have_js_property("width", 640)
+    expect(page).to_have_url(re.compile(f"window_size={slider.input_value()}"))
 
 
 # Links and sessions

@@ -15,10 +15,12 @@ import streamlit as st
 from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
+from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, coloured, edge_path, png, thinned
 from stereolag.figures.verdicts import REASON_WORDS
 from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import scaled_image
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
@@ -26,11 +28,13 @@ from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.streamlit_inside import Container, give_head_start
 from stereolag.ui import keys, prose
+from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import (
     DISPARITIES_AT_FIRST,
     AsSet,
     ask_matcher,
     default_settings,
+    matcher_dragged,
     matchers_in_use,
     persistent,
     set_controls,
@@ -48,6 +52,7 @@ from stereolag.ui.linked_pictures import (
     packed,
     send_picture,
 )
+from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import beyond_the_colours, duration, percent
 
@@ -56,6 +61,10 @@ Pixel = tuple[int, int]
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
 SENT = f"{KEY}.sent"
+
+DRAGGED = "depth.dragged"
+PREVIEWED_PIXELS = 80_000
+"""Images are reduced to about this many pixels while a slider is dragged."""
 
 COLUMNS = 2
 """Maps side by side if there is room."""
@@ -343,6 +352,37 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
         st.session_state[SENT] = digests
         give_head_start()
     return packs
+
+
+_dragging = component("dragging")
+
+
+@fragment
+def follow_dragged(pair: Pair) -> None:
+    """Show the map of a slider being dragged, from smaller images; the map itself comes when it is released."""
+    at = (st.session_state.get(DRAGGED) or {}).get("at")
+    _dragging(key=DRAGGED, data=at and _dragged_map(pair, **at), on_at_change=lambda: None)
+
+
+def _dragged_map(pair: Pair, slider: str, value: Any) -> bytes:
+    """Return the map of a method with one of its sliders at a value, as an item; without the map if it takes long."""
+    header = {"kind": "preview", "name": KEY, "value": value}
+    divisor = max(2, math.isqrt(math.prod(pair.left.shape[:2]) // PREVIEWED_PIXELS))
+    with suppress(ValueError):
+        matcher = matcher_dragged(pair, slider, value)
+        if matcher is not None:
+            header["title"] = matcher.title
+            small = remembered("smaller pair", partial(_smaller, pair, divisor), **kept_for(pair, str(divisor)))
+            result = computed_at_once(**_computation(small, scaled_settings(matcher, 1 / divisor)))
+            if result is not None:
+                reading = Reading(result.disparity * divisor, digits=1)
+                return packed(Picture(matcher.title, None, (reading,)), header).data
+    return packed_item(header).data
+
+
+def _smaller(pair: Pair, divisor: int) -> Pair:
+    left, right = (scaled_image(image, 1 / divisor) for image in (pair.left, pair.right))
+    return replace(pair, left=left, right=right, id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))
 
 
 def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:

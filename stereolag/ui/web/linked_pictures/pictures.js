@@ -31,6 +31,7 @@ export class LinkedPictures extends Panel {
       this.renew(detail);
       this.describe();
     });
+    this.listen(eventOf("preview"), ({ detail }) => detail.name === this.name && this.preview(detail));
     this.watchSize(this.stage, () => this.draw());
   }
 
@@ -78,6 +79,13 @@ export class LinkedPictures extends Panel {
     if (index < 0 || !item || this.content(digest).image) return;
     this.pictures[index] = picture({ ...this.pictures[index], digest }, this.content(digest), this.header.colours);
     this.show(index);
+  }
+
+  // Shows a map in place of that with its title until that is renewed; without parts, that one again.
+  preview(item) {
+    const index = this.pictures?.findIndex((one) => one.title === item.title) ?? -1;
+    const one = this.pictures?.[index];
+    if (one) this.show(index, item.parts.length ? picture({ ...one, digest: item.digest }, contentOf(item), one.colours) : one);
   }
 
   setMarks(marks) {
@@ -133,12 +141,12 @@ export class LinkedPictures extends Panel {
   }
 
   // Updates one picture wherever it is shown.
-  show(index) {
+  show(index, one = this.pictures[index]) {
     for (const { indices, layers } of this.cells) {
-      layers.forEach((layer, side) => indices[side] === index && fill(layer.firstChild, this.pictures[index]));
+      layers.forEach((layer, side) => indices[side] === index && fill(layer.firstChild, one));
     }
     const small = this.find(".thumbnails").children[this.thumbnails.indexOf(index)];
-    if (small) fill(small.firstChild, this.pictures[index]);
+    if (small) fill(small.firstChild, one);
   }
 
   cell(...indices) {
