@@ -138,6 +138,44 @@ def run_again_when_reconnected() -> None:
     _watch(key="reconnection", on_back_change=lambda: None)
 
 
+_share = st.components.v2.component(
+    "stereolag.sharing",
+    js="""
+const ZONE = "[data-testid=stFileUploaderDropzone]";
+const isForOne = (zone) => !zone.querySelector("input").multiple;
+const give = (zone, file) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(file);
+  zone.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+};
+export default function ({ setStateValue }) {
+  const share = (event) => {
+    const zone = event.target.closest(ZONE);
+    const files = [...event.dataTransfer.files].sort((one, other) => one.name.localeCompare(other.name));
+    if (!zone || !isForOne(zone) || files.length < 2) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    const row = zone.closest("[data-testid=stHorizontalBlock]");
+    const zones = row ? [...row.querySelectorAll(ZONE)].filter(isForOne) : [zone];
+    zones.slice(0, files.length).forEach((one, at) => give(one, files[at]));
+    setStateValue("shared", files.map(({ name }, at) => [name, zones[at]?.ariaLabel ?? ""]));
+  };
+  window.addEventListener("drop", share, true);
+  return () => window.removeEventListener("drop", share, true);
+}
+""",
+)
+
+
+def files_shared_out() -> list[list[str]]:
+    """Share files dropped together on a box for one among it and those beside it, by name: return which went where.
+
+    Streamlit keeps the first and says nothing of the others. The name of a file is followed by the label of its box, ""
+    if none was left.
+    """
+    return _share(key="files-shared", on_shared_change=lambda: None).shared or []
+
+
 _run_again = AppSession.request_rerun
 
 

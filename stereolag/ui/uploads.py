@@ -18,8 +18,8 @@ from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.formats import RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, Frame, read_frame
-from stereolag.io.sources import quote
-from stereolag.streamlit_inside import UploadedFile
+from stereolag.io.sources import escape, quote
+from stereolag.streamlit_inside import Container, UploadedFile, files_shared_out
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.elements import show_refused
@@ -391,6 +391,7 @@ def own_or_example(
     *,
     key: str,
     awaited: str,
+    notes: Container | None = None,
 ) -> T:
     """Return the chosen inputs; stop the page here if the visitor's own files were refused, or are gone.
 
@@ -406,10 +407,14 @@ def own_or_example(
         The arguments given to :func:`choose`.
     awaited
         Subject and verb of the notice shown until the visitor's files are there: "both images are".
+    notes
+        Where it is said which of several files dropped on one box went where; here if None.
     """
     if chosen != OWN:
         return load(chosen)
     expect_uploads()
+    if shared := files_shared_out():
+        (notes or st).caption(_shared_in_words(shared), width="content")
     own = ask()
     if own is not None:
         st.session_state[f"{key}.gone"] = False
@@ -423,6 +428,11 @@ def own_or_example(
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
     show_awaited(awaited, examples[name].title)
     return load(name)
+
+
+def _shared_in_words(shared: Sequence[Sequence[str]]) -> str:
+    went = (f"{quote(name)} {f'went to **{escape(box)}**' if box else 'was not taken'}" for name, box in shared)
+    return f"Dropped together: {', '.join(went)}."
 
 
 def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:

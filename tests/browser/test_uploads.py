@@ -75,6 +75,24 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing_and_one_that_was_
     expect_visible(page.get_by_role("heading", name=EXAMPLE))
 
 
+DROP = """(zone, given) => {
+  const dataTransfer = new DataTransfer();
+  for (const [name, bytes] of given) dataTransfer.items.add(new File([Uint8Array.from(bytes)], name));
+  zone.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+}"""
+
+
+def test_files_dropped_together_on_a_box_are_shared_out_by_name_and_the_page_says_how(open_page: OpenPage) -> None:
+    page = on_own_files(open_page("Sensor_lag"))
+    given = {"c.txt": b"1", "b.wav": wav(SOUND[:8_000]), "a.wav": wav(SOUND[300:][:8_000])}
+    second = page.get_by_test_id("stFileUploaderDropzone").last
+    second.evaluate(DROP, [[name, [*data]] for name, data in given.items()])
+    said = "Dropped together: “a.wav” went to Sensor 1, “b.wav” went to Sensor 2, “c.txt” was not taken."
+    expect_visible(page.get_by_text(said))
+    expect_visible(page.get_by_role("heading", name=OWN))
+    settled(page)
+
+
 def test_after_a_restart_the_page_says_that_the_files_are_gone(own_page: Page, server: Server) -> None:
     page = own_page
     give_both(page)
