@@ -1,56 +1,14 @@
-"""The recordings of the benchmarks: their truth is where they agree, and a lag is judged by all of it."""
+"""The recordings of the benchmarks: a lag is judged by all of their truth (which `test_signals_recordings` holds)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy import fft
 
 from benchmarks import verdict
-from benchmarks.recordings import KINDS, Piece, Trial, trial
-
-REACH = 300
-"""Samples on either side of the true lag within which the recordings could agree better."""
-
-AT_TWO_LAGS = ("common noise", "louder echo")
-
-
-def errors(given: Trial) -> Iterator[float]:
-    """Yield, for each piece of each true line, how far from it the recordings agree best, samples."""
-    one, other = given.recordings
-    for line in given.lines():
-        for piece in line:
-            places = np.arange(int(np.ceil(piece.first)), int(piece.last) + 1)
-            lags = np.interp(places, (piece.first, piece.last), (piece.lag_first, piece.lag_last))
-            here, there = one[places], np.interp(places + lags, np.arange(other.size), other)
-            points = fft.next_fast_len(places.size + REACH, real=True)
-            spectrum = np.conj(fft.rfft(here - here.mean(), points)) * fft.rfft(there - there.mean(), points)
-            away = []
-            for weighted in (spectrum, spectrum / (np.abs(spectrum) + 1e-30)):
-                curve = fft.irfft(weighted, points)
-                curve *= np.sign(curve[0])  # one of them may be inverted
-                away.append(int(np.argmax(np.concatenate([curve[-REACH:], curve[: REACH + 1]]))) - REACH)
-            yield min(away, key=abs)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_recordings_agree_best_at_their_true_lags(kind: str) -> None:
-    pairs = [trial(kind, 1)]
-    assert all(np.isfinite(one).all() and np.ptp(one) > 0 for pair in pairs for one in pair.recordings)
-    assert all((pair.expected == "nothing") <= (not pair.lags) for pair in pairs)
-    assert all(all(pair.lines()) for pair in pairs), "no overlap"
-    right = [abs(error) <= pair.tolerance for pair in pairs for error in errors(pair)]
-    # Near one of two true lags, the recordings may agree better at the other.
-    assert not right or np.mean(right) >= (0.5 if kind in AT_TWO_LAGS else 0.9)
-
-
-def test_a_pair_is_drawn_from_its_kind_and_seed() -> None:
-    first, again, other = (trial("short", seed) for seed in (5, 5, 6))
-    np.testing.assert_array_equal(first.recordings[0], again.recordings[0])
-    assert first.lags == again.lags != other.lags
+from benchmarks.recordings import Piece, Trial, trial
 
 
 def test_a_lag_is_right_where_it_occurs_in_both_recordings() -> None:

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import functools
+from functools import cache
 
 import pytest
 
 from benchmarks.recordings import KINDS
 from benchmarks.verdict import Judged, judged
 
-SEEDS = (7000, 7001)
-"""Beyond those of the tables."""
+SEED = 7000
+"""Beyond those of the tables, which `make bench` makes of many seeds."""
 
 
-@functools.cache
-def outcomes(kind: str) -> list[Judged]:
-    return [judged(kind, seed) for seed in SEEDS]
+@cache
+def outcome(kind: str) -> Judged:
+    return judged(kind, SEED)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_lag_is_never_sure_and_wrong(kind: str) -> None:
-    assert not [(one.seed, one.lag, one.truth) for one in outcomes(kind) if one.wrong]
+    """Where the benchmarks' truth were wrong, nearly every lag would be."""
+    assert not outcome(kind).wrong, (outcome(kind).lag, outcome(kind).truth)
 
 
 def test_most_lags_are_sure_and_right() -> None:
-    lags = [one for kind in KINDS for one in outcomes(kind) if one.expected == "sure" and one.simple]
-    assert len(lags) > len(KINDS) / 2
+    lags = [one for one in map(outcome, KINDS) if one.expected == "sure" and one.simple]
+    assert len(lags) > len(KINDS) / 4
     assert sum(one.right for one in lags) >= 0.8 * len(lags)
