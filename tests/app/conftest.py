@@ -23,6 +23,7 @@ from streamlit.runtime.scriptrunner_utils import script_run_context
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
 from stereolag import samples, streamlit_inside
+from stereolag.assess.diagnosis import Diagnosis
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
 from stereolag.ui import calibrate, uploads
@@ -178,6 +179,12 @@ def short_drive(part_of_drive: samples.DriveExample) -> Iterator[None]:
     """Make the driving page show a part of its example; tests/core looks at all of it."""
     with examples_of(inputs, "drives", {part_of_drive.name: part_of_drive}):
         yield
+
+
+@pytest.fixture
+def healthy_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spare a test that does not ask for the doctor of drives the seconds that it takes."""
+    monkeypatch.setattr(inputs, "diagnose_sequence", lambda sequence: Diagnosis((), None, (0, 64)))
 
 
 @pytest.fixture(scope="session")

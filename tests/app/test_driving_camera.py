@@ -57,6 +57,7 @@ def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() 
     assert coverage(app) == pytest.approx(raw, abs=0.05)
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rectified_frames_as_they_are() -> None:
     app = opened(archive(straight_and_raw.straight_pair()))
     other = {"focal_px": 500, "baseline_m": 0.1, "width": 640, "height": 640}

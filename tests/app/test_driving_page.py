@@ -23,7 +23,7 @@ from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
 from tests.app.driving import archive, finished, opened, page, player, work_of, zipped_frames
 
-COUNT = 8
+COUNT = 4
 ROWS, COLS = 120, 200
 
 pytestmark = pytest.mark.usefixtures("short_drive")
@@ -49,6 +49,7 @@ def methods(app: AppTest, chosen: list[str]) -> AppTest:
     return next(one for one in app.get("button_group") if one.key == "driving.methods").set_value(chosen).run()
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_a_drive_is_computed_played_and_told_of() -> None:
     app = finished(opened(drive()))
     assert not app.error
@@ -83,6 +84,7 @@ def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
     assert work_of(page(EXAMPLE)) is work_of(app)
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_the_truth_is_shown_beside_the_maps() -> None:
     app = page(EXAMPLE)
     methods(app, ["bm"])
@@ -100,8 +102,9 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
     assert np.abs(shown - expected).mean() < 8  # of 255: the compression changes the colours this much
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
-    app = finished(opened(drive(count=4)))
+    app = finished(opened(drive(count=2)))
     before = player(app)["name"]
     app = finished(methods(app, ["bm"]))
     shown = player(app)
@@ -118,17 +121,19 @@ def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
     assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
-    app = finished(opened(drive(damaged=3, count=6)))
+    app = finished(opened(drive(damaged=2, count=4)))
     shown = player(app)
-    assert [bool(problem) for problem in shown["problems"]] == [number == 3 for number in range(6)]
-    assert shown["computed"] == 6
+    assert [bool(problem) for problem in shown["problems"]] == [number == 2 for number in range(4)]
+    assert shown["computed"] == 4
     assert any("1 of them damaged" in one.value for one in app.caption)
 
 
 CANCELLED = 16
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_what_is_cancelled_stays_and_can_go_on() -> None:
     app = opened(drive(count=CANCELLED))
     end = time.monotonic() + 60
@@ -190,6 +195,7 @@ def with_motion(app: AppTest, how: str) -> AppTest:
     return finished(app)
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speeds() -> None:
     app = opened(moving_drives.archive(3))
     assert not any("need metres" in one.value for one in app.caption)
@@ -215,6 +221,7 @@ def own_speeds(shown: dict[str, Any]) -> dict[str, Any]:
     return dict(speeds)
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_a_cut_and_a_repeated_frame_are_said_in_place_of_a_motion() -> None:
     first, random = moving_drives.frame(0), np.random.default_rng(0)
     noise = random.integers(0, 256, (2, moving_drives.ROWS, moving_drives.COLS)).astype(np.uint8)

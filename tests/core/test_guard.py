@@ -115,7 +115,7 @@ def _end(_: object) -> None:
 
 def test_of_many_objects_those_unused_for_longest_are_closed_and_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guard, "KEPT_OPEN", 1)
-    objects = [GuardedObject(bytearray, bytes([number])) for number in range(3)]
+    objects = [GuardedObject(bytearray, bytes([number])) for number in range(2)]
     for one in objects:
         one.ask(bytes)
     workers = [one._worker for one in objects if one._worker is not None]
