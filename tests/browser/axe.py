@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from tests.browser.visits import SCREENSHOTS, settled
-
-REPORT = SCREENSHOTS / "axe.json"
-"""Report of the last run: axe's version, and the number of faulty elements per rule, page and state."""
+from tests.browser.visits import settled
 
 FAULTS = ("moderate", "serious", "critical")
 
@@ -61,56 +57,45 @@ class Finding(NamedTuple):
     targets: tuple[str, ...]
 
 
-class Audit:
-    """The findings on all checked pages."""
+@cache
+def _script() -> str:
+    return Axe().axe_script
 
-    def __init__(self) -> None:
-        self._script = Axe().axe_script
-        self._report: dict[str, dict[str, int]] = {}
-        self._version = ""
 
-    def check(self, page: Page, state: str, *, only: str = "html", but: Sequence[str] = ()) -> None:
-        """Expect no fault in a part of a page outside the parts in `but`, in the light and in the dark.
+def check(page: Page, state: str, *, only: str = "html", but: Sequence[str] = ()) -> None:
+    """Expect no fault in a part of a page outside the parts in `but`, in the light and in the dark.
 
-        All rules are checked in the page's own theme; then it is switched to the other theme, checked for its colours,
-        and left there.
-        """
-        page.mouse.move(0, 0)  # Streamlit's tooltips lie outside every landmark
-        settled(page)
-        app = page.get_by_test_id("stApp")
-        theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
-        other = "light" if theme == "dark" else "dark"
-        found, without_text = self.findings(page, only=only, but=but), nameless(page)
-        page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
-        expect(app).to_have_css("color-scheme", other)
-        settled(page)
-        expect(page.get_by_test_id("stException")).to_have_count(0)
-        colours = self.findings(page, COLOURS_ALONE, only=only, but=but)
-        for shown, findings in ((theme, found), (other, colours)):
-            self._report[f"{state}, {shown}"] = Counter({one.rule: len(one.targets) for one in findings})
-        faults = [one for one in (*found, *colours) if one.impact in FAULTS]
-        assert not faults, f"{state}: {faults}"
-        assert not without_text, f"{state}: no alternative text: {without_text}"
+    All rules are checked in the page's own theme; then it is switched to the other theme, checked for its colours, and
+    left there.
+    """
+    page.mouse.move(0, 0)  # Streamlit's tooltips lie outside every landmark
+    settled(page)
+    app = page.get_by_test_id("stApp")
+    theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
+    other = "light" if theme == "dark" else "dark"
+    found, without_text = findings(page, only=only, but=but), nameless(page)
+    page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
+    expect(app).to_have_css("color-scheme", other)
+    settled(page)
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+    found += findings(page, COLOURS_ALONE, only=only, but=but)
+    faults = [one for one in found if one.impact in FAULTS]
+    assert not faults, f"{state}: {faults}"
+    assert not without_text, f"{state}: no alternative text: {without_text}"
 
-    def findings(
-        self, page: Page, options: dict[str, Any] | None = None, *, only: str = "html", but: Sequence[str] = ()
-    ) -> list[Finding]:
-        """Return axe-core's findings, including minor ones."""
-        if not page.evaluate("'axe' in window"):
-            page.evaluate(self._script)
-            page.evaluate(WITHOUT_SOURCES)
-        self._version = page.evaluate("axe.version")
-        violations = page.evaluate(FIND, [[[only]], [[one] for one in but], OPTIONS | (options or {})])
-        return [
-            Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
-            for one in violations
-        ]
 
-    def keep(self) -> None:
-        """Write the report."""
-        SCREENSHOTS.mkdir(exist_ok=True)
-        report = {"axe-core": self._version, "findings": self._report}
-        REPORT.write_text(json.dumps(report, indent=1), encoding="utf-8")
+def findings(
+    page: Page, options: dict[str, Any] | None = None, *, only: str = "html", but: Sequence[str] = ()
+) -> list[Finding]:
+    """Return axe-core's findings, including minor ones."""
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(_script())
+        page.evaluate(WITHOUT_SOURCES)
+    violations = page.evaluate(FIND, [[[only]], [[one] for one in but], OPTIONS | (options or {})])
+    return [
+        Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
+        for one in violations
+    ]
 
 
 def nameless(page: Page) -> list[str]:

@@ -1,6 +1,6 @@
-"""Each page used by keyboard, with axe-core run on every state reached.
+"""Each page used by keyboard, with the example and with own files, and axe-core run on it.
 
-Components are tested alone elsewhere; here they must fit their page, be styled and be heard.
+Components are tested alone elsewhere, by axe-core too; here they must fit their page, be styled and be heard.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from contextlib import contextmanager, nullcontext
 from itertools import pairwise
 
 import numpy as np
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import FilePayload, Locator, Page, expect
 
+from tests.app import uploads
+from tests.app.test_calibrate_page import SQUARE_MM, files
 from tests.app.test_driving_page import drive
-from tests.app.uploads import wav
-from tests.browser.axe import COLOURS_ALONE, Audit
+from tests.browser.axe import COLOURS_ALONE, check, findings
+from tests.browser.layout import expect_on_first_screen
 from tests.browser.parts import box_of, themes
 from tests.browser.visits import expect_fitting, expect_visible, file_of, resized, screenshot, settled
 
@@ -29,19 +31,7 @@ BENCH = (".st-key-bench", ".st-key-page-head", ".st-key-page-links")
 PANEL = "[role=tabpanel]"
 """What changes from one tab of a page to the next."""
 
-PARTS = (
-    "Compare",
-    "Values",
-    "Why this match?",
-    "Why blank?",
-    "Scoreboard",
-    "All pairs",
-    "Sweep",
-    "Suggest",
-    "In 3-D",
-)
-
-Journey = Callable[[Page, Audit], None]
+Journey = Callable[[Page], None]
 
 WATCH_RUNS = """
 () => {
@@ -135,17 +125,18 @@ def announced(page: Page) -> Locator:
     return page.locator("#stereolag-announced[data-met=before][role=status][aria-live=polite]")
 
 
-def _give(page: Page, name: str, data: bytes) -> None:
-    """Upload a file to the first box on the page."""
-    box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first
-    box.set_input_files(file_of(name, data))
+def _give(page: Page, *given: FilePayload | list[FilePayload]) -> None:
+    """Upload a file, or several, to each of the first boxes on the page."""
+    for number, some in enumerate(given):
+        page.locator("input[type=file]").nth(number).set_input_files(some)
+        settled(page)
 
 
-def through_home(page: Page, audit: Audit) -> None:
+def through_home(page: Page) -> None:
     with without_a_run(page):
         page.locator(".sliding .stage").press("End")
         expect(page.locator(".sliding .where")).to_contain_text("Lag 50,962 · sum ")
-    audit.check(page, "Home")
+    check(page, "Home")
     page.get_by_role("link", name="Open Sensor lag").press("Enter")
     expect_visible(page.get_by_role("heading", name="Sensor lag"))
     settled(page)
@@ -155,7 +146,7 @@ def through_home(page: Page, audit: Audit) -> None:
         expect(numbers).to_have_css("fill", colour)
 
 
-def _through_the_panels(page: Page, audit: Audit) -> None:
+def _through_the_panels(page: Page) -> None:
     said = page.locator(".plan .said")
     keys = {  # the control of each panel, what its End key leads to, and where that is said
         "Slide it": (".sliding .stage", "· sum ", ".sliding .where"),
@@ -172,42 +163,43 @@ def _through_the_panels(page: Page, audit: Audit) -> None:
             expect(page.locator(place)).to_contain_text(re.compile(result.replace(" m", r"\sm")))
         expect_at_home(page, control.split()[0])
         screenshot(page, f"sensor-lag-{control.split()[0].strip('.')}")
-        audit.check(page, f"Sensor lag: {tab}", only=PANEL if here else "html")
     page.locator(".plan .apart input").press("Home")
     page.locator(".plan").get_by_role("button", name="In line").press("Enter")
     expect(said).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
 
 
-def through_sensor_lag(page: Page, audit: Audit) -> None:
+def through_sensor_lag(page: Page) -> None:
     region = announced(page)
     said = "Sensor 2 hears it 1.136 s (50,082.00 ± 0.01 samples) after sensor 1: its path is 378.17 m longer."
     expect(region).to_have_text(said)
-    _through_the_panels(page, audit)
+    _through_the_panels(page)
     choose(page, "Harbour in the wind", begin="Coast")
     expect_visible(page.get_by_role("heading", name="Sensor 1 hears it 0.7083 s"))
     expect(region).to_contain_text("Sensor 1 hears it 0.7083 s")
     open_tab(page, "Listen")
     expect(page.locator("audio")).to_have_count(4)
     page.wait_for_function("[...document.querySelectorAll('audio')].every((one) => one.readyState > 0)")
-    audit.check(page, "Sensor lag: listen", only=PANEL)
     open_tab(page, "Take away")
     unfold(page, "The source report")
-    audit.check(page, "Sensor lag")
+    check(page, "Sensor lag")
     with page.expect_download():
         page.get_by_test_id("stDownloadButton").get_by_role("button").first.press("Enter")
 
     choose(page, "Your own files", begin="Harbour in the wind")
     boxes, sound = page.get_by_test_id("stFileUploader"), np.random.default_rng(0).uniform(-0.5, 0.5, 4_510)
-    files = file_of("first.wav", wav(sound[100:])), file_of("second.wav", wav(sound))
+    files = file_of("first.wav", uploads.wav(sound[100:])), file_of("second.wav", uploads.wav(sound))
     for box, file in zip((boxes.first, boxes.nth(1)), files, strict=True):
         with page.expect_file_chooser() as asked:
             box.get_by_test_id("stBaseButton-secondary").press("Enter")
         asked.value.set_files(file)
         expect_visible(box.get_by_text(file["name"]))
         settled(page)
+    page.get_by_role("tab", name="Slide it").press("Enter")
+    settled(page)
+    expect_on_first_screen(page, "Sensor lag")
     open_tab(page, "Methods")
     press(page, "Compare the methods")
-    audit.check(page, "Sensor lag: methods compared")
+    check(page, "Sensor lag: methods compared")
     unfold(page, "Your own files")
     box = boxes.first
     box.get_by_role("button", name="Remove first.wav").press("Enter")
@@ -217,7 +209,7 @@ def through_sensor_lag(page: Page, audit: Audit) -> None:
     expect(region).to_have_text("")
 
 
-def through_rocketman_search(page: Page, audit: Audit) -> None:
+def through_rocketman_search(page: Page) -> None:
     where, stage = page.locator(".by-hand .where"), page.locator(".score-map .stage")
     expect(where).to_contain_text("Row")
     scale = box_of(stage)["width"] / SCORED_COLS
@@ -229,20 +221,20 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     for part in (".score-map", ".by-hand"):
         expect_at_home(page, part)
     unfold(page, "Paint a mask")
-    audit.check(page, "Rocketman search")
+    check(page, "Rocketman search")
     open_tab(page, "Take away")
     page.emulate_media(color_scheme="dark")
     main = page.get_by_role("button", name="All in one ZIP")
     main.hover()
     expect(main).to_have_css("background-color", "rgb(185, 173, 245)")
-    assert audit.findings(page, COLOURS_ALONE, only="[data-testid=stDownloadButton]") == []
+    assert findings(page, COLOURS_ALONE, only="[data-testid=stDownloadButton]") == []
     for tab in ("Places", "Step by step", "Damage it"):
         open_tab(page, tab)
         if tab == "Step by step":
             page.locator(".funnel .steps button").nth(3).press("Enter")
             expect(page.locator(".funnel .said")).to_contain_text("Best: row 528, column 982, score 1.000.")
             expect_at_home(page, ".funnel")
-        audit.check(page, f"Rocketman search: {tab}", only=PANEL)
+    check(page, "Rocketman search: damaged", only=PANEL)
     expect_visible(page.get_by_role("button", name="Undo all damage"))
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
     page.locator(".painting .stage").press(" ")
@@ -259,15 +251,17 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     page.locator(".cutting .stage").press("Shift+ArrowDown")
     expect_found(page, 646, 1070)
     expect_at_home(page, ".cutting")
-    audit.check(page, "Rocketman search: a template cut out", but=(PANEL,))
+    check(page, "Rocketman search: a template cut out", but=(PANEL,))
     page.get_by_role("radio", name="The example’s template", exact=True).press("Enter")
     expect_found(page, 528, 982)
     choose(page, "Your own files", begin="Rocketman in the garden maze")
-    _give(page, "broken.png", b"this is no picture")
+    _give(page, file_of("broken.png", b"this is no picture"))
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
-    settled(page)
     expect(page.get_by_role("heading", name="Found at row")).to_have_count(0)
-    audit.check(page, "Rocketman search: a refused file")
+    picture = uploads.texture(400, 300)
+    _give(page, file_of("p.png", uploads.png(picture)), file_of("t.png", uploads.png(picture[100:160, 200:260])))
+    expect_found(page, 100, 200)
+    expect_on_first_screen(page, "Rocketman search")
 
 
 def _along_the_maps(page: Page) -> None:
@@ -308,7 +302,35 @@ def _under_the_pointer(page: Page) -> None:
     resized(page, 1280)
 
 
-def through_depth_maps(page: Page, audit: Audit) -> None:
+def _a_cell_of_the_sweep(page: Page) -> None:
+    """Take the settings of a cell over by a click on it: they are those of the map above, then."""
+    page.get_by_role("radio", name="StereoBM").last.press("Enter")
+    settled(page)
+    for name, values in (("Block: values", "9, 15, 21"), ("Disparities searched: values", "32, 64")):
+        box = page.get_by_label(name)
+        box.fill(values)
+        box.press("Enter")
+        settled(page)
+    page.get_by_role("button", name="Sweep 6 combinations").first.press("Enter")
+    settled(page)
+    expect_visible(page.get_by_text("Right: bad-2, %, lower is better.").first)
+    chart = page.get_by_test_id("stPlotlyChart").last
+    bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
+    assert np.shape(bad) in {(2, 3), (3, 2)}
+    cell = [int(place) for place in np.unravel_index(np.argmin(bad), np.shape(bad))]
+    x, y = chart.locator(".js-plotly-plot").evaluate(
+        "(plot, [row, col]) => { const { xaxis, yaxis } = plot._fullLayout;"
+        " return [xaxis._offset + xaxis.l2p(col), yaxis._offset + yaxis.l2p(row)]; }",
+        cell,
+    )
+    chart.click(position={"x": x, "y": y})
+    settled(page)
+    of_blocks = page.locator(".linked").first.locator("figure", has=page.get_by_text("StereoBM", exact=True))
+    shown = of_blocks.locator(".figures div").filter(has_text="Bad-2").locator("dd")
+    expect(shown).to_contain_text(f"{np.min(bad):.1f}")
+
+
+def through_depth_maps(page: Page) -> None:
     _along_the_maps(page)
     region, figures = announced(page), page.locator(".figures").first
     expect(region).to_contain_text("Coverage")
@@ -319,24 +341,34 @@ def through_depth_maps(page: Page, audit: Audit) -> None:
     expect(figures).not_to_have_text(shown)
     expect(region).to_contain_text("Bad-2")
     unfold(page, "choose a pair or bring your own")  # folded again
-    for here, part in pairwise((PARTS[0], *PARTS)):
+    choose(page, "Compare", begin="Compare")
+    check(page, "Depth maps: Compare")
+    for here, part, use in (
+        ("Compare", "Why this match?", _under_the_pointer),
+        ("Why this match?", "Scoreboard", settled),
+        ("Scoreboard", "Sweep", _a_cell_of_the_sweep),
+    ):
         choose(page, part, begin=here)
-        if part == "Why this match?":
-            _under_the_pointer(page)
-        audit.check(page, f"Depth maps: {part}", but=() if part == PARTS[0] else BENCH)
-    # A cloud in 3-D takes seconds without a graphics card, in every theme.
-    page.get_by_role("radio", name=PARTS[0], exact=True).first.press("Enter")
-    settled(page)
+        use(page)
+        check(page, f"Depth maps: {part}", but=BENCH)
+    for name in ("Compare", "Convolution"):
+        page.get_by_role("radio", name=name, exact=True).first.press("Enter")
+        settled(page)
     unfold(page, "choose a pair or bring your own")
+    choose(page, "1/2", begin="1/2")
     choose(page, "Your own files", begin="Puzzle cube")
+    scene = np.kron(uploads.texture(60, 90), np.ones((4, 4, 1), np.uint8))
+    pair = {"left.png": scene[:, :320], "right.png": scene[:, 12:332]}
+    _give(page, *(file_of(name, uploads.png(picture)) for name, picture in pair.items()))
+    expect_on_first_screen(page, "Depth maps")
     unfold(page, "More settings", "Take it away")
     press(page, "Before / after")
     press(page, "Colours")
-    audit.check(page, "Depth maps: all unfolded")
+    check(page, "Depth maps: all unfolded")
 
 
-def through_calibrate(page: Page, audit: Audit) -> None:
-    audit.check(page, "Calibrate")
+def through_calibrate(page: Page) -> None:
+    check(page, "Calibrate")
     count = page.get_by_role("heading", name="Calibrated from")
     expect(count).to_contain_text("10 of 11")
     page.get_by_role("button", name="1", exact=True).focus()
@@ -351,20 +383,27 @@ def through_calibrate(page: Page, audit: Audit) -> None:
     expect(shown).not_to_have_value(before)
     settled(page)
     choose(page, "Your own files", begin="Drawn chessboard")
-    _give(page, "alone.png", b"one picture is no pair")
+    _give(page, file_of("alone.png", b"one picture is no pair"))
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("No left and right pictures match by name")
-    audit.check(page, "Calibrate: a refused file")
+    check(page, "Calibrate: a refused file")
+    _give(page, [file_of(*file) for file in files().items()])
+    side = page.get_by_role("spinbutton", name="Side of a square")
+    side.fill(f"{SQUARE_MM}")
+    side.press("Enter")
+    expect(count).to_contain_text("4 of 4")
+    settled(page)
+    expect_on_first_screen(page, "Calibrate")
 
 
-def through_driving(page: Page, audit: Audit) -> None:
+def through_driving(page: Page) -> None:
     """Use the driving page; its player has its own keyboard tests."""
     expect_visible(page.locator(".player"))
-    audit.check(page, "Driving")
+    check(page, "Driving")
     choose(page, "Your ZIP, or side-by-side video", begin="Example")
     expect_visible(page.get_by_text("Until your frames are here"))
-    _give(page, "drive.zip", drive(count=3))
+    _give(page, file_of("drive.zip", drive(count=3)))
     expect_visible(page.get_by_text("3 of 3 frames in"))
-    audit.check(page, "Driving: own files")
+    expect_on_first_screen(page, "Driving")
 
 
 JOURNEYS: dict[str, Journey] = {

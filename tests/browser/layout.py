@@ -1,12 +1,30 @@
-"""The layout of a page: parts that are cut off, and parts that jump while an answer is computed."""
+"""The layout of a page: its first screen, parts that are cut off, and parts that jump while an answer is computed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from playwright.sync_api import Page
+import numpy as np
+from playwright.sync_api import Locator, Page
 
+from tests.browser.parts import box_of
 from tests.browser.visits import resized
+
+USUAL, LARGE, PHONE = (1400, 900), (1920, 1080), (390, 844)
+PART_SEEN = {USUAL: 0.99, LARGE: 0.99, PHONE: 1 / 3}
+"""Least part of the result on the first screen, by the size of the window."""
+
+RESULTS = {
+    "Home": ".sliding .stage",
+    "Sensor lag": ".sliding .stage",
+    "Rocketman search": ".by-hand .stage",
+    "Depth maps": ".linked figure",
+    "Calibrate": ".stPlotlyChart",
+    "Driving": ".player figure",
+}
+"""The figure in which each page shows its result."""
+
+CONTROL = ".st-key-bench-controls :is(input, button):visible"
 
 PATIENCE = 100
 
@@ -45,6 +63,25 @@ WATCH_JUMPS = """
   jumping.observe({ type: "layout-shift" });
 }
 """
+
+
+def expect_on_first_screen(page: Page, name: str) -> None:
+    """Expect the result of a page on its first screen, and unless that is a phone's the first thing to change it."""
+    result = page.locator(RESULTS[name]).first
+    control = page.locator(CONTROL if name != "Home" else RESULTS[name]).first
+    for screen, part in PART_SEEN.items():
+        resized(page, *screen)
+        page.evaluate("document.querySelector('[data-testid=stMain]').scrollTo(0, 0)")
+        assert _part_seen(page, result) >= part, (name, screen)
+        assert screen == PHONE or _part_seen(page, control) == 1, (name, screen)
+    resized(page, 1280)
+
+
+def _part_seen(page: Page, one: Locator) -> float:
+    """Return the part of an element's height that is within the window."""
+    box, size = box_of(one), page.viewport_size
+    assert size is not None
+    return float(np.clip(size["height"] - box["y"], 0, box["height"]) / box["height"])
 
 
 def cut(page: Page, width: int) -> list[str]:

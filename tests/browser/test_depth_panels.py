@@ -21,6 +21,7 @@ from stereolag.ui.depth.distances import show_readout
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.maps import DepthView
 from tests.app.depth_view import small_view
+from tests.browser.axe import check
 from tests.browser.parts import Parts, ShowParts, box_of, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
 
@@ -65,6 +66,7 @@ def reading(page: Page, title: str) -> Locator:
 @pytest.mark.parametrize("part", SHOWN)
 def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPart, part: str) -> None:
     page = open_part(part).page
+    check(page, part, only="main")
     turned_dark(page, width=390)
     screenshot(page, f"depth-{part}-phone")
     resized(page, 1280)

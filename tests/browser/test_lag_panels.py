@@ -12,6 +12,7 @@ from stereolag import SignalLag, signal_lag
 from stereolag.core.searches import LagSearch
 from stereolag.ui.inputs import RecordingPair, example_recordings
 from stereolag.ui.lag.panels import show_disturbances, show_phasors, show_plan, slide_by_hand
+from tests.browser.axe import check
 from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
@@ -79,6 +80,7 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(show_parts:
     expect(page.locator(".sliding .peak")).to_have_count(10)
     expect_fitting(page, 390)
     screenshot(page, "sensor-lag-sliding-phone")
+    check(page, "sliding", only="main")
 
 
 # Arrows turned back
@@ -145,6 +147,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
     expect(root.locator(".peak")).to_have_count(5)
     expect_fitting(page, 420)
     screenshot(page, "sensor-lag-phasors-phone")
+    check(page, "phasors", only="main")
 
 
 # Recordings disturbed
@@ -191,6 +194,7 @@ def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: 
     expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
     expect_fitting(page, 420)
     screenshot(page, "sensor-lag-disturbances-phone")
+    check(page, "disturbances", only="main")
     page.evaluate("sent.push({ ...sent.at(-1), value: { noise: 99 } })")
     parts.answer()
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
@@ -226,3 +230,4 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(show_pa
     assert sent(page) == []
     turned_dark(page, width=390)
     screenshot(page, "sensor-lag-plan-phone")
+    check(page, "plan", only="main")

@@ -1,4 +1,4 @@
-"""The proxy of deployment/nginx.conf in front of two processes of the app, in a real browser."""
+"""The proxy of deployment/nginx.conf in front of the app, in a real browser."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PROMISED = {
 
 @dataclass(frozen=True)
 class Proxy:
-    """A running proxy: its address, the addresses of the processes behind it, and its log."""
+    """A running proxy: its address, the addresses behind it, which it takes for processes, and its log."""
 
     address: str
     processes: frozenset[str]
@@ -60,20 +60,22 @@ def ask(
 
 @pytest.fixture(scope="module")
 def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
-    """Start two app processes behind nginx, with deployment/nginx.conf except for the ports and a more detailed log."""
+    """Start the app behind nginx, with deployment/nginx.conf except for a more detailed log and its addresses.
+
+    Both are of one process, which listens on every address of this machine; starting it is most of the time.
+    """
     if NGINX is None:
         pytest.skip("nginx is not installed")
     folder = tmp_path_factory.mktemp("proxy")
     with ExitStack() as running:
-        patch = running.enter_context(pytest.MonkeyPatch.context())
-        patch.setenv("STREAMLIT_SERVER_COOKIE_SECRET", "the same for all processes")
-        ports = [running.enter_context(served_app()).rpartition(":")[2] for _ in range(2)]
+        app = running.enter_context(served_app()).rpartition(":")[2]
+        processes = [f"127.0.0.{number}:{app}" for number in (1, 2)]
         port = free_port()
         settings = (PROJECT / "deployment" / "nginx.conf").read_text(encoding="utf-8")
         for there, here, times in (
             ("listen 8080", f"listen {port}", 2),
-            ("127.0.0.1:8501", f"127.0.0.1:{ports[0]}", 1),
-            ("127.0.0.1:8502", f"127.0.0.1:{ports[1]}", 1),
+            ("127.0.0.1:8501", processes[0], 1),
+            ("127.0.0.1:8502", processes[1], 1),
             (
                 "access_log access.log;",
                 "log_format process '$upstream_addr $status $uri'; access_log access.log process;",
@@ -96,7 +98,7 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
                 ask(address, "/_stcore/health")
                 break
             time.sleep(0.1)
-        started = Proxy(address, frozenset(f"127.0.0.1:{one}" for one in ports), folder / "access.log")
+        started = Proxy(address, frozenset(processes), folder / "access.log")
         while not started.visits():  # the first request is logged after its answer
             time.sleep(0.1)
         yield started

@@ -13,6 +13,7 @@ from stereolag.templates import match_template
 from stereolag.ui.inputs import example_pictures
 from stereolag.ui.search.hand_marks import Box, PaintedMask, box_in, painted_mask
 from stereolag.ui.search.panels import packed, search_by_hand, show_funnel, show_score_map
+from tests.browser.axe import check
 from tests.browser.parts import Parts, Show, ShowParts, box_of, drag, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
 
@@ -144,6 +145,7 @@ def test_the_search_by_hand_can_be_done_in_dark_and_on_a_phone_by_touch(search: 
     expect(page.locator(".by-hand .said")).to_contain_text(re.compile(r"row 1048, column 1707: 0\.7[56]\d"))
     expect_fitting(page, 420)
     screenshot(page, "rocketman-by-hand-phone")
+    check(page, "by hand", only="main")
 
 
 # The steps of "sampled"
@@ -201,6 +203,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     expect(said).not_to_contain_text("score 1.00")
     expect_fitting(page, 420)
     screenshot(page, "rocketman-funnel-phone")
+    check(page, "funnel", only="main")
 
 
 # A box and a brush
