@@ -12,12 +12,20 @@ BIN := $(VENV)/bin
 LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|compilation)' stereolag) \
   stereolag/warming.py
 
-.PHONY: run setup setup-dev test check bench docs pictures clean
+MEASURING := annotated-types lazy-loader numba numpy opencv-python-headless pydantic scipy
+# Modules are compiled when they are first imported; most of the packages' never are.
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
+
+.PHONY: installed run setup setup-dev test check bench docs pictures clean
 
 run: setup
 	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
 
-setup: $(VENV)/.run-ready $(VENV)/.command-ready $(VENV)/.loops-warm
+# Loops are compiled while the packages that only the app and files need are installed.
+setup:
+	@$(MAKE) --no-print-directory --jobs=2 installed
+
+installed: $(VENV)/.loops-warm $(VENV)/.run-ready $(VENV)/.command-ready
 
 setup-dev: setup $(VENV)/.dev-ready node_modules/.ready
 
@@ -48,17 +56,21 @@ $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"stereolag needs Python 3.11 or newer; {sys.executable} is {v.major}.{v.minor}. Name another: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run-ready: requirements.txt | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+$(VENV)/.measuring-ready: requirements.txt | $(VENV)/bin/python
+	$(INSTALL) --constraint requirements.txt $(MEASURING)
+	@touch $@
+
+$(VENV)/.run-ready: requirements.txt $(VENV)/.measuring-ready
+	$(INSTALL) -r requirements.txt
 	@touch $@
 
 # The command `stereolag`, which runs this checkout.
 $(VENV)/.command-ready: pyproject.toml | $(VENV)/.run-ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(INSTALL) --no-deps --editable .
 	@touch $@
 
 $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	$(INSTALL) -r requirements-dev.txt
 	@touch $@
 
 # Node comes with requirements-dev.txt; npm installs TypeScript alone, which checks the scripts of the pages.
@@ -67,6 +79,6 @@ node_modules/.ready: package.json package-lock.json $(VENV)/.dev-ready
 	@touch $@
 
 # Compiling once here spares the app's first visitor the wait: the machine code is kept on disk.
-$(VENV)/.loops-warm: $(VENV)/.run-ready $(LOOPS)
+$(VENV)/.loops-warm: $(VENV)/.measuring-ready $(LOOPS)
 	$(BIN)/python -m stereolag.warming
 	@touch $@

@@ -7,25 +7,42 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, as_grey
 from stereolag.stereo.finishing.stages import Finishing, finished
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import WindowMatches
 
 
 def compile_with_help(matcher: StereoMatcher, left: Image, right: Image) -> None:
-    """Match two small images, while another process compiles the loops that filter and fill.
+    """Match two small images, while another process compiles the loops of all stages after the search.
 
     A process compiles one loop at a time. Their machine code is kept on disk, where this process finds it.
     """
     with ProcessPoolExecutor(1, get_context("spawn")) as helper:
-        helper.submit(_finish, matcher, left, right)
+        helper.submit(_complete, matcher, left, right)
         matcher.compute(left, right)
 
 
-def _finish(matcher: StereoMatcher, left: Image, right: Image) -> None:
-    """Filter and fill a map of random disparities as a matcher does."""
-    if isinstance(matcher, Finishing):
-        random = np.random.default_rng(0)
+def _complete(matcher: StereoMatcher, left: Image, right: Image) -> None:
+    """Complete a map of random matches as a matcher does."""
+    random = np.random.default_rng(0)
+    if isinstance(matcher, CorrelationMatcher):
+        query = matcher.query(as_grey(left), as_grey(right))
+        shape = tuple((side - query.window_size) // query.step + 1 for side in query.left.shape)
+        around = random.random((3 if query.lags.rows > 1 else 1, 3, *shape), np.float32)
+        lag = random.integers(-6, -3, shape).astype(np.int16)
+        found = WindowMatches(
+            dy=np.zeros_like(lag),
+            dx=lag,
+            score=around[len(around) // 2, 1],
+            around=around,
+            texture=around[0, 0] * 99,
+            runner_up=around[0, 0] if query.runner_up else None,
+            right_dx=np.full(query.right.shape, -5, np.int16) if query.right_matches else None,
+        )
+        matcher.completed(found, query, left, right)
+    elif isinstance(matcher, Finishing):
         disparity = random.integers(3, 6, left.shape[:2]).astype(np.float32)
         gaps = random.random(disparity.shape) < 0.1
         disparity[gaps] = np.nan

@@ -349,7 +349,7 @@ def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did
 
 
 @pytest.mark.parametrize("name", ["fast", "accurate"])
-def test_the_process_that_helps_compiles_what_finishes_a_map(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_the_process_that_helps_compiles_what_completes_a_map(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     called: set[tuple[str, object]] = set()
     run = Loop.__call__
 
@@ -361,9 +361,10 @@ def test_the_process_that_helps_compiles_what_finishes_a_map(monkeypatch: pytest
     matcher = sl.preset(name, num_disparities=16)
     left = np.random.default_rng(0).integers(0, 256, (40, 80, 3), dtype=np.uint8)
     matcher.compute(left, np.roll(left, -4, axis=1))
-    needed = {one for one in called if ".finishing." in one[0]}
+    needed = {one for one in called if ".finishing." in one[0] or ".pixels." in one[0]}
     called.clear()
-    compiling._finish(matcher, left, left)
+    compiling._complete(matcher, left, left)
+    assert not any(".scores." in name or ".cost." in name for name, _ in called)
     assert len(called) > 5 and len(needed - called) <= 0.2 * len(needed), needed - called
 
 

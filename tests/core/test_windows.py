@@ -20,6 +20,7 @@ from stereolag.stereo.windows.pixels import (
     spread_over_pixels_reference,
 )
 from stereolag.stereo.windows.scores import (
+    Windows,
     describe_windows,
     describe_windows_reference,
     right_view_reference,
@@ -197,7 +198,8 @@ def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, wi
     shape = [(side - window) // step + 1 for side in image.shape]
     total = np.zeros(shape, np.int32 if dtype == np.uint8 else np.float64)
     inverse, texture = np.zeros((2, *shape), np.float32)
-    describe_windows(image, window, step, 0, share, norm, 0.25, total, inverse, texture)
+    there = 0, shape[0], 0
+    describe_windows(image, window, step, 0, share, norm, 0.25, Windows(total, inverse), there, texture)
     plain = describe_windows_reference(image, window, step, share, norm, 0.25)
     for found, expected in zip((total, inverse, texture), plain, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)

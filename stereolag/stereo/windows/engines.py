@@ -141,16 +141,25 @@ class PreparedPair:
         top, bottom = max(0, begin), min(self.height - self.window + 1, begin + rows)
         windows = self._nothing_yet(rows, self.right.shape[1])
         if bottom > top:
-            x = max(0, -self.lags.dx_first)
-            inside = slice(top - begin, bottom - begin), slice(x, x + self.width - self.window + 1)
-            self._describe(self.plain_right, 1, top, norm, Windows(*(part[inside] for part in windows)), nothing)
+            where = top - begin, bottom - begin, max(0, -self.lags.dx_first)
+            self._describe(self.plain_right, 1, top, norm, windows, nothing, where)
         return windows
 
     def _nothing_yet(self, rows: int, cols: int) -> Windows:
         return Windows(np.zeros((rows, cols), self.sums_dtype), np.full((rows, cols), np.nan, np.float32))
 
-    def _describe(self, image: Array, step: int, first: int, norm: float, windows: Windows, texture: Array) -> None:
-        describe_windows(image, self.window, step, first, self.share, norm, self.floor, *windows, texture)
+    def _describe(
+        self,
+        image: Array,
+        step: int,
+        first: int,
+        norm: float,
+        windows: Windows,
+        texture: Array,
+        where: tuple[int, int, int] | None = None,
+    ) -> None:
+        where = where or (0, len(windows.total), 0)
+        describe_windows(image, self.window, step, first, self.share, norm, self.floor, windows, where, texture)
 
     def rescale(self, first: int, end: int, left_inverse: Array) -> None:
         """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""

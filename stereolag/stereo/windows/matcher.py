@@ -268,11 +268,15 @@ class CorrelationMatcher(StereoMatcher):
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
         query = self.query(*grey)
         matches = find_matches(query, self._engine_for((left.shape[0], left.shape[1])), progress)
+        return self.completed(matches, query, left, right)
+
+    def completed(self, matches: WindowMatches, query: WindowQuery, left: Image, right: Image) -> PixelMatches:
+        """Return the finished map of the images from the matches of their windows, which answer the query."""
         found = spread_over_pixels(
             matches,
             query,
             asked=self.search.lags(self.window_size),
-            flat=least_texture(self.texture, *grey),
+            flat=least_texture(self.texture, query.left, query.right),
             refused=self._refused(matches),
         )
         return finished(found, left, right, self)

@@ -226,8 +226,8 @@ def describe_windows(
     share: float,
     norm: float,
     floor: float,
-    total: Array,
-    inverse: Array,
+    windows: Windows,
+    where: tuple[int, int, int],
     texture: Array,
 ) -> None:
     """Set the total, inverse norm and texture of the windows of a grid, from its row `first` on.
@@ -242,21 +242,26 @@ def describe_windows(
         Norm of every window, if above 0.
     floor
         Energy up to which a window is flat.
-    total, inverse
-        (rows, cols) of the grid; the dtype of `total` must be wide enough for the sum of squares.
+    windows
+        Set from row `where[0]` to row `where[1]` and from column `where[2]` on; the dtype of their total must be wide
+        enough for the sum of squares.
     texture
         (rows, cols) standard deviation, empty if not requested; if it is, a flat window gets 0, and NaN as inverse
         norm.
     """
-    columns, width = image.shape[1], image.shape[1] - window + 1
-    room = columns + 2 * LANES
+    total, inverse = windows
+    top, end, begin = where
+    width = image.shape[1] - window + 1
+    columns = slice(begin, begin + (width - 1) // step + 1)
+    room = image.shape[1] + 2 * LANES
     column_total, column_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
     row_total, row_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
     pixels, span = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
     energy, root, deviation = np.zeros(width), np.zeros(width, np.float32), np.zeros(width, np.float32)
     for y in range(first * step, first * step + window - 1):
         add_pixels(image[y], pixels, column_total, column_square)
-    for row in range(total.shape[0]):
+    for row in range(end - top):
+        sums, inverses = total[top + row, columns], inverse[top + row, columns]
         bottom = (first + row) * step + window - 1
         for y in range(bottom if row == 0 else bottom - step + 1, bottom + 1):
             add_pixels(image[y], pixels, column_total, column_square)
@@ -264,13 +269,13 @@ def describe_windows(
                 take_pixels(image[y - window], pixels, column_total, column_square)
         sum_columns(column_total, width, window, span, row_total)
         sum_columns(column_square, width, window, span, row_square)
-        take_every(step, row_total, total[row])
+        take_every(step, row_total, sums)
         if norm > 0:
-            fill(inverse[row], 1 / norm)
+            fill(inverses, 1 / norm)
         else:
             energies(row_total, row_square, share, energy)
             inverse_roots(energy, floor, root)
-            take_every(step, root, inverse[row])
+            take_every(step, root, inverses)
         if texture.size > 0:
             about_mean = norm == 0 and share > 0
             if not about_mean:
@@ -279,8 +284,8 @@ def describe_windows(
             take_every(step, deviation, texture[row])
             # About the mean, a flat window has no inverse norm yet.
             for col in range(0 if about_mean else texture.shape[1]):
-                known = inverse[row, col]
-                inverse[row, col] = known if texture[row, col] > 0 else np.float32(np.nan)
+                known = inverses[col]
+                inverses[col] = known if texture[row, col] > 0 else np.float32(np.nan)
 
 
 def describe_windows_reference(
