@@ -35,7 +35,9 @@ LAYERS |= {
     for package in packages
 }
 METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
-LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | {"stereo.methods": LAYERS["stereo"] + 0.4}
+LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | dict.fromkeys(
+    ("stereo.methods", "stereo.compiling"), LAYERS["stereo"] + 0.4
+)
 """Within stereo, the stages are stacked; each method, even a new one, imports those below and no other method."""
 
 LAYERS |= {"figures.pictures": 3}
