@@ -57,6 +57,17 @@ in them is less than a letter."""
 OF_HEIGHT = 0.5
 """How much of the logarithm of the size the height tells, and the width the rest: both are rounded for each letter."""
 
+OF_INK, OF_SPREAD = 0.62, 0.3
+"""How much of the logarithm of the ink tells the size, and how much of that of its spread down is taken off: strokes
+are as wide as the size wants, but as long as whole pixels make them, and have more ink then.
+
+Measured on 409 words drawn anew at 110 to 150 %: off by more than 5 % in 3; by height and width in 22 of the first 197.
+"""
+
+ON_GROUND, BESIDE, RULED = 0.05, 0.05, 0.85
+"""Largest ink of the ground and of a gap in a line, as a share of the most; share of the rim that may have more; and
+least share of a row or column of a frame that has more. Frames are rounded less than letters, and tell the size."""
+
 
 @dataclass(frozen=True)
 class Redrawing:
@@ -133,13 +144,15 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
         across = _shifts(_in_light(_moved(drawn, down, 0 * across), seen, weights), seen, weights, 1)
         down = _shifts(_in_light(_moved(drawn, 0 * down, across), seen, weights), seen, weights, 0)
     slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
+    own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in shown)]
+    by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
     drawn = _moved(drawn, down, across)
     gain = _gain(drawn, seen, weights)
     lit = _in_light(drawn, seen, weights)
     if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
         return None
     return Redrawing(
-        size=float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT])),
+        size=by_ink or float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT])),
         row=row - margin + float(middle[0]),
         col=col - margin + float(middle[1]),
         gain=tuple(map(float, gain)),
@@ -208,6 +221,29 @@ def _slope(shifts: Plane, drawn: Plane, axis: int) -> float:
     counts = np.append(steps, 0) + np.append(0, steps)
     at = np.arange(len(shifts)) - np.average(np.arange(len(shifts)), weights=counts)
     return float((counts * at * shifts).sum() / (counts * np.square(at)).sum())
+
+
+def _size_by_ink(own: Plane, seen: Plane) -> float | None:
+    """Return the size of what is seen by the ink in it and in the template; None unless they are words on a ground."""
+    colours = own.reshape(-1, own.shape[2])
+    axis = np.linalg.eigh(colours.T @ colours)[1][:, -1]
+    logarithms = []
+    for plane in (own @ axis, seen @ axis):
+        ink = plane - np.median(plane)
+        most = float(np.abs(ink).max())
+        if not most > 0:
+            return None
+        ink *= math.copysign(1 / most, float(ink.sum()))
+        marked = np.abs(ink) > ON_GROUND
+        rim = np.concatenate([marked[0], marked[-1], marked[:, 0], marked[:, -1]])
+        if rim.mean() > BESIDE or max(marked.mean(axis=0).max(), marked.mean(axis=1).max()) > RULED:
+            return None
+        of_rows = ink.clip(0).sum(axis=1)
+        away = np.arange(len(of_rows)) - np.average(np.arange(len(of_rows)), weights=of_rows)
+        variance = max(float(np.average(np.square(away), weights=of_rows)), 1 / 12)  # of a single row
+        logarithms.append((math.log(of_rows.sum()), math.log(variance) / 2))
+    (ink_before, spread_before), (ink_after, spread_after) = logarithms
+    return math.exp(OF_INK * (ink_after - ink_before) - OF_SPREAD * (spread_after - spread_before))
 
 
 def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> float:
