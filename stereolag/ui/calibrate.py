@@ -45,7 +45,14 @@ from stereolag.streamlit_inside import Container
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import Number, announce, show_line, show_picture, show_refused
+from stereolag.ui.elements import (
+    Number,
+    announce,
+    show_line,
+    show_offer,
+    show_picture,
+    show_refused,
+)
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
@@ -344,14 +351,6 @@ KEPT = "calibrate.kept"
 DEPTH_PAGE = "pages/3_Depth_maps.py"
 
 
-@dataclass(frozen=True)
-class DrawnPair:
-    """Both pictures of a pair with their corners, as JPEGs."""
-
-    left: bytes
-    right: bytes
-
-
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
     """Show how good the calibration is, and the figures of the cameras."""
     calibration = result.calibration
@@ -438,10 +437,10 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
     report = result.pairs[number] if result else None
     left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
 
-    def drawn(_: object) -> DrawnPair:
+    def drawn(_: object) -> list[bytes]:
         both = (as_image(one, "The picture") for one in pictures.pairs[number])
         seen = views.left[number], views.right[number]
-        return DrawnPair(*(jpeg(with_corners(*one, views.board)) for one in zip(both, seen, strict=True)))
+        return [jpeg(with_corners(*one, views.board)) for one in zip(both, seen, strict=True)]
 
     shown = computed(
         "corners drawn",
@@ -452,7 +451,7 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         label="Drawing the corners …",
     )
     for column, side, picture, corners in zip(
-        st.columns(2, gap="small"), ("Left", "Right"), (shown.left, shown.right), (left, right), strict=True
+        st.columns(2, gap="small"), ("Left", "Right"), shown, (left, right), strict=True
     ):
         with column:
             found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
@@ -524,10 +523,8 @@ def use_kept_calibration() -> Upload[Calibration] | None:
     kept: Upload[Calibration] | None = st.session_state.get(KEPT)
     if kept is not None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
-        with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
-            prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
-            forget = partial(st.session_state.pop, KEPT, None)
-            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget)
+        said = f"In use: the calibration you made on the page Calibrate{error}."
+        show_offer(said, "Remove", f"{KEPT}.remove", partial(st.session_state.pop, KEPT, None))
     return kept
 
 

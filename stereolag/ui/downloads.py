@@ -244,6 +244,15 @@ def too_large(memory: int) -> str:
     return f"Making it would take about {format_bytes(memory)} of memory; one job may take {format_bytes(allowed)}."
 
 
+def refusal_of(check: Callable[[], object]) -> str:
+    """Return why a check refuses a file; "" if it does not."""
+    try:
+        check()
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def archive(files: Sequence[File], about: str) -> bytes:
     """Return a ZIP of the available files and a README: `about`, then a description of each file."""
     available = [file for file in files if not file.refusal]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -45,6 +45,24 @@ def show_note(said: str, icon: str = "") -> None:
     prose.caption(shown, help=typeset(said) if details else None, width="content")
 
 
+def show_offer(said: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:
+    """Show a sentence in small print, as a note if it has an icon, with a button beside it."""
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
+        if note is None:
+            prose.caption(said, width="content")
+        else:
+            show_note(said, note)
+        st.button(label, key=key, type="tertiary", on_click=act)
+
+
+def show_remedy(said: str, label: str, key: str, act: Callable[[], None]) -> None:
+    """Show a sentence with a button beside it, whose click affects the whole page; without a label, no button."""
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        prose.markdown(said, width="stretch")
+        if label and st.button(label, key=key, on_click=act):
+            st.rerun()
+
+
 def show_chart(figure: go.Figure, key: str, alt: str) -> None:
     """Show a chart without a tool bar; `alt` describes it for screen readers."""
     st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)
@@ -56,9 +74,18 @@ def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: 
     It is embedded in the page message. The browser would have to request a separate file, which costs a round trip and
     fails if the next slider position has already replaced the file.
     """
+    st.image(
+        data_address(data),
+        caption and typeset(caption),
+        width="stretch" if stretch else "content",
+        alt=alt and typeset(alt),
+    )
+
+
+def data_address(data: bytes) -> str:
+    """Return the address of a PNG or JPEG that contains the picture itself."""
     kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
-    address = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    st.image(address, caption and typeset(caption), width="stretch" if stretch else "content", alt=alt and typeset(alt))
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 PATIENCE_S = 0.5

@@ -22,7 +22,7 @@ from stereolag.io.sources import escape, quote
 from stereolag.streamlit_inside import Container, UploadedFile, files_shared_out
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import show_offer, show_refused
 
 T = TypeVar("T")
 
@@ -185,17 +185,6 @@ def upload_picture(label: str, *, key: str, note: str = "") -> Upload[Image] | N
     return None if file is None else Upload(file.digest, file.content.pixels)
 
 
-def upload_together(
-    label: str, read: Callable[[list[bytes]], T], *, key: str, types: Sequence[str], note: str = "", variant: str = ""
-) -> Upload[T] | None:
-    """Ask for files that belong together and return the content of all of them, as :func:`upload` does for one.
-
-    They are read in order of their names, whichever arrived first: left before right, camera 0 before camera 1.
-    """
-    files = _ask_several(label, key=key, types=types, note=note)
-    return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant)
-
-
 def upload_named(
     label: str,
     read: Callable[[Sequence[tuple[str, bytes]]], T],
@@ -203,20 +192,13 @@ def upload_named(
     key: str,
     types: Sequence[str],
     note: str = "",
+    variant: str | None = None,
 ) -> Upload[T] | None:
-    """Ask for files and return the content of all of them, read with their names, as :func:`upload` does for one."""
-    files = _ask_several(label, key=key, types=types, note=note)
-    names = [file.name for file in files]
-    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None)
+    """Ask for files and return the content of all of them, read with their names, as :func:`upload` does for one.
 
-
-def _accepted(types: Sequence[str], note: str) -> str:
-    """Return a hint and the accepted kinds of files as the help of an uploader."""
-    return " ".join(filter(None, (note, f"Accepted: {', '.join(one.upper() for one in types)}.")))
-
-
-def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> list[UploadedFile]:
-    return st.file_uploader(
+    They are read in order of their names, whichever arrived first: left before right, camera 0 before camera 1.
+    """
+    given = st.file_uploader(
         label,
         key=key,
         help=_accepted(types, note),
@@ -224,6 +206,14 @@ def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> li
         on_change=_note_emptied,
         args=(key,),
     )
+    files = sorted(given, key=lambda file: file.name.lower())
+    names = [file.name for file in files]
+    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, variant)
+
+
+def _accepted(types: Sequence[str], note: str) -> str:
+    """Return a hint and the accepted kinds of files as the help of an uploader."""
+    return " ".join(filter(None, (note, f"Accepted: {', '.join(one.upper() for one in types)}.")))
 
 
 def put_together(make: Callable[[], T], key: str, digest: str | None = None) -> T | None:
@@ -289,9 +279,8 @@ def _read_once(
         if state.kept is None or not lasting:
             state.forget()
             return None
-        with st.container(horizontal=True, vertical_alignment="center"):
-            prose.caption("The file you uploaded here before is still in use.", width="content")
-            st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=state.forget)
+        said = "The file you uploaded here before is still in use."
+        show_offer(said, "Remove", f"{key}.remove", state.forget)
         source, contents = (state.kept.source[0], variant), state.kept.contents
     else:
         state.emptied = False

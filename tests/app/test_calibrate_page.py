@@ -76,7 +76,7 @@ def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it(open_page
 
 def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_click() -> None:
     app = given(*files().items(), ("left99.png", files()["left01.png"]), ("a.pdf", b"%PDF"))
-    assert "4 pairs, matched by name. Not used, without a partner or no pictures: “left99.png”, “a.pdf”." in said(app)
+    assert "4 pairs, matched by name. Not used, without a partner or no pictures: “a.pdf”, “left99.png”." in said(app)
     assert [box.value for box in app.number_input][:2] == [6, 4]
     assert "4 of 4" in app.header[0].value
     before = numbers(app)["Baseline"]

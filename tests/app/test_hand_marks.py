@@ -32,7 +32,7 @@ def test_a_box_is_read() -> None:
         {},
         {"row": 1},
         GOOD | {"more": 1},
-        *(GOOD | {"row": bad} for bad in (None, "1", True, 1.5, float("nan"), float("inf"), [1], -1, 31, 10**400)),
+        *(GOOD | {"row": bad} for bad in (None, "1", 1.5, float("nan"), float("inf"), [1], -1, 31, 10**400)),
         *(GOOD | {"width": bad} for bad in (0, 3, -40, 61, 1e300)),
     ],
 )

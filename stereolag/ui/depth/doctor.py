@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,7 +28,7 @@ from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import DepthView, kept_for
 from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, problems_in_words, remedy_in_words
-from stereolag.ui.elements import show_note
+from stereolag.ui.elements import show_offer, show_remedy
 from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
@@ -67,7 +67,7 @@ def show_doctor(view: DepthView, line: Container) -> None:
             act = partial(_prescribe, pair.id, finding.remedy)
             if diagnosis.suggested_range is not None and finding.code == FindingCode.RANGE:
                 act = partial(_set_all, [one.with_search_range(*diagnosis.suggested_range) for one in searched], pair)
-            _show_line(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
+            show_remedy(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
             if finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
                 label, icon = PAGES[CALIBRATE]
                 st.page_link(CALIBRATE, label=label, icon=icon)
@@ -75,7 +75,7 @@ def show_doctor(view: DepthView, line: Container) -> None:
             earlier = pair.remedies[:number].count(change)
             key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
             undo = partial(_choose, pair.id.untreated, (*done[:number], *done[number + 1 :]))
-            _show_line(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
+            show_remedy(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
         with st.expander("All checks") if ill else line.popover(HEALTHY):
             prose.markdown("\n\n".join(map(_told, findings)))
 
@@ -103,14 +103,6 @@ def _prescribe(pair_id: PairId, remedy: Remedy | None) -> None:
 
 def _choose(untreated: str, remedies: Iterable[Remedy]) -> None:
     st.session_state.setdefault(REMEDIES_KEY, {})[untreated] = tuple(remedies)
-
-
-def _show_line(said: str, label: str, key: str, act: Callable[[], None]) -> None:
-    """Show a sentence with a button beside it, whose click affects the whole page; without a label, no button."""
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(said, width="stretch")
-        if label and st.button(label, key=key, on_click=act):
-            st.rerun()
 
 
 def _told(finding: Finding) -> str:
@@ -174,10 +166,8 @@ def show_start(pair: Pair) -> None:
         return
     # As for a pair about which nothing is known.
     undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
-    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
-        said = started_in_words(start.min_disparity, start.num_disparities)
-        show_note(said, ":material/auto_fix_high:")
-        st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=undo)
+    said = started_in_words(start.min_disparity, start.num_disparities)
+    show_offer(said, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
 
 
 def _set_all(settings: Iterable[StereoMatcher], pair: Pair) -> None:

@@ -31,7 +31,14 @@ from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, kept_for, settings_key
 from stereolag.ui.depth.state import adopt, for_size, saved_state
-from stereolag.ui.downloads import File, download_button, run_queued, show_file_buttons, show_zip_button
+from stereolag.ui.downloads import (
+    File,
+    download_button,
+    refusal_of,
+    run_queued,
+    show_file_buttons,
+    show_zip_button,
+)
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import show_refused
 from stereolag.ui.results import computed_in_turn, is_heavy
@@ -420,14 +427,6 @@ def _metrics(download: Download) -> str:
     return metrics_csv(judged, maps, download.estimated_bad)
 
 
-def _kitti_refusal(download: Download) -> str:
-    try:
-        check_kitti(download.shown.disparity * download.factor)
-    except ValueError as error:
-        return str(error)
-    return ""
-
-
 def _no_metres(download: Download) -> str:
     return NO_METRES if download.calibration is None else ""
 
@@ -484,7 +483,7 @@ EXPORTS: list[Export] = [
         _of_map("_kitti.png"),
         lambda it: kitti_png(it.as_taken.disparity),
         "Disparity × 256 in 16 bits; 0: none.",
-        _kitti_refusal,
+        lambda it: refusal_of(partial(check_kitti, it.shown.disparity * it.factor)),
     ),
     Export(
         "Coloured PNG",

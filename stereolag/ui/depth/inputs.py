@@ -53,7 +53,7 @@ from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
-from stereolag.ui.elements import show_note, show_refused
+from stereolag.ui.elements import show_note, show_offer, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, remembered
@@ -75,7 +75,6 @@ from stereolag.ui.uploads import (
     upload_named,
     upload_part,
     upload_picture,
-    upload_together,
 )
 
 T = TypeVar("T")
@@ -258,10 +257,8 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     """
     transferred: Pair | None = st.session_state.get(HANDED)
     if transferred is not None:
-        with st.container(horizontal=True, vertical_alignment="center"):
-            prose.caption(f"In use: {transferred.description}", width="content")
-            forget = partial(st.session_state.pop, HANDED, None)
-            st.button("Use other files", key=f"{HANDED}.forget", type="tertiary", on_click=forget)
+        forget = partial(st.session_state.pop, HANDED, None)
+        show_offer(f"In use: {transferred.description}", "Use other files", f"{HANDED}.forget", forget)
         return transferred
     arrangement = st.segmented_control(
         "Images",
@@ -524,9 +521,11 @@ def ask_calibration(key: str, place: Container) -> Upload[Calibration] | None:
         columns = st.columns([2, 1, 1], gap="medium")
         with columns[0]:
             unit = st.session_state.get(f"{key}.unit")
-            given = upload_together(
+            given = upload_named(
                 "Calibration files",
-                lambda contents: guarded(read_calibration)(*contents, length_unit_m=unit and UNITS[unit]),
+                lambda files: guarded(read_calibration)(
+                    *(data for _, data in files), length_unit_m=unit and UNITS[unit]
+                ),
                 key=f"{key}.calibration",
                 types=CALIBRATION_TYPES,
                 note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
@@ -671,7 +670,5 @@ def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
         return
     undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
     label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
-    with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
-        show_note(decision.in_words(subject), ":material/straighten:")
-        choose = partial(st.session_state.update, {rows_key(key): rows})
-        st.button(label, key=f"{key}.rectifying.undo", type="tertiary", on_click=choose)
+    choose = partial(st.session_state.update, {rows_key(key): rows})
+    show_offer(decision.in_words(subject), label, f"{key}.rectifying.undo", choose, ":material/straighten:")

@@ -47,7 +47,10 @@ from stereolag.ui.depth.inputs import (
     show_decision,
 )
 from stereolag.ui.depth.sentences import problems_in_words
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import (
+    show_refused,
+    show_remedy,
+)
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
@@ -258,20 +261,15 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
         if doubts:
             prose.warning(problems_in_words(len(doubts), "drive"), icon=":material/stethoscope:")
         for finding in doubts:
-            prose.markdown(f":orange[:material/warning:] {finding_in_words(finding)}")
-            if finding.remedy is Remedy.TURN_UPRIGHT:
-                quarters = int(finding.numbers["quarters"])
-                act = partial(st.session_state.update, {turn: quarters})
-                label = "Turn all frames to match them (distances become relative)"
-                if st.button(label, key=f"{KEY}.turn", on_click=act):
-                    st.rerun()
+            label = TURN_FRAMES if finding.remedy is Remedy.TURN_UPRIGHT else ""
+            act = partial(st.session_state.update, {turn: int(finding.numbers.get("quarters", 0))})
+            show_remedy(f":orange[:material/warning:] {finding_in_words(finding)}", label, f"{KEY}.turn", act)
         if turn in st.session_state:
-            with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-                prose.markdown(f":blue[:material/healing:] {FRAMES_TURNED}", width="stretch")
-                if st.button("Undo", key=f"{KEY}.turn.undo", on_click=partial(st.session_state.pop, turn, None)):
-                    st.rerun()
+            undo = partial(st.session_state.pop, turn, None)
+            show_remedy(f":blue[:material/healing:] {FRAMES_TURNED}", "Undo", f"{KEY}.turn.undo", undo)
 
 
+TURN_FRAMES = "Turn all frames to match them (distances become relative)"
 FRAMES_TURNED = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
 
 # The settings

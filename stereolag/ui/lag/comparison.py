@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -25,13 +24,6 @@ LONGEST_S = 60.0
 
 RUNS = (10, 200, 50)
 """Minimum, maximum and default number of runs."""
-
-
-@dataclass(frozen=True, eq=False)
-class MethodLags:
-    """The result of each method; methods left out are missing."""
-
-    lags: dict[SignalMethod, SignalLag]
 
 
 def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -57,11 +49,9 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     if not st.session_state.get(asked):
         return
 
-    def measure(progress: Progress) -> MethodLags:
-        lags: dict[SignalMethod, SignalLag] = {}
-        for number, method in enumerate(fitting):
-            lags[method] = _measured(pair, search, method, part(progress, number, len(fitting)))
-        return MethodLags(lags)
+    def measure(progress: Progress) -> list[SignalLag]:
+        parts = (part(progress, number, len(fitting)) for number in range(len(fitting)))
+        return [_measured(pair, search, *each) for each in zip(fitting, parts, strict=True)]
 
     found = computed_or_refused(
         "lag methods",
@@ -74,14 +64,15 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     )
     if found is not None:
         alt = "Lag, score, verdict and time of each method."
-        st.dataframe(_table(found, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
+        lags = dict(zip(fitting, found, strict=True))
+        st.dataframe(_table(lags, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
 
 
-def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
-    """Return the columns of the table, formatted for display."""
+def _table(lags: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
+    """Return the columns of the table, formatted for display; methods without a lag were left out."""
     rows = []
     for method, estimate in estimates.items():
-        result = found.lags.get(method)
+        result = lags.get(method)
         if result is None:
             rows.append((LAG_METHODS[method], "–", "–", "left out", typeset(f"about {duration(estimate.seconds)}")))
             continue

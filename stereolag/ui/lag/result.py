@@ -24,7 +24,7 @@ from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
 from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
-from stereolag.ui.downloads import File, take_away, too_large
+from stereolag.ui.downloads import File, refusal_of, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_line
 from stereolag.ui.inputs import LONGEST_S, RecordingPair, player
 from stereolag.ui.lag.sentences import (
@@ -215,7 +215,7 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
             "aligned.wav",
             partial(aligned_file, ".wav", first, second, result, rate),
             f"{ALIGNED} 32-bit floats.",
-            refusal or _wav_refusal(pair, rate),
+            refusal or refusal_of(partial(check_wav, first.size, rate)) or too_large(BYTES_OF_ALIGNED * first.size),
         ),
         File(
             "Aligned CSV",
@@ -228,14 +228,6 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
         File("", NAMES[0], partial(npy, first), "The samples of sensor 1 as they were compared."),
         File("", NAMES[1], partial(npy, second), "The samples of sensor 2 as they were compared."),
     ]
-
-
-def _wav_refusal(pair: RecordingPair, sampling_rate: float) -> str:
-    try:
-        check_wav(pair.signal_1.size, sampling_rate)
-    except ValueError as error:
-        return str(error)
-    return too_large(BYTES_OF_ALIGNED * pair.signal_1.size)
 
 
 def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float, columns: Sequence[Container]) -> None:

@@ -6,10 +6,11 @@ A box may also be typed as numbers.
 from __future__ import annotations
 
 import base64
-import binascii
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -59,31 +60,18 @@ def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
     ValueError
         Anything but four whole numbers, sides below :data:`LEAST_SIDE`, or a box that leaves the image.
     """
-    names = ("row", "col", "height", "width")
-    if not isinstance(value, Mapping) or set(value) != set(names):
-        raise ValueError("The box needs a row, a column, a height and a width.")
-    numbers: dict[str, Any] = {name: value[name] for name in names}
-    for name, number in numbers.items():
-        whole = isinstance(number, int) or (isinstance(number, float) and number.is_integer())
-        if isinstance(number, bool) or not whole:
-            raise ValueError(f"The {name} of the box must be a whole number of pixels.")
-    box = Box(**{name: int(number) for name, number in numbers.items()})
     rows, cols = image_shape[:2]
-    if min(box.height, box.width) < LEAST_SIDE:
-        raise ValueError(
-            f"The box is {_short(box.width)} × {_short(box.height)} pixels; it needs at least {LEAST_SIDE} × "
-            f"{LEAST_SIDE}."
-        )
-    if box.row < 0 or box.col < 0 or box.row + box.height > rows or box.col + box.width > cols:
-        raise ValueError(
-            f"The box of {_short(box.width)} × {_short(box.height)} pixels at row {_short(box.row)}, column "
-            f"{_short(box.col)} extends beyond the image of {cols} × {rows}."
-        )
-    return box
-
-
-def _short(number: int) -> str:
-    return str(number) if abs(number) < 10**9 else "a huge number of"
+    heights, widths = range(LEAST_SIDE, rows + 1), range(LEAST_SIDE, cols + 1)
+    allowed = {"row": range(rows), "col": range(cols), "height": heights, "width": widths}
+    given = value if isinstance(value, Mapping) else {}
+    if given.keys() == allowed.keys() and all(given[name] in numbers for name, numbers in allowed.items()):
+        box = Box(**{name: int(given[name]) for name in allowed})
+        if box.row + box.height <= rows and box.col + box.width <= cols:
+            return box
+    raise ValueError(
+        "The box needs a row, a column, a height and a width in whole pixels, within the image of "
+        f"{cols} × {rows} and at least {LEAST_SIDE} × {LEAST_SIDE}."
+    )
 
 
 def packed_mask(mask: npt.NDArray[Any]) -> str:
@@ -108,15 +96,12 @@ def read_packed_mask(value: object, shape: tuple[int, int]) -> npt.NDArray[np.ui
     """
     height, width = shape
     size = -(-height * width // 8)
-    wrong = f"The painted mask does not have {width} × {height} pixels."
-    if not isinstance(value, str) or len(value) != 4 * -(-size // 3):
-        raise ValueError(wrong)
-    try:
-        data = base64.b64decode(value, validate=True)
-    except (binascii.Error, ValueError):
-        raise ValueError(wrong) from None
+    data = b""
+    if isinstance(value, str) and len(value) == 4 * -(-size // 3):
+        with suppress(ValueError):
+            data = base64.b64decode(value, validate=True)
     if len(data) != size:
-        raise ValueError(wrong)
+        raise ValueError(f"The painted mask does not have {width} × {height} pixels.")
     bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), count=height * width)
     if int(bits.sum()) < 2:
         raise ValueError("Everything is painted over; at least 2 pixels must count.")
@@ -137,6 +122,25 @@ def _send_picture(name: str, data: bytes, *, key: str) -> None:
     deliver(packed_item({"kind": "drawn-on", "name": name, "digest": name}, [data]).data, key=key)
 
 
+def _keep_what_came(key: str, name: str, digest: str, read: Callable[[object], object]) -> None:
+    """Keep what a component has sent under a name, as read for inputs with this digest, or why it is refused."""
+    value = getattr(st.session_state[key], name)
+    if value is None:
+        return
+    try:
+        st.session_state[f"{key}.kept"] = digest, read(value)
+    except ValueError as error:
+        st.session_state[f"{key}.refusal"] = str(error)
+
+
+def _kept(key: str, digest: str) -> Any:
+    """Return what is kept for these inputs, or None; show why what came last is refused."""
+    if refusal := st.session_state.pop(f"{key}.refusal", None):
+        show_refused(refusal)
+    before, kept = st.session_state.get(f"{key}.kept", ("", None))
+    return kept if before == digest else None
+
+
 def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
     """Show an image with a box to drag, and return the box.
 
@@ -151,21 +155,9 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
     key
         Key of the component.
     """
-    before, kept = st.session_state.get(f"{key}.box", ("", None))
-    box: Box = kept if before == digest else box_in_the_middle(image.shape)
-    if refusal := st.session_state.pop(f"{key}.refusal", None):
-        show_refused(refusal)
-
-    def moved() -> None:
-        value = st.session_state[key].box
-        if value is None:
-            return
-        try:
-            st.session_state[f"{key}.box"] = digest, read_box(value, image.shape)
-        except ValueError as error:
-            st.session_state[f"{key}.refusal"] = str(error)
-
-    data = remembered("hand picture", lambda: _shown(image), inputs=digest, settings="", shared=shared)
+    box: Box = _kept(key, digest) or box_in_the_middle(image.shape)
+    make = partial(jpeg, fitted(image, SENT_WIDTH))
+    data = remembered("hand picture", make, inputs=digest, settings="", shared=shared)
     with st.container(gap=None):
         _send_picture(digest, data, key=f"{key}.picture")
         _box(
@@ -177,7 +169,7 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
                 "least": LEAST_SIDE,
                 "box": asdict(box),
             },
-            on_box_change=moved,
+            on_box_change=partial(_keep_what_came, key, "box", digest, partial(read_box, image_shape=image.shape)),
         )
     return box
 
@@ -187,10 +179,6 @@ def box_in_the_middle(shape: tuple[int, ...]) -> Box:
     rows, cols = shape[:2]
     height, width = max(min(LEAST_SIDE, rows), rows // 6), max(min(LEAST_SIDE, cols), cols // 8)
     return Box((rows - height) // 2, (cols - width) // 2, height, width)
-
-
-def _shown(image: Image) -> bytes:
-    return jpeg(fitted(image, SENT_WIDTH))
 
 
 class PaintedMask(NamedTuple):
@@ -215,14 +203,11 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
         Key of the component.
     """
     shape = template.shape[0], template.shape[1]
-    before, kept = st.session_state.get(f"{key}.mask", ("", None))
-    painted: PaintedMask | None = kept if before == digest else None
     with st.expander("Paint a mask"):
+        painted: PaintedMask | None = _kept(key, digest)
         if shape[0] * shape[1] > LARGEST_PIXELS:
             prose.caption("This template is too large to paint on. You can add a mask among your own files.")
             return painted
-        if refusal := st.session_state.pop(f"{key}.refusal", None):
-            show_refused(refusal)
         try:
             own = opaque_pixels(template, mask)
         except ValueError:  # the search reports the error
@@ -232,20 +217,10 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
 
 
 def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str) -> None:
-    def taken() -> None:
-        value = st.session_state[key].mask
-        if value is None:
-            return
-        try:
-            pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
-        except ValueError as error:
-            st.session_state[f"{key}.refusal"] = str(error)
-            return
-        if np.array_equal(pixels > 0, own):
-            st.session_state.pop(f"{key}.mask", None)
-        else:
-            painted = PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
-            st.session_state[f"{key}.mask"] = digest, painted
+    def read(value: object) -> PaintedMask | None:
+        pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
+        as_before = np.array_equal(pixels > 0, own)
+        return None if as_before else PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
 
     prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
     with st.container(gap=None):
@@ -259,5 +234,5 @@ def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str)
                 "own": packed_mask(own),
                 "used": packed_mask(used),
             },
-            on_mask_change=taken,
+            on_mask_change=partial(_keep_what_came, key, "mask", digest, read),
         )

@@ -6,7 +6,6 @@ sent back.
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -20,6 +19,7 @@ from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.templates.by_hand import Anchor, ScoreMap, anchors, reduced_search
 from stereolag.ui import prose
 from stereolag.ui.components import component, packed_score_map, packed_search
+from stereolag.ui.elements import data_address
 from stereolag.ui.inputs import PictureAndTemplate
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, template_words
@@ -99,8 +99,8 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 def _funnel_data(inputs: PictureAndTemplate) -> bytes:
     """Return the data for the browser, as JSON."""
     told = {
-        "picture": _address(jpeg(fitted(inputs.picture, FUNNEL_WIDTH)), "image/jpeg"),
-        "template": _address(figures.what_counts(inputs.template, inputs.mask), "image/png"),
+        "picture": data_address(jpeg(fitted(inputs.picture, FUNNEL_WIDTH))),
+        "template": data_address(figures.what_counts(inputs.template, inputs.mask)),
         "rows": inputs.picture.shape[0],
         "cols": inputs.picture.shape[1],
         "height": inputs.template.shape[0],
@@ -116,7 +116,3 @@ def _told(anchor: Anchor) -> dict[str, Any]:
     """Return an anchor as data for the browser: at the last step one place is left, the best of all that are scored."""
     *narrowed, scored = anchor.counts
     return asdict(anchor) | {"counts": [*narrowed, 1 if anchor.best else narrowed[-1]], "scored": scored}
-
-
-def _address(data: bytes, media_type: str) -> str:
-    return f"data:{media_type};base64," + base64.b64encode(data).decode("ascii")

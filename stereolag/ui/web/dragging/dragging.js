@@ -6,25 +6,19 @@ import { unpacked } from "../shared/packing.js";
 import { Panel, show } from "../shared/panel.js";
 
 const EVERY_MS = 80;
-const NAMED = "st-key-depth-"; // the class of a slider's box, from the key of its control
+const NAMED = "st-key-depth-"; // begins the class of a slider's box, from the key of its control
 
 export default (component) => show(DraggingPanel, component);
 
 class DraggingPanel extends Panel {
   constructor(parent) {
     super(parent, "dragging");
-    const react = { capture: true, signal: this.gone.signal }; // the slider itself lets nothing through
-    window.addEventListener("pointerdown", (event) => this.take(/** @type {Element} */ (event.target)), react);
-    for (const type of ["pointerup", "pointercancel"]) window.addEventListener(type, () => this.release(), react);
+    this.listen("pointerdown", ({ target }) => this.take(target.closest(`[class*=${NAMED}]`)));
+    for (const type of ["pointerup", "pointercancel"]) this.listen(type, () => this.release());
+    this.gone.signal.addEventListener("abort", () => clearInterval(this.looking));
   }
 
-  close() {
-    super.close();
-    clearInterval(this.looking);
-  }
-
-  take(touched) {
-    const box = touched.closest(`[class*=${NAMED}]`);
+  take(box) {
     this.handle = box?.querySelector("input[type=range]");
     if (!this.handle) return;
     this.slider = [...box.classList].find((name) => name.startsWith(NAMED));
@@ -43,15 +37,13 @@ class DraggingPanel extends Panel {
 
   load(data) {
     this.waits = false;
-    if (!data || !this.handle) return;
-    this.item = unpacked(data);
-    tell(this.item.kind, this.item);
+    if (data && this.handle) tell("preview", (this.item = unpacked(data)));
   }
 
   // The map of the new place is on its way, unless the handle is back where it was.
   release() {
     clearInterval(this.looking);
-    if (this.handle?.value === this.start && this.item) tell(this.item.kind, { ...this.item, parts: [] });
+    if (this.item && this.handle.value === this.start) tell("preview", { ...this.item, parts: [] });
     this.handle = this.item = null;
   }
 }

@@ -1,6 +1,6 @@
 // Follows the crosshair of the pictures and explains the window under it, without server requests.
 
-import { element, emptied } from "../shared/dom.js";
+import { element, emptied, gapped, put } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { clamp, shortened, ticks } from "../shared/numbers.js";
 import { codesOf, pixelsOf } from "../shared/packing.js";
@@ -199,13 +199,9 @@ function drawCurve(svg, seen, found, settings, across) {
   for (const disparity of ticks(-asked.dx_last, -asked.dx_first, (cols / (east - west || 1)) * TICK_PX)) {
     add("text", { class: "faint", x: across(-disparity), y: CURVE_PX - 4, "text-anchor": "middle" }, shortened(disparity));
   }
-  let path = "";
-  for (let at = 0; at < cols; at++) {
-    const score = scores[line + at];
-    if (Number.isNaN(score)) continue;
-    path += `${at && !Number.isNaN(scores[line + at - 1]) ? "L" : "M"}${across(asked.dx_first + at)} ${up(score)}`;
-  }
-  add("path", { class: "scores", d: path });
+  const along = Array.from(scores.slice(line, line + cols));
+  const points = along.map((score, at) => (Number.isNaN(score) ? null : `${across(asked.dx_first + at)} ${up(score)}`));
+  add("path", { class: "scores", d: gapped(points) });
   for (const { name, dy, dx, score, colour } of found) {
     const x = across(dx);
     if (name === settings.words.truth) {
@@ -228,17 +224,16 @@ function scoreRange(scores, score) {
 function drawFromAbove(canvas, seen, found, settings) {
   canvas.parentElement.hidden = seen.rows === 1;
   if (seen.rows === 1) return;
-  Object.assign(canvas, { width: seen.cols, height: seen.rows });
   const context = canvas.getContext("2d");
-  const picture = context.createImageData(seen.cols, seen.rows);
+  const data = new Uint8ClampedArray(4 * seen.scores.length);
   const [low, high] = scoreRange(seen.scores, settings.score);
   seen.scores.forEach((score, at) => {
     if (Number.isNaN(score)) return;
     const share = (score - low) / (high - low || 1);
     const colour = settings.palette[Math.round(clamp(share, 0, 1) * (settings.palette.length - 1))];
-    picture.data.set([...colour, 255], 4 * at);
+    data.set([...colour, 255], 4 * at);
   });
-  context.putImageData(picture, 0, 0);
+  put(canvas, { data, rows: seen.rows, cols: seen.cols });
   for (const { dy, dx, colour } of found) {
     context.strokeStyle = colour;
     context.lineWidth = Math.max(1, seen.cols / 48);

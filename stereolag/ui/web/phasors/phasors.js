@@ -1,7 +1,7 @@
 // The arrows of a cross-spectrum, turned back by a lag, without server requests.
 
-import { element, line, sized } from "../shared/dom.js";
-import { clamp, shortened, ticks } from "../shared/numbers.js";
+import { drawAxis, element, line, sized } from "../shared/dom.js";
+import { clamp, shortened } from "../shared/numbers.js";
 import { onDrag, onKey, show } from "../shared/panel.js";
 import { drawVisited, runsOf, VisitingPanel } from "../shared/visiting.js";
 
@@ -135,7 +135,6 @@ const PHASES_AXIS = 34;
 const REACH_HEIGHT = 46;
 const CURVE_HEIGHT = 160;
 const CURVE_AXIS = 20;
-const TICK_PX = 44;
 
 const hueOf = (index, count) => `hsl(${Math.round(262 - (130 * index) / count)} 48% 58%)`;
 
@@ -241,12 +240,8 @@ function drawReaches(svg, panel, label) {
   const low = Math.min(0, ...all.values);
   const y = (value) => 22 + ((all.perfect - value) / (all.perfect - low)) * (CURVE_HEIGHT - 32);
   add("path", { class: "zero", d: `M${EDGE} ${y(0)}H${width - EDGE}` });
-  const least = (TICK_PX * 2 * example.longest) / (width - 2 * EDGE);
-  for (const lag of ticks(-example.longest, example.longest, least)) {
-    const at = x(placeOf(lag, example));
-    add("path", { class: "zero", d: `M${at} ${CURVE_HEIGHT}v4` });
-    add("text", { x: at, y: CURVE_HEIGHT + 17, class: "small faint", "text-anchor": "middle" }, shortened(lag));
-  }
+  const lags = { first: -example.longest, last: example.longest, x: (lag) => x(placeOf(lag, example)) };
+  drawAxis(add, { left: EDGE, right: width - EDGE, y: CURVE_HEIGHT, ...lags });
   const point = (at) => `${x(at)} ${y(all.values[at])}`;
   const fills = runsOf(visited).map((run) => `M${x(run[0])} ${y(0)}L${run.map(point).join("L")}V${y(0)}Z`);
   add("path", { class: "fill", d: fills.join("") });

@@ -1,7 +1,7 @@
 // One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
-import { element, node } from "../shared/dom.js";
+import { element, gapped, node } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { clamp, shortened } from "../shared/numbers.js";
@@ -219,8 +219,7 @@ class Player extends Panel {
     const svg = node("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": label });
     for (const { values, colour, dash } of series) {
       const places = values.map((value, frame) => value == null ? null : `${this.x(frame)} ${HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6)}`);
-      const d = places.map((place, at) => place && `${at && places[at - 1] ? "L" : "M"}${place}`).filter(Boolean).join("");
-      svg.append(node("path", { d, stroke: colour, "stroke-dasharray": dash }));
+      svg.append(node("path", { d: gapped(places), stroke: colour, "stroke-dasharray": dash }));
     }
     const head = node("path", { class: "head", d: "" });
     svg.append(head);

@@ -57,6 +57,9 @@ export function sized(svg, width, height) {
 // The path through some points.
 export const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}`;
 
+// The path through some points, as text, with a gap for each that is missing.
+export const gapped = (points) => points.map((point, at) => point && `${points[at - 1] ? "L" : "M"}${point}`).filter(Boolean).join("");
+
 // A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.
 export function drawAxis(add, { first, last, left, right, y, x }, label = "") {
   add("path", { class: "zero", d: `M${left} ${y}H${right}` });

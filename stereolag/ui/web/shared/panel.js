@@ -32,9 +32,9 @@ export class Panel {
     this.gone.abort();
   }
 
-  // Listens to an event of the window until the panel is closed.
+  // Listens to an event of the window, also one that an element keeps to itself, until the panel is closed.
   listen(type, react) {
-    window.addEventListener(type, react, { signal: this.gone.signal });
+    window.addEventListener(type, react, { signal: this.gone.signal, capture: true });
   }
 
   // Draws again whenever an element gets another size.
