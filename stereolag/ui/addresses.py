@@ -22,16 +22,13 @@ from stereolag import streamlit_inside as inside
 from stereolag.core.settings import Settings, SettingsError
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
-from stereolag.ui.controls import adopt_value, from_another_page
+from stereolag.ui.controls import KIND, adopt_value, from_another_page
 from stereolag.ui.uploads import OWN
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
 NOTHING, ON = "none", "on"
 """Parameter values for None, and for an optional stage switched on; its settings are the defaults unless given too."""
-
-KIND = "kind"
-"""The discriminator field of settings that come in several kinds."""
 
 
 class Recalled(NamedTuple):

@@ -38,7 +38,7 @@ from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.geometry.rectification import rectify
 from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.io.guard import guarded
-from stereolag.io.images import read_image
+from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
 from stereolag.streamlit_inside import Container
@@ -53,12 +53,11 @@ from stereolag.ui.elements import (
     show_picture,
     show_refused,
 )
-from stereolag.ui.navigation import HALF_WIDTH, head
+from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
 from stereolag.ui.uploads import (
     OWN,
-    PICTURE_TYPES,
     Upload,
     choose,
     in_fold,
@@ -175,7 +174,7 @@ def _own() -> BoardPictures | None:
         "Pairs of pictures of a chessboard or ChArUco board, or a ZIP of them",
         _matched,
         key=f"{KEY}.files",
-        types=(*PICTURE_TYPES, "zip"),
+        types=(*IMAGE_SUFFIXES, "zip"),
         note="8 to 40 pairs, both pictures of each taken at the same moment. They are matched by name: left01 and "
         "right01, L_3 and R_3, or equal names in folders left and right of a ZIP.",
     )
@@ -347,8 +346,6 @@ def calibrated(
 
 KEPT = "calibrate.kept"
 """Session-state key of the calibration, stored as an upload."""
-
-DEPTH_PAGE = "pages/3_Depth_maps.py"
 
 
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:

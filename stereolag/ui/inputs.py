@@ -14,7 +14,7 @@ from stereolag.core.inputs import Image, as_image, as_signal
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Problem, SettingsError
 from stereolag.io.clocks import Recording, at_one_rate
-from stereolag.io.formats import ACCEPTED
+from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.recordings import read_signal
@@ -27,7 +27,6 @@ from stereolag.ui.navigation import head
 from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import (
     OWN,
-    RECORDING_TYPES,
     Upload,
     choose,
     forget_together,
@@ -109,7 +108,7 @@ def _recording(label: str, name: str, note: str = "") -> Upload[Recording] | Non
         lambda recording: recording.tracks,
         "Track",
         key=f"{RECORDINGS}.{name}",
-        types=RECORDING_TYPES,
+        types=RECORDING_SUFFIXES,
         note=note,
     )
 

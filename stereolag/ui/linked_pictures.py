@@ -45,10 +45,6 @@ class DepthScale:
     disparity_error: float
 
 
-def no_depth() -> None:
-    """Return None, for readings other than disparities."""
-
-
 @dataclass(frozen=True, eq=False)
 class Reading:
     """A value or word to read at every pixel of a picture.
@@ -70,7 +66,7 @@ class Reading:
     unit: str = ""
     digits: int = 2
     words: tuple[str, ...] = ()
-    depth: Callable[[], DepthScale | None] = no_depth
+    depth: Callable[[], DepthScale | None] = lambda: None
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,11 +29,12 @@ ICONS = Path(__file__).with_name("icons")
 """Browser-tab icons, named after the page titles; the home page uses `ICON`."""
 STYLE = Path(__file__).with_name("page.css")
 
+DEPTH_PAGE = "pages/3_Depth_maps.py"
 PAGES = {
     "app.py": ("Home", ":material/home:"),
     "pages/1_Sensor_lag.py": ("Sensor lag", ":material/graphic_eq:"),
     "pages/2_Rocketman_search.py": ("Rocketman search", ":material/search:"),
-    "pages/3_Depth_maps.py": ("Depth maps", ":material/layers:"),
+    DEPTH_PAGE: ("Depth maps", ":material/layers:"),
     "pages/4_Calibrate.py": ("Calibrate", ":material/grid_on:"),
     "pages/5_Driving.py": ("Driving", ":material/directions_car:"),
 }

@@ -14,10 +14,8 @@ import streamlit as st
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
-from stereolag.io.calibrations import CALIBRATION_SUFFIXES
-from stereolag.io.formats import RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
-from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, Frame, read_frame
+from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sources import escape, quote
 from stereolag.streamlit_inside import Container, UploadedFile, files_shared_out
 from stereolag.ui import prose
@@ -25,11 +23,6 @@ from stereolag.ui.controls import persistent
 from stereolag.ui.elements import show_offer, show_refused
 
 T = TypeVar("T")
-
-PICTURE_TYPES = IMAGE_SUFFIXES
-RECORDING_TYPES = RECORDING_SUFFIXES
-DISPARITY_TYPES = DISPARITY_SUFFIXES
-CALIBRATION_TYPES = CALIBRATION_SUFFIXES
 
 ARRIVAL_S = 2.0
 """How long an uploader may be empty before its file counts as removed, s; replacing a file empties it first."""
@@ -181,7 +174,7 @@ def frame_names(content: object) -> list[str]:
 
 def upload_picture(label: str, *, key: str, note: str = "") -> Upload[Image] | None:
     """Ask for an image, and for one of its frames if it has several; as :func:`upload`."""
-    file = upload_part(label, guarded(read_frame), frame_names, "Frame", key=key, types=PICTURE_TYPES, note=note)
+    file = upload_part(label, guarded(read_frame), frame_names, "Frame", key=key, types=IMAGE_SUFFIXES, note=note)
     return None if file is None else Upload(file.digest, file.content.pixels)
 
 

@@ -17,9 +17,16 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibration_layouts import UNITS
-from stereolag.io.calibrations import read_calibration
+from stereolag.io.calibrations import CALIBRATION_SUFFIXES, read_calibration
 from stereolag.io.guard import guarded
-from stereolag.io.images import Frame, StoredDisparity, read_frame, read_stored_disparity
+from stereolag.io.images import (
+    DISPARITY_SUFFIXES,
+    IMAGE_SUFFIXES,
+    Frame,
+    StoredDisparity,
+    read_frame,
+    read_stored_disparity,
+)
 from stereolag.io.settings import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
@@ -58,10 +65,7 @@ from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.uploads import (
-    CALIBRATION_TYPES,
-    DISPARITY_TYPES,
     OWN,
-    PICTURE_TYPES,
     Upload,
     choose,
     forget_together,
@@ -274,7 +278,7 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
             "Left and right images at once, those of several pairs, or a ZIP of them",
             read_bundle,
             key=f"{PAIR}.several",
-            types=tuple(dict.fromkeys((*PICTURE_TYPES, "zip", *DISPARITY_TYPES, *CALIBRATION_TYPES))),
+            types=tuple(dict.fromkeys((*IMAGE_SUFFIXES, "zip", *DISPARITY_SUFFIXES, *CALIBRATION_SUFFIXES))),
             note="A ZIP saved from this page reopens it as it was. Otherwise, left and right images, ground truths "
             "and calibrations are matched by name and folder.",
         )
@@ -317,7 +321,7 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
             frame_names,
             "Frame",
             key=f"{PAIR}.left",
-            types=(*PICTURE_TYPES, "zip"),
+            types=(*IMAGE_SUFFIXES, "zip"),
             note="Or a ZIP: one saved from this page, or several pairs.",
         )
     if left is not None and not isinstance(left.content, Frame):
@@ -369,7 +373,7 @@ def _ask_one_picture() -> Pictures | None:
         "Both images in one",
         split,
         key=f"{PAIR}.beside",
-        types=PICTURE_TYPES,
+        types=IMAGE_SUFFIXES,
         note="One beside or above the other, or an MPO, as stereo cameras deliver them.",
         variant=layout and f" {layout}",
     )
@@ -385,7 +389,7 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         "Ground truth (optional)",
         guarded(read_stored_disparity),
         key=f"{PAIR}.truth",
-        types=DISPARITY_TYPES,
+        types=DISPARITY_SUFFIXES,
         note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s), of Sintel’s colours, or of 8 bits, whose divisor is "
         "found from the pair.",
     )
@@ -527,7 +531,7 @@ def ask_calibration(key: str, place: Container) -> Upload[Calibration] | None:
                     *(data for _, data in files), length_unit_m=unit and UNITS[unit]
                 ),
                 key=f"{key}.calibration",
-                types=CALIBRATION_TYPES,
+                types=CALIBRATION_SUFFIXES,
                 note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
                 "Kalibr, ZED, OAK, RealSense, MATLAB, Middlebury, KITTI, DrivingStereo, ORB-SLAM, VINS, Cityscapes, "
                 "stereodemo, or JSON with focal_px and baseline_m. With both cameras’ matrices and distortion the pair "

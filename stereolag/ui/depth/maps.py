@@ -48,7 +48,6 @@ from stereolag.ui.linked_pictures import (
     Picture,
     Reading,
     linked_pictures,
-    no_depth,
     packed,
     send_picture,
 )
@@ -472,7 +471,7 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, 
 
 def _readings(
     result: DisparityMap,
-    depth: Callable[[], DepthScale | None] = no_depth,
+    depth: Callable[[], DepthScale | None] = lambda: None,
     *,
     reason: ReasonMap | None = None,
     digits: int = 2,

@@ -52,7 +52,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.depth.state import adopt
 from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import Job, show_busy, this_visit
+from stereolag.ui.results import BETWEEN_LOOKS_S, Job, show_busy, this_visit
 
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
 FEWER, MORE = 5, 7
@@ -61,7 +61,6 @@ FEWER, MORE = 5, 7
 MOST_VALUES = 10
 SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
 BUDGETS_S = (10, 20, 60)
-BETWEEN_LOOKS_S = 0.3
 
 HELD_BYTES = 256 * 2**20
 """Maximum memory of pairs that are judged together and kept in memory at the same time."""

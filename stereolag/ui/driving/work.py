@@ -28,8 +28,8 @@ from stereolag.ui.depth.inputs import transfer
 from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
-from stereolag.ui.navigation import failures_answered
-from stereolag.ui.results import Job, show_busy, this_visit
+from stereolag.ui.navigation import DEPTH_PAGE, failures_answered
+from stereolag.ui.results import BETWEEN_LOOKS_S, Job, show_busy, this_visit
 from stereolag.ui.sentences import MOTION_IN_WORDS, duration
 
 WORK = f"{KEY}.work"
@@ -241,8 +241,6 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
 
 # The result so far
 
-BETWEEN_LOOKS_S = 0.5
-DEPTH_PAGE = "pages/3_Depth_maps.py"
 OPENED = f"{KEY}.opened"
 
 
