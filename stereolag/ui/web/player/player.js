@@ -66,6 +66,7 @@ class Player extends Panel {
     this.appended = 0;
     this.frame = 0;
     this.awaited = null;
+    this.screens?.forEach((canvas) => (canvas.width = 0)); // nobody may take the pictures of another drive for these
     if (!window.MediaSource) return; // the video is then shown once complete
     this.source = new MediaSource();
     this.address = URL.createObjectURL(this.source);

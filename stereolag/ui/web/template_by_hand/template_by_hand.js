@@ -34,7 +34,7 @@ class TemplatePanel extends Panel {
     for (const [name, text] of Object.entries(words.texts)) this.find(name).textContent = text;
     this.stage.setAttribute("aria-label", words.stage);
     put(this.find(".picture"), picture);
-    this.stage.style.maxWidth = `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`; // on the first screen
+    this.root.style.setProperty("--widest", `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`); // on the first screen
     for (const name of [".held canvas", ".template canvas"]) put(this.find(name), template);
     this.template.style.width = `${(100 * template.cols) / picture.cols}%`;
     this.template.style.height = `${(100 * template.rows) / picture.rows}%`;
