@@ -30,7 +30,7 @@ from stereolag.assess.orientation import (
     row_spread,
     vertical_plane,
 )
-from stereolag.core.arrays import DoubleMap, FloatMap
+from stereolag.core.arrays import DoubleMap, FloatMap, median, percentiles
 from stereolag.core.inputs import (
     Image,
     as_grey,
@@ -409,10 +409,10 @@ def diagnose(
     found = find_correspondences(*images)
     points = found if len(found) >= FEWEST_MATCHES else None
     grey, other = (as_grey(image) for image in images)
-    darkest, brightest = np.percentile(grey, (1, 99))
+    darkest, brightest = percentiles(grey, 1, 99)
     range_of_greys = max(float(brightest - darkest), 1e-6)
     difference = float(np.mean(np.abs(other.astype(np.float32) - grey.astype(np.float32)))) / range_of_greys
-    moved = None if points is None else float(np.percentile(np.hypot(points.dx, points.dy), 95))
+    moved = None if points is None else percentiles(np.hypot(points.dx, points.dy), 95).item()
     identical = judge_identical(difference, moved, found.scale)
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
@@ -463,7 +463,7 @@ def quarters_upright(found: Correspondences) -> int:
     The upper camera sees points lower in its picture, and is to become the left one.
     """
     views = find_views(found)
-    return 1 if views is None or float(np.median(views.points.dy)) < 0 else -1
+    return 1 if views is None or median(views.points.dy) < 0 else -1
 
 
 def _border_share(image: Image) -> float:
@@ -478,8 +478,11 @@ def _flat_share(grey: Image, range_of_greys: float) -> float:
     A sky is flat, touches the upper edge and lies in the upper half: it is far away whatever is measured there.
     """
     flat = local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys
-    _, parts = cv2.connectedComponents(flat.astype(np.uint8), connectivity=4)
-    sky = np.isin(parts, np.unique(parts[0][parts[0] > 0]))
+    count, parts = cv2.connectedComponents(flat.astype(np.uint8), connectivity=4)
+    above = np.zeros(count, np.bool_)
+    above[parts[0]] = True
+    above[0] = False
+    sky = above[parts]
     sky[flat.shape[0] // 2 :] = False
     ground = flat.size - int(np.count_nonzero(sky))
     return float(np.count_nonzero(flat & ~sky)) / max(1, ground)
@@ -520,16 +523,16 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
 
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     """Judge the relative orientation of the views."""
-    offset = float(np.median(points.dy))
-    spread = 1.4826 * float(np.median(np.abs(points.dy - offset)))
+    offset = median(points.dy)
+    spread = 1.4826 * median(np.abs(points.dy - offset))
     (_, sine, growth), residuals = vertical_plane(points)
     turned, (grid, lens) = (float(np.degrees(sine)), float(1 + growth)), bend_of(points)
-    bent, noise, ends = row_spread(residuals), match_noise(points, residuals), np.percentile(residuals, (2, 98))
+    bent, noise, ends = row_spread(residuals), match_noise(points, residuals), percentiles(residuals, 2, 98)
     bend = float(np.std(grid))
     doubted = max(bent, bend) * points.scale > BENT_PX or abs(lens) > LENS_LEFT
     straight = best_rectification(points) if doubted else None
     if bend > bent and (straight is not None or lens):
-        bent, ends = bend, np.percentile(grid, (2, 98))
+        bent, ends = bend, percentiles(grid, 2, 98)
     rows = judge_bent_rows(
         bent,
         noise if straight is None else min(noise, straight.spread_px),
@@ -544,7 +547,7 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         beside = Remedy.ALIGN_ROWS if rotation.healthy else None
         return judge_sides(*_disparities_of(points)), judge_rows(offset, spread, remedy=beside), rotation, rows
     disparities, deviations = straight.disparities(points)
-    lowest, highest = np.percentile(disparities, (2, 98))
+    lowest, highest = percentiles(disparities, 2, 98)
     in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
     sides = judge_raw_sides(float(lowest), float(highest), in_front, behind)
     # The remedy for bent rows also corrects offset and rotation.
@@ -607,7 +610,7 @@ def _coarse_range(left: Image, right: Image, points: Correspondences | None) -> 
     share = seen.size / found.size
     if share >= (LEAST_WITHOUT_FEATURES if points is None else FEWEST_MEASURED):
         far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
-        low, high = np.percentile(seen, (far, 100 - near)) / scale
+        low, high = percentiles(seen, far, 100 - near) / scale
         if (
             low < BEYOND_PX
             and ends
@@ -682,7 +685,7 @@ def _nearest_ground(found: FloatMap) -> float:
     """
     foot = found[-max(1, round(GROUND_SHARE * found.shape[0])) :]
     seen = foot[np.isfinite(foot)]
-    return float(np.percentile(seen, GROUND_PERCENTILE)) if seen.size >= FEWEST_MEASURED * foot.size else 0.0
+    return percentiles(seen, GROUND_PERCENTILE).item() if seen.size >= FEWEST_MEASURED * foot.size else 0.0
 
 
 def _disparities_of(points: Correspondences) -> tuple[float, float]:
@@ -698,7 +701,7 @@ def _disparities_of(points: Correspondences) -> tuple[float, float]:
     if known.size < FEWEST_MATCHES:
         known = disparities
     tail = max(FEATURE_TAIL, 100 * FEATURES_LEFT_OUT / known.size)
-    low, high = np.percentile(known, (tail, 100 - tail))
+    low, high = percentiles(known, tail, 100 - tail)
     return float(low), float(high)
 
 
@@ -793,7 +796,7 @@ def apply_remedy(
             )
         return model.applied(left, right)
     if remedy is Remedy.ALIGN_ROWS:
-        transform = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -float(np.median(points.dy))]])
+        transform = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -median(points.dy)]])
     else:
         transform = _levelling(points)
     size = right.shape[1], right.shape[0]

@@ -7,6 +7,7 @@ from enum import StrEnum
 import cv2
 import numpy as np
 
+from stereolag.core.arrays import median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -117,7 +118,7 @@ def _matched(left: Image, right: Image) -> tuple[float, float]:
     known = np.isfinite(disparity) & textured
     if textured.mean() < LEAST_TEXTURED or not known.any():
         return 0.0, 0.0
-    return float(known.sum() / textured.sum()), float(np.median(disparity[known]))
+    return float(known.sum() / textured.sum()), median(disparity[known])
 
 
 def _is_anaglyph(image: Image) -> bool:

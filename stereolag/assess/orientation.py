@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap, Mask
+from stereolag.core.arrays import DoubleMap, Mask, median, percentiles
 from stereolag.core.inputs import Image, as_grey, transparent, with_border_transparent
 
 Points = npt.NDArray[np.float32]
@@ -317,7 +317,7 @@ def fit_rectification(
     damping, usual = 1e-3, np.diag(USUAL**-2)
     errors = reduced_errors(parameters)
     for _ in range(MOST_STEPS):
-        noise = max(NOISE_PX, 1.4826 * float(np.median(np.abs(errors))))
+        noise = max(NOISE_PX, 1.4826 * median(np.abs(errors)))
         slopes = _slopes(reduced_errors, parameters, errors)
         weights = 1 / (1 + (errors / (2 * noise)) ** 2) / noise**2
         normal = (slopes.T @ (weights[:, None] * slopes) + usual)[np.ix_(free, free)]
@@ -455,7 +455,7 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
         root = np.sqrt(weights)
         coefficients, *_ = np.linalg.lstsq(terms * root[:, None], values * root, rcond=None)
         left = values - terms @ coefficients
-        noise = max(LEAST_NOISE_PX, 1.4826 * float(np.median(np.abs(left))))
+        noise = max(LEAST_NOISE_PX, 1.4826 * median(np.abs(left)))
         weights = 1 / (1 + (left / (2 * noise)) ** 2)
     return np.asarray(coefficients)
 
@@ -476,7 +476,7 @@ def row_spread(residuals: DoubleMap) -> float:
 
     The median reflects the middle of the image, where a lens bends nothing; the 90th percentile reflects its corners.
     """
-    middle, outer = np.percentile(np.abs(residuals), (50, 90))
+    middle, outer = percentiles(np.abs(residuals), 50, 90)
     return max(1.4826 * float(middle), float(outer) / 1.645)
 
 
@@ -530,10 +530,18 @@ def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], most: i
     return found.astype(np.intp)
 
 
+def _first_of_each(cells: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """Return the index of the first of all equal rows, for every row."""
+    order = np.lexsort(cells.T)
+    new = np.ones(len(cells), np.bool_)
+    new[1:] = (cells[order[1:]] != cells[order[:-1]]).any(axis=1)
+    return order[new]
+
+
 def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
     """Return the robust standard deviation of row residuals between neighbours, px: no lens or rotation explains it."""
     # Features on the same corner have correlated errors, so each small cell contributes only one match.
-    _, cells = np.unique((points.left * (CELLS / points.shape[1])).astype(np.intp), axis=0, return_index=True)
+    cells = _first_of_each((points.left * (CELLS / points.shape[1])).astype(np.intp))
     if len(cells) <= NEIGHBOURS:
         return 0.0
     places, left = points.left[cells], residuals[cells]
@@ -721,7 +729,7 @@ def _followed(every: Correspondences, agreeing: Correspondences) -> Corresponden
         model = fit_rectification(agreeing, lens=True)
         errors = np.abs(model.row_errors(agreeing)) * every.scale
         # Wrong matches are on the right rows only by chance, so a tight tolerance keeps fewer of them.
-        tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
+        tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * median(errors))
         agreeing = every.chosen(model.agrees(every, tolerance))
     return agreeing
 
@@ -733,7 +741,7 @@ def _stretched(image: Image, scale: float) -> Eight:
     # A border that no camera took is black, and would make one image darker than the other.
     outside = transparent(with_border_transparent(image))
     seen = grey[::4, ::4] if outside is None else as_grey(image)[~outside][::4]
-    low, high = np.percentile(seen, (1, 99))
+    low, high = percentiles(seen, 1, 99)
     return np.asarray(np.clip((grey - low) * (255 / max(high - low, 1e-6)), 0, 255), dtype=np.uint8)
 
 
@@ -773,5 +781,5 @@ class RowEvidence:
 def row_evidence(given: tuple[Image, Image], rectified: tuple[Image, Image]) -> RowEvidence:
     """Compare the rows of a pair as given, left and right image, with those after rectification."""
     differences = [np.abs(find_correspondences(*pair).dy) for pair in (given, rectified)]
-    before, after = (float(np.median(one)) if len(one) >= FEWEST_MATCHES else np.nan for one in differences)
+    before, after = (median(one) if len(one) >= FEWEST_MATCHES else np.nan for one in differences)
     return RowEvidence(before, after, len(differences[0]), len(differences[1]))

@@ -27,3 +27,15 @@ Vector: TypeAlias = npt.NDArray[np.float64]
 
 Rgb: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) uint8."""
+
+
+def percentiles(values: Array, *shares: float) -> Vector:
+    """Return percentiles of all values, interpolated: ``np.percentile``, which first loads NumPy's masked arrays."""
+    ordered = np.sort(values, axis=None)
+    places = np.array(shares) / 100 * (ordered.size - 1)
+    return np.asarray(np.interp(places, np.arange(ordered.size), ordered))
+
+
+def median(values: Array) -> float:
+    """Return the median of all values."""
+    return float(percentiles(values, 50).item())

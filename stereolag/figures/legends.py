@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
-from PIL import ImageDraw, ImageFont
 
-from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.arrays import FloatMap, Rgb, percentiles
 from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset
 from stereolag.figures.pictures import (
@@ -79,7 +78,7 @@ def disparity_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
     known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
     if known.size == 0:
         return 0.0, float(ROUNDED_TO)
-    low, high = np.percentile(known, (1, 99))
+    low, high = percentiles(known, 1, 99)
     first = np.floor(low / ROUNDED_TO) * ROUNDED_TO
     return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
 
@@ -208,6 +207,8 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
     unit = max(1.0, width / DESIGNED_FOR)
     canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT + BAR + TICK + 5 * GAP))), PAPER)
     canvas.paste(PillowImage.fromarray(picture), ((width - cols) // 2, 0))
+    from PIL import ImageDraw, ImageFont  # half as long to load as all else that makes a legend
+
     draw = ImageDraw.Draw(canvas)
     font = ImageFont.load_default(TEXT * unit)
     left, right = MARGIN * unit, width - MARGIN * unit

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
-from PIL import ImageDraw, ImageFont
 
 from stereolag.core.arrays import FloatMap, Mask, Rgb
 from stereolag.core.inputs import Image
@@ -312,6 +311,8 @@ def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
     thickness = max(1, round(cols / 400))
     for one in outlines:
         cv2.polylines(picture, [*one.parts], True, FRAME, thickness, cv2.LINE_AA)
+    from PIL import ImageDraw, ImageFont  # as long to load as all else here, and seldom used
+
     canvas = PillowImage.fromarray(picture)
     size = max(11, round(cols * TEXT_SHARE))
     draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(size)

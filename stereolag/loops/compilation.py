@@ -44,8 +44,8 @@ MAKES_CODE = re.compile(rb"\n(?:from|import) .*\b(?:numba|llvmlite|compilation|N
 """Imports of every file with a loop, with an instruction for loops, or with a tuple that loops take. (With "^" in place
 of the line's end before it, it takes six times as long.)"""
 
-WITHOUT_LOOPS = {"ui", "commands", "figures"}
-"""Packages above all loops, whose changes leave machine code as it is."""
+WITH_LOOPS = ("core", "loops", "motion", "signals", "stereo", "templates")
+"""Packages whose changes may change machine code: they contain loops, or tuples that loops take."""
 
 UNUSED_S = 7 * 24 * 3600
 """Time for which machine code of other sources is kept after a process last started with it."""
@@ -212,9 +212,7 @@ def folder_name() -> str:
     Contents are compared, not times: an archive or a wrong clock can give a file any date.
     """
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} ".encode() + numba_inside.version())
-    for source in sorted(SOURCES.rglob("*.py")):
-        if source.relative_to(SOURCES).parts[0] in WITHOUT_LOOPS:
-            continue
+    for source in sorted(source for package in WITH_LOOPS for source in (SOURCES / package).rglob("*.py")):
         with suppress(OSError):  # an editor's lock, or a file that an upgrade is just removing
             text = source.read_bytes()
             if MAKES_CODE.search(b"\n" + text):

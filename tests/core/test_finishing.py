@@ -28,7 +28,6 @@ from stereolag.stereo.finishing.stages import (
     without_speckles,
 )
 from stereolag.stereo.finishing.surfaces import (
-    TRIALS,
     Samples,
     SurfaceFilling,
     best_of_trials,
@@ -42,6 +41,7 @@ from stereolag.stereo.finishing.surfaces import (
     refitted_reference,
     sampled,
     superpixels,
+    trials,
 )
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -299,7 +299,7 @@ def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     guessed = Samples(*sampled(patches.labels, np.where(gaps, values + np.float32(1), NAN), count, 16))
     at = np.ascontiguousarray(patches.centres[:, -2:])
     joins, near = borders(patches.labels, patches.grid), neighbours(patches.grid)
-    planes = best_of_trials(*guessed[:2], at, TRIALS)
+    planes = best_of_trials(*guessed[:2], at, trials())
     assert 0 < np.isnan(planes[:, 2]).sum() < count
     again = refitted(planes, *measured, *guessed, joins, near, at)
     np.testing.assert_allclose(
@@ -313,7 +313,7 @@ def test_a_trial_plane_ignores_what_lies_elsewhere() -> None:
     z = 10 + 0.2 * x - 0.1 * y
     z[0, ::5] += 25
     found = best_of_trials(
-        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), TRIALS
+        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), trials()
     )
     np.testing.assert_allclose(found, [[0.2, -0.1, 11.5]], atol=0.01)
 

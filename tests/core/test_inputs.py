@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stereolag.core.arrays import median, percentiles
 from stereolag.core.inputs import as_grey, as_image, as_signal, as_stereo_pair
 
 
@@ -83,3 +84,11 @@ def test_integers_of_one_type_stay_of_one_type_however_bright() -> None:
     assert [image.dtype for image in as_stereo_pair(dark, dark)] == [np.uint8, np.uint8]
     with pytest.raises(ValueError, match="left holds uint8 and right uint16"):
         as_stereo_pair(dark.astype(np.uint8), bright)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32, np.float64])
+@pytest.mark.parametrize("size", [1, 2, 7, 1000])
+def test_percentiles_are_those_of_numpy(dtype, size):
+    values = (200 * np.random.default_rng(size).random((size, 1))).astype(dtype)
+    np.testing.assert_allclose(percentiles(values, 0, 1, 33.3, 100), np.percentile(values, [0, 1, 33.3, 100]), 1e-6)
+    assert median(values) == pytest.approx(np.median(values), 1e-6)

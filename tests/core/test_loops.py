@@ -395,6 +395,8 @@ def test_nothing_else_imports_numba_or_compiles() -> None:
     assert {path.parent.name for path, source in sources.items() if importing.search(source)} == {"loops"}
     compiling = re.compile(r"\b(?:njit|jit|vectorize|guvectorize|generated_jit|cfunc|stencil)\b")
     assert {path for path, source in sources.items() if compiling.search(source)} == {SOURCES / COMPILATION}
+    with_loops = {path.relative_to(SOURCES).parts[0] for path, source in sources.items() if "\n@compiled" in source}
+    assert with_loops <= set(compilation.WITH_LOOPS)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 7, 100])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -245,9 +246,6 @@ MEASURED_SAMPLES, GUESSED_SAMPLES = 32, 16
 GUESS_WEIGHT = 0.03
 """Weight of a guessed pixel; a measured one has 1."""
 
-TRIALS = np.random.default_rng(0).random((16, 3)).astype(np.float32)
-"""The three guesses that each trial plane goes through, as shares of their number."""
-
 SWEEPS = 20
 """Number of times all planes are refitted, each to its neighbours' planes from the sweep before."""
 
@@ -281,6 +279,12 @@ class Samples(NamedTuple):
     """Number of pixels they represent."""
 
 
+@cache
+def trials() -> FloatMap:
+    """Return the three guesses that each trial plane goes through, (planes, 3), as shares of their number."""
+    return np.random.default_rng(0).random((16, 3)).astype(np.float32)
+
+
 def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMap:
     """Return the plane of every patch with a gap, (patches, 3): slant per column and row, and value at its centre."""
     at = np.ascontiguousarray(patches.centres[:, -2:])
@@ -290,7 +294,7 @@ def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMa
     near = neighbours(patches.grid)
     apart = np.abs(colour[near] - colour[:, None]).mean(axis=2)
     joins[:, :, 0] *= np.float32(JOIN) * np.exp(-apart / np.float32(JOIN_CONTRAST))
-    planes = best_of_trials(*guessed[:2], at, TRIALS)
+    planes = best_of_trials(*guessed[:2], at, trials())
     for _ in range(SWEEPS):
         planes = refitted(planes, *measured, *guessed, joins, near, at)
     return planes
