@@ -48,6 +48,18 @@ def test_there_is_no_event_of_a_connection_that_comes_back() -> None:
     assert "on_reconnect" not in inspect.signature(st.App).parameters
 
 
+def test_a_box_for_one_file_takes_one_of_several_without_a_word() -> None:
+    (script,) = STATIC.glob("FileUploader.*.js")
+    assert "too-many-files" in script.read_text(encoding="utf-8")
+    assert not {"on_extra", "overflow", "max_files"} & inspect.signature(st.file_uploader).parameters.keys()
+
+
+def test_a_slider_tells_only_where_it_was_released() -> None:
+    (script,) = STATIC.glob("Slider.*.js")
+    assert "onChangeEnd" in script.read_text(encoding="utf-8")
+    assert not {"live", "continuous", "on_input"} & inspect.signature(st.slider).parameters.keys()
+
+
 def test_a_number_box_copies_the_whole_state_of_the_session() -> None:
     assert "filtered_state" in inspect.getsource(NumberInputMixin)
     assert isinstance(SafeSessionState.filtered_state, property)
