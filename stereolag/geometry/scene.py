@@ -257,10 +257,13 @@ def ground_of(disparity: FloatMap) -> Ground | None:
     """
     first = disparity.shape[0] // 2
     lower = disparity[first:, ::_COLUMNS]
-    rows = np.flatnonzero(np.isfinite(lower).sum(axis=1) * 4 >= lower.shape[1])
+    known = np.isfinite(lower).sum(axis=1)
+    rows = np.flatnonzero(known * 4 >= lower.shape[1])
     if rows.size < _LEAST_ROWS:
         return None
-    medians = np.nanmedian(lower[rows], axis=1).astype(np.float64)
+    # NaN is sorted last; NumPy's nanmedian takes ten times as long.
+    ordered, place = np.sort(lower[rows], axis=1), np.arange(rows.size)
+    medians = (ordered[place, (known[rows] - 1) // 2] + ordered[place, known[rows] // 2]).astype(np.float64) / 2
     rows = rows + first
     # Every pair of rows that are well apart proposes a line.
     one, two = np.triu_indices(rows.size, k=rows.size // 4)

@@ -64,3 +64,15 @@ def over_bands(
     finally:
         for future in running:
             future.cancel()
+
+
+SMALL = 30_000
+"""Pixels up to which the calling thread does all rows: to hand some of them on takes as long."""
+
+
+def over_image(work: Callable[[int, int], None], shape: tuple[int, ...]) -> None:
+    """Call ``work(first, end)`` for bands of rows of an image (rows, cols), as :func:`over_bands` does."""
+    if shape[0] * shape[1] <= SMALL:
+        work(0, shape[0])
+    else:
+        over_bands(work, shape[0])

@@ -15,19 +15,14 @@ from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
+from stereolag.motion.candidates import NO_SCORE, Candidates, Flow, best_of_neighbours, leaves_frame, match_level
 from stereolag.motion.levels import (
-    NO_SCORE,
-    Candidates,
-    Flow,
     ForwardBackwardCheck,
     Frame,
     MedianTest,
-    best_of_neighbours,
     count_levels,
     doubled,
     edge_aware_mean,
-    leaves_frame,
-    match_level,
     median_residual,
     return_error,
 )

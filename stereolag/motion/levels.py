@@ -1,12 +1,11 @@
-"""One level of optical flow: its images, and the candidates, checks and smoothing of the flow there."""
+"""One level of optical flow: its images, and the checks and smoothing of the flow there."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -16,17 +15,12 @@ from pydantic import Field
 from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
-from stereolag.loops.bands import over_bands
+from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
-from stereolag.stereo.windows.engines import match_windows
-from stereolag.stereo.windows.pixels import fit_peaks
-from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
+from stereolag.motion.candidates import HALF, Flow, places
 
 Guide: TypeAlias = npt.NDArray[np.uint8]
 """(H, W) uint8."""
-
-Flow: TypeAlias = npt.NDArray[np.float32]
-"""(2, H, W) float32: dy and dx, px of the level."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,26 +71,6 @@ def doubled(flow: Flow, shape: tuple[int, int]) -> Flow:
     return np.stack([cv2.resize(part, size, interpolation=cv2.INTER_LINEAR) for part in flow]) * np.float32(2)
 
 
-def places(flow: Flow) -> tuple[FloatMap, FloatMap]:
-    """Return the end point of every pixel as (rows, cols), each (H, W)."""
-    rows, cols = flow.shape[1:]
-    row, col = np.arange(rows, dtype=np.float32)[:, None], np.arange(cols, dtype=np.float32)
-    return flow[0] + row, flow[1] + col
-
-
-def fetched(image: Image, flow: Flow) -> Image:
-    """Return the image warped back along a flow, with bilinear interpolation and replicated borders."""
-    row, col = places(flow)
-    return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-
-
-def leaves_frame(flow: Flow) -> npt.NDArray[np.bool_]:
-    """Return the (H, W) mask of pixels whose flow leads out of the frame, beyond its half-pixel border."""
-    row, col = places(flow)
-    rows, cols = row.shape
-    return np.asarray((row < -0.5) | (row > rows - 0.5) | (col < -0.5) | (col > cols - 0.5))
-
-
 REACH = 4.0
 """Standard deviation of the averaging kernel on a uniform surface, px."""
 
@@ -128,8 +102,8 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
     planes = np.empty((3, *guide.shape), np.float32)
     np.multiply(flow, sure, out=planes[:2])
     planes[2] = sure
-    over_bands(partial(_along_rows, planes, guide, ramp), guide.shape[0])
-    over_bands(partial(_along_columns, planes, guide, ramp), guide.shape[1])
+    over_image(partial(_along_rows, planes, guide, ramp), guide.shape)
+    over_image(partial(_along_columns, planes, guide, ramp), guide.shape[::-1])
     return np.asarray(planes[:2] / planes[2])
 
 
@@ -197,167 +171,8 @@ def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[n
     return np.asarray(planes[:2] / planes[2], dtype=np.float32)
 
 
-NO_SCORE = np.float32(-2)
-"""Lower than any correlation: no match, or a match outside the frame."""
-
-
-class Candidates(NamedTuple):
-    """The best match of every pixel's window."""
-
-    flow: Flow
-    score: FloatMap
-    """Pearson correlation; :data:`NO_SCORE` without a match."""
-    texture: FloatMap
-    """Standard deviation of the pixel's window in the first frame, grey levels."""
-
-
-def match_level(first: Image, second: Image, flow: Flow | None, window: int, reach: int) -> Candidates:
-    """Match the window around every pixel of the first frame.
-
-    Parameters
-    ----------
-    first, second
-        (H, W) grey images of one type, at least as large as the window.
-    flow
-        The flow so far: the second frame is warped along it and the residual is searched. None at the coarsest level.
-    window
-        Side of the window, px; odd.
-    reach
-        Reach of the search in every direction, px.
-
-    Returns
-    -------
-    Candidates
-        The flow so far plus the residual, with sub-pixel precision.
-    """
-    aligned = second if flow is None else fetched(second, flow)
-    # Mirrored at the border, so that every pixel has a window.
-    border = (window // 2, window // 2, window // 2, window // 2)
-    framed = [np.asarray(cv2.copyMakeBorder(image, *border, cv2.BORDER_REFLECT_101)) for image in (first, aligned)]
-    best: _Best | None = None
-    for first_dy, last_dy in _strips(reach):
-        matches = match_windows(
-            WindowQuery(framed[0], framed[1], window, 1, LagRange(first_dy, last_dy, -reach, reach))
-        )
-        best = _Best.of(matches) if best is None else best.or_better(_Best.of(matches), first_dy)
-    assert best is not None
-    matched, found = best.score > NO_SCORE, best.found
-    found[:, ~matched] = 0
-    if flow is not None:
-        found += flow
-    score = np.where(matched & ~leaves_frame(found), best.score, NO_SCORE)
-    return Candidates(found, score, matches.texture)
-
-
-class _Best(NamedTuple):
-    """The best lag of every window among those tried so far."""
-
-    score: FloatMap
-    dy: LagMap
-    dx: LagMap
-    found: Flow
-    """The same lags with sub-pixel precision."""
-
-    @classmethod
-    def of(cls, matches: WindowMatches) -> _Best:
-        offset_dy, offset_dx = fit_peaks(matches.around)
-        found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
-        score = np.where(np.isnan(matches.score), NO_SCORE, matches.score)
-        return cls(score, matches.dy, matches.dx, found)
-
-    def or_better(self, other: _Best, first_dy: int) -> _Best:
-        """Return the better of this and the next strip, which begins at `first_dy`; the shorter lag if equal.
-
-        Strips overlap by two rows of lags; each can fit a sub-pixel peak only in the row that is not its border.
-        """
-        lengths = [np.square(one.dy, dtype=np.int32) + np.square(one.dx, dtype=np.int32) for one in (self, other)]
-        inside = (lengths[0] == lengths[1]) & (self.dy == other.dy) & (other.dy > first_dy)
-        better = (other.score > self.score) | (other.score == self.score) & ((lengths[1] < lengths[0]) | inside)
-        return _Best(
-            np.where(better, other.score, self.score),
-            np.where(better, other.dy, self.dy),
-            np.where(better, other.dx, self.dx),
-            np.where(better, other.found, self.found),
-        )
-
-
-def _strips(reach: int) -> Iterator[tuple[int, int]]:
-    """Yield the first and last dy of strips no larger than one matching pass allows; strips share two rows of lags."""
-    rows, first = min(MOST_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
-    while first + rows - 1 < reach:
-        yield first, first + rows - 1
-        first += rows - 2
-    yield first, reach
-
-
-def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:
-    """Give every pixel the match of the best of nine windows: its own and those `spacing` px around it.
-
-    A window across a motion edge contains two motions and fits neither; the pixels on either side are matched better by
-    a window entirely on their side (shiftable windows, Bobick & Intille 1999).
-
-    Parameters
-    ----------
-    candidates
-        One for every pixel.
-    spacing
-        Distance to the neighbouring windows, px; at least 1.
-    """
-    border = (spacing, spacing, spacing, spacing)
-    score = cv2.copyMakeBorder(candidates.score, *border, cv2.BORDER_CONSTANT, value=float(NO_SCORE))
-    parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REPLICATE) for part in candidates.flow]
-    flow, best = np.empty_like(candidates.flow), np.empty_like(candidates.score)
-    over_bands(partial(_take_best, parts[0], parts[1], score, spacing, flow[0], flow[1], best), best.shape[0])
-    return Candidates(flow, best, candidates.texture)
-
-
-@compiled
-def _take_best(
-    dy: Array,
-    dx: Array,
-    score: Array,
-    spacing: int,
-    best_dy: Array,
-    best_dx: Array,
-    best: Array,
-    first: int,
-    end: int,
-) -> None:
-    """Set rows `first` to `end` from maps padded by `spacing` px; a pixel's own window wins ties."""
-    for row in range(first, end):
-        own = row + spacing
-        for col in range(best.shape[1]):
-            best[row, col] = score[own, col + spacing]
-            best_dy[row, col] = dy[own, col + spacing]
-            best_dx[row, col] = dx[own, col + spacing]
-        for down in range(3):
-            line = row + down * spacing
-            for aside in range(3):
-                shift = aside * spacing
-                for col in range(best.shape[1]):
-                    better = score[line, col + shift] > best[row, col]
-                    best[row, col] = score[line, col + shift] if better else best[row, col]
-                    best_dy[row, col] = dy[line, col + shift] if better else best_dy[row, col]
-                    best_dx[row, col] = dx[line, col + shift] if better else best_dx[row, col]
-
-
-def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candidates:
-    """Return the result of :func:`best_of_neighbours`, computed pixel by pixel as a reference."""
-    rows, cols = candidates.score.shape
-    flow, best = candidates.flow.copy(), candidates.score.copy()
-    for row, col in np.ndindex(rows, cols):
-        for y in (row - spacing, row, row + spacing):
-            for x in (col - spacing, col, col + spacing):
-                if 0 <= y < rows and 0 <= x < cols and candidates.score[y, x] > best[row, col]:
-                    best[row, col] = candidates.score[y, x]
-                    flow[:, row, col] = candidates.flow[:, y, x]
-    return Candidates(flow, best, candidates.texture)
-
-
 FAR_OFF = 1e4
 """Return error assigned where no way back exists, px."""
-
-HALF = np.float32(0.5)
 
 
 class ForwardBackwardCheck(Settings):
@@ -440,7 +255,7 @@ def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
     parts: list[Array] = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REFLECT_101) for part in flow]
     out = np.zeros(flow.shape[1:], np.float32)
     for part in parts:
-        over_bands(partial(_add_squares, part, spacing, np.float32(noise), out), len(out))
+        over_image(partial(_add_squares, part, spacing, np.float32(noise), out), out.shape)
     return np.asarray(np.sqrt(out))
 
 

@@ -16,7 +16,8 @@ from stereolag.core.inputs import Image, as_grey, grey_level
 from stereolag.core.settings import Settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import ground_of
-from stereolag.motion.levels import Flow, edge_aware_mean, fetched, places
+from stereolag.motion.candidates import Flow, fetched, places
+from stereolag.motion.levels import edge_aware_mean
 
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns."""

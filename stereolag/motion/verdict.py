@@ -9,7 +9,8 @@ import numpy as np
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image
-from stereolag.motion.levels import Flow, Frame, fetched, leaves_frame
+from stereolag.motion.candidates import Flow, fetched, leaves_frame
+from stereolag.motion.levels import Frame
 
 FlowVerdict: TypeAlias = Literal["related", "unrelated", "blank", "static background", "identical"]
 

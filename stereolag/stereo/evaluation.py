@@ -94,7 +94,7 @@ def evaluate(
     if wrong_thresholds:
         raise ValueError(f"thresholds holds {wrong_thresholds}; every threshold must be above 0 px.")
     judged = judged_pixels(disparity, ground_truth, mask)
-    estimate, truth = (np.asarray(one, dtype=np.float64)[judged] for one in (disparity, ground_truth))
+    estimate, truth = (np.asarray(one)[judged].astype(np.float64) for one in (disparity, ground_truth))
     measured = np.isfinite(estimate)
     error = np.abs(estimate[measured] - truth[measured])
     missing = truth.size - error.size
@@ -124,7 +124,7 @@ def judged_pixels(
     ValueError
         Arrays of different shape, or no ground truth at all.
     """
-    truth = np.asarray(ground_truth, dtype=np.float64)
+    truth = np.asarray(ground_truth)
     if truth.ndim != 2 or np.shape(disparity) != truth.shape:
         raise ValueError(
             f"disparity has shape {np.shape(disparity)} and ground_truth {truth.shape}; both must be the same (H, W)."

@@ -11,14 +11,16 @@ from openpiv import pyprocess
 from pairs import shifted_pair, texture
 
 from stereolag import Reason, optical_flow
-from stereolag.motion.flow import FlowMatcher
-from stereolag.motion.levels import (
+from stereolag.motion.candidates import (
     Candidates,
     best_of_neighbours,
     best_of_neighbours_reference,
+    match_level,
+)
+from stereolag.motion.flow import FlowMatcher
+from stereolag.motion.levels import (
     edge_aware_mean,
     edge_aware_mean_reference,
-    match_level,
     median_residual,
     median_residual_reference,
     return_error,
@@ -70,7 +72,7 @@ def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
     second[20:30] = first[20:30]  # a part that has not moved
     first[40:50], second[40:50] = 9, 9
     whole = match_level(first, second, None, 7, 8)
-    monkeypatch.setattr("stereolag.motion.levels.MOST_LAGS", most)
+    monkeypatch.setattr("stereolag.motion.candidates.MOST_LAGS", most)
     for one, other in zip(match_level(first, second, None, 7, 8), whole, strict=True):
         np.testing.assert_allclose(one, other, atol=2e-6)
 

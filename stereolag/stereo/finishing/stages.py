@@ -12,7 +12,7 @@ from pydantic import Field
 from stereolag.core.arrays import Array, FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
-from stereolag.loops.bands import over_bands
+from stereolag.loops.bands import over_bands, over_image
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import (
     LANES,
@@ -332,9 +332,9 @@ def weighted_median(
         ]
     )
     out = np.empty(values.shape, np.float32)
-    over_bands(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), height)
-    over_bands(
-        lambda first, end: _median_rows(framed, planes, radius, spacing, contrast, middle, first, end, out), height
+    over_image(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), values.shape)
+    over_image(
+        lambda first, end: _median_rows(framed, planes, radius, spacing, contrast, middle, first, end, out), out.shape
     )
     return out
 

@@ -50,7 +50,7 @@ def _fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int)
 
 
 @compiled
-def _fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
+def fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
     """Fit rows `first` to `end` of the grid of windows: nine scores named by compass, the peak in the middle."""
     for row in range(first, end):
         nw, n, ne = around[0, 0, row], around[0, 1, row], around[0, 2, row]
@@ -118,7 +118,7 @@ def fit_peaks(around: FloatMap) -> tuple[FloatMap, FloatMap]:
         if around.shape[0] == 1:
             _fit_along_rows(around, offset_dx, first, end)
         else:
-            _fit_in_two_dimensions(around, offset_dy, offset_dx, first, end)
+            fit_in_two_dimensions(around, offset_dy, offset_dx, first, end)
 
     over_bands(fit, around.shape[2])
     return offset_dy, offset_dx
