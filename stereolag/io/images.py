@@ -593,11 +593,11 @@ class StoredDisparity(NamedTuple):
         step = max(1, _BAND_PIXELS // max(1, self.stored.shape[1]))
         # Quotients of short numbers, rounded once or twice, are the same.
         short = self.stored.dtype in (np.uint8, np.uint16) and float(np.float32(divisor)) == divisor
-        wide = np.float32 if short else np.float64
+        wide: type[np.float32 | np.float64] = np.float32 if short else np.float64
         for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
-                part = (band.astype(wide) / wide(divisor)).astype(np.float32, copy=False)
+                part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
             unknown = ~np.isfinite(part) | sum((band == mark for mark in self.unknown), np.False_)
             disparity[first : first + step] = np.where(unknown, np.float32(np.nan), part)
         if np.isnan(disparity).all():

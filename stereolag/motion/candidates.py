@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -43,11 +43,10 @@ class Candidates(NamedTuple):
     """Standard deviation of the pixel's window in the first frame, grey levels."""
 
 
-def places(flow: Flow) -> tuple[FloatMap, FloatMap]:
-    """Return the end point of every pixel as (rows, cols), each (H, W)."""
-    rows, cols = flow.shape[1:]
-    row, col = np.arange(rows, dtype=np.float32)[:, None], np.arange(cols, dtype=np.float32)
-    return flow[0] + row, flow[1] + col
+def places(flow: Flow, step: int = 1) -> tuple[FloatMap, FloatMap]:
+    """Return the end points of pixels, `step` px apart, as (rows, cols), each (H, W)."""
+    rows, cols = (np.arange(0, step * side, step, dtype=np.float32) for side in flow.shape[1:])
+    return flow[0] + rows[:, None], flow[1] + cols
 
 
 def fetched(image: Image, flow: Flow) -> Image:
@@ -166,16 +165,22 @@ def _match_near(first: Image, second: Image, flow: Flow, window: int, reach: int
         left = _described(first, window, start, end, floor, found.texture[start:end])
         there = _described(second, window, top, bottom, floor, np.empty((0, 0), np.float32))
         # Beyond the second image are zeros, and windows without a norm.
-        beyond = (top - (start - reach), end + reach - bottom), (reach, reach)
+        rows, above = end - start + 2 * reach, top - (start - reach)
+        pixels = _framed(there.pixels, rows + window - 1, above, reach, 0)
         right = _Windows(
-            np.pad(there.pixels, beyond),
-            np.pad(there.total, beyond),
-            np.pad(there.inverse, beyond, constant_values=np.nan),
+            pixels, _framed(there.total, rows, above, reach, 0), _framed(there.inverse, rows, above, reach, NOTHING)
         )
         _match_rows(left, right, window, reach, start, flow, found)
 
     over_image(match, flow.shape[1:])
     return found
+
+
+def _framed(part: Array, rows: int, above: int, beside: int, value: Any) -> Array:
+    """Return so many rows of a value, with the part below those `above`."""
+    framed = np.full((rows, part.shape[1] + 2 * beside), value, part.dtype)
+    framed[above : above + len(part), beside : beside + part.shape[1]] = part
+    return framed
 
 
 def _described(image: Array, window: int, start: int, end: int, floor: float, texture: FloatMap) -> _Windows:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from functools import partial
+from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,6 +16,8 @@ from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
+from stereolag.loops.bands import over_image
+from stereolag.loops.compilation import compiled
 from stereolag.motion.candidates import NO_SCORE, Candidates, Flow, best_of_neighbours, leaves_frame, match_level
 from stereolag.motion.levels import (
     ForwardBackwardCheck,
@@ -54,14 +57,27 @@ class VariationalRefinement(Settings):
         json_schema_extra={"step": 5},
     )
     iterations: int = Field(
-        default=3, title="Iterations", description="Of the outer loop (OpenCV's fixedPointIterations).", ge=1, le=100
+        default=3,
+        title="Iterations",
+        description="Of the outer loop at the coarse levels (OpenCV's fixedPointIterations); at half size one fewer, "
+        "at full size two.",
+        ge=1,
+        le=100,
     )
 
 
+SWEEPS, OVER_RELAXED, SMOOTHER = 6, 1.9, 3
+"""Of the refinement at full and half size: sweeps of the solver in an iteration, and how far each goes; and how much
+smoother than elsewhere it is at full size."""
+
+
 def refined(
-    flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement
+    flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement, level: int
 ) -> Flow:
     """Return the refined flow.
+
+    At full size one iteration does what three do at the coarse levels, and at half size two: the flow is nearly there,
+    and the solver steps wider.
 
     Parameters
     ----------
@@ -71,10 +87,15 @@ def refined(
         (H, W) uint8 frames.
     settings
         The settings of the refinement.
+    level
+        The level of the pyramid, 0 at full size.
     """
     refinement = cv2.VariationalRefinement.create()
-    refinement.setAlpha(settings.smoothness)
-    refinement.setFixedPointIterations(settings.iterations)
+    refinement.setAlpha(settings.smoothness * (1 if level else SMOOTHER))
+    refinement.setFixedPointIterations(max(1, settings.iterations - max(0, 2 - level)))
+    if level < 2:
+        refinement.setSorIterations(SWEEPS)
+        refinement.setOmega(OVER_RELAXED)
     dx, dy = refinement.calcUV(first, second, flow[1].copy(), flow[0].copy())
     return np.stack([dy, dx])
 
@@ -147,8 +168,8 @@ class FlowMap:
         return float(np.count_nonzero(self.valid) / self.valid.size)
 
 
-RESIDUAL = 2
-"""Reach around the flow of the coarser level, px: 1 px in every direction, plus a margin for the sub-pixel fit."""
+RESIDUALS = (1, 2, 3)
+"""Reach around the flow of the coarser level, px of the level, finest first."""
 
 TRUSTED_TEXTURE = 0.7
 """Standard deviation from which a window has full weight among its neighbours, grey levels of 255."""
@@ -158,6 +179,25 @@ TRUSTED_RETURN = 1.5
 
 ROUNDS = (1, 1, 2, 3, 2)
 """Matching rounds per level, finest first: coarse levels have few pixels and can afford more."""
+
+
+@compiled
+def _set_weights(
+    score: FloatMap,
+    texture: FloatMap,
+    error: FloatMap,
+    per_texture: Any,
+    per_return: Any,
+    weight: FloatMap,
+    first: int,
+    end: int,
+) -> None:
+    """Set rows `first` to `end` of the weights; given are the inverses of the trusted texture and return error."""
+    for row in range(first, end):
+        for col in range(weight.shape[1]):
+            sure = max(score[row, col], np.float32(0)) * min(np.float32(1), texture[row, col] * per_texture)
+            off = error[row, col] * per_return
+            weight[row, col] = sure * sure / (np.float32(1) + off * off * off * off)
 
 
 class View(NamedTuple):
@@ -330,13 +370,13 @@ class FlowMatcher(Settings):
                 back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
         assert there is not None and back is not None
         if self.refinement is not None:
-            there = refined(there, first.guide, second.guide, self.refinement)
+            there = refined(there, first.guide, second.guide, self.refinement, level)
             if level > 0:
-                back = refined(back, second.guide, first.guide, self.refinement)
+                back = refined(back, second.guide, first.guide, self.refinement, level)
         return View(there, candidates, return_error(there, back)), back
 
     def _candidates(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
-        reach = RESIDUAL
+        reach = RESIDUALS[min(level, len(RESIDUALS) - 1)]
         if flow is None:
             # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
             reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
@@ -345,10 +385,9 @@ class FlowMatcher(Settings):
 
     def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
         """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
-        sure = np.maximum(candidates.score, 0)
-        trusted = np.float32(TRUSTED_TEXTURE * frame.grey_level)
-        weight = sure * sure * np.minimum(1, np.square(candidates.texture / trusted))
-        weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
+        weight = np.empty_like(error)
+        units = np.float32(1 / (TRUSTED_TEXTURE * frame.grey_level)), np.float32(1 / TRUSTED_RETURN)
+        over_image(partial(_set_weights, candidates.score, candidates.texture, error, *units, weight), weight.shape)
         flow = edge_aware_mean(candidates.flow, weight, frame.guide)
         # At full size the refinement does as well, and the median takes as long as the matching.
         if self.median is not None and (level > 0 or self.refinement is None):
@@ -364,7 +403,8 @@ class FlowMatcher(Settings):
         """Return the flow without unreliable displacements, its scores, and the reasons."""
         score, flat = view.candidates.score, view.candidates.texture <= least_texture(self.texture, first, second)
         same = unchanged(first, second, self.window_size) & ~flat
-        moves = same & (np.abs(view.flow) >= 1).any(axis=0)
+        moves = same.copy()
+        moves[same] = (np.abs(view.flow[:, same]) >= 1).any(axis=0)
         view.flow[:, same & ~moves] = 0
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
         tests: list[tuple[Mask, Reason]] = []
@@ -382,7 +422,7 @@ class FlowMatcher(Settings):
         tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
         tests.append((flat, Reason.LOW_TEXTURE))
         for where, why in tests:
-            reason[where] = why
+            np.copyto(reason, np.uint8(why), where=where)
         missing = reason != Reason.MEASURED
         score = np.where(missing, np.float32(np.nan), score)
         if self.filling and not missing.all():

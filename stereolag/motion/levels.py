@@ -17,7 +17,8 @@ from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
-from stereolag.motion.candidates import HALF, Flow, places
+from stereolag.loops.vector_lanes import item
+from stereolag.motion.candidates import HALF, Flow
 
 Guide: TypeAlias = npt.NDArray[np.uint8]
 """(H, W) uint8."""
@@ -104,7 +105,7 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
     planes[2] = sure
     over_image(partial(_along_rows, planes, guide, ramp), guide.shape)
     over_image(partial(_along_columns, planes, guide, ramp), guide.shape[::-1])
-    return np.asarray(planes[:2] / planes[2])
+    return np.asarray(np.divide(planes[:2], planes[2], out=planes[:2]))
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -171,7 +172,7 @@ def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[n
     return np.asarray(planes[:2] / planes[2], dtype=np.float32)
 
 
-FAR_OFF = 1e4
+FAR_OFF = np.float32(1e4)
 """Return error assigned where no way back exists, px."""
 
 
@@ -221,12 +222,36 @@ def return_error(flow: Flow, back: Flow) -> FloatMap:
     back
         From the second frame to the first.
     """
-    row, col = places(flow)
-    returned = [
-        cv2.remap(part, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=FAR_OFF)
-        for part in back
-    ]
-    return np.asarray(cv2.magnitude(flow[0] + returned[0], flow[1] + returned[1]))
+    error = np.empty(flow.shape[1:], np.float32)
+    over_image(partial(_return_rows, flow, back, error), error.shape)
+    return error
+
+
+@compiled
+def _return_rows(flow: Flow, back: Flow, error: FloatMap, first: int, end: int) -> None:
+    """Set rows `first` to `end`: the way back is interpolated between four pixels, and FAR_OFF out of the frame."""
+    height, width = error.shape
+    lowest, rightmost = np.float32(height - 1), np.float32(width - 1)
+    for row in range(first, end):
+        for col in range(width):
+            dy, dx = flow[0, row, col], flow[1, row, col]
+            y, x = dy + np.float32(row), dx + np.float32(col)
+            inside = (y >= -HALF) & (y <= lowest + HALF) & (x >= -HALF) & (x <= rightmost + HALF)
+            y, x = min(max(y, np.float32(0)), lowest), min(max(x, np.float32(0)), rightmost)
+            top, left = min(np.int64(y), height - 2), min(np.int64(x), width - 2)
+            down, aside, corner = y - np.float32(top), x - np.float32(left), top * width + left
+            dy += _between(back, corner, width, down, aside)
+            dx += _between(back, corner + height * width, width, down, aside)
+            error[row, col] = math.sqrt(dy * dy + dx * dx) if inside else FAR_OFF
+
+
+@compiled
+def _between(image: Array, corner: int, width: int, down: Any, aside: Any) -> Any:
+    """Return the bilinear value right of and below a pixel."""
+    top, bottom = item(image, corner), item(image, corner + width)
+    top += aside * (item(image, corner + 1) - top)
+    bottom += aside * (item(image, corner + width + 1) - bottom)
+    return top + down * (bottom - top)
 
 
 def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:

@@ -9,7 +9,7 @@ import numpy as np
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image
-from stereolag.motion.candidates import Flow, fetched, leaves_frame
+from stereolag.motion.candidates import Flow, leaves_frame, places
 from stereolag.motion.levels import Frame
 
 FlowVerdict: TypeAlias = Literal["related", "unrelated", "blank", "static background", "identical"]
@@ -18,6 +18,9 @@ DETAIL, NEIGHBOURHOOD, OWN, BLOCK, NEAR = 9, 31, 15, 10, 63
 """Sides of squares, px of the level: the mean that is removed, so that detail remains; the area over which detail is
 compared, and around a single pixel; the blocks of which 5 × 5 predict the flow of the middle one; and the reach of a
 neighbourhood that agrees."""
+
+STEP = 2
+"""Distance of the pixels at which frames are compared at full size, px: a quarter of them tells as much."""
 
 AGREES, OWN_AGREES = 0.4, 0.3
 """Least correlation of the detail under the predicted flow, and of a pixel's surroundings under its own flow."""
@@ -72,30 +75,32 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
         (2, H, W) px, finite.
     """
     nowhere = np.zeros(first.shape, np.bool_)
-    typical, hidden = 0.0, False
+    typical, hidden, step = 0.0, False, STEP if min(first.shape) >= 4 * NEIGHBOURHOOD else 1
     for level in range(LEVELS):
         if level:
             first, second = (frame.pyramid(2)[1] for frame in (first, second))
             size = first.shape[1], first.shape[0]
             flow = np.stack([cv2.resize(part / 2, size, interpolation=cv2.INTER_AREA) for part in flow])
-        detail = _detail(first.grey, first.grey_level)
-        predicted = _predicted(flow)
-        agreement, energy = _agreement(detail, second, predicted, NEIGHBOURHOOD)
-        textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)
+            step = 1
+        details = [_detail(one.grey, one.grey_level) for one in (first, second)]
+        detail = np.ascontiguousarray(details[0][::step, ::step])
+        predicted = _predicted(flow, detail.shape)
+        agreement, energy = _agreement(detail, details[1], predicted, NEIGHBOURHOOD, step)
+        textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)[::step, ::step]
         area = int(textured.sum()) or 1
         if level == 0:
-            sampled = agreement[::4, ::4][textured[::4, ::4]]
+            sampled = agreement[::2, ::2][textured[::2, ::2]]
             typical = float(np.median(sampled)) if sampled.size else 0.0
             agreement[~textured] = 1
-            hidden = typical < WEAK or _may_hide_a_motion(first, second, predicted, agreement)
+            hidden = typical < WEAK or _may_hide_a_motion(first, second, predicted, agreement, step)
         agreeing = textured & (agreement >= AGREES)
         if np.count_nonzero(agreeing) >= LEAST_SHARE * area:
-            near = np.asarray(cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8)))
-            own, _ = _agreement(detail, second, flow, OWN)
+            near = np.asarray(cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR // step | 1,) * 2, np.uint8)))
+            own, _ = _agreement(detail, details[1], flow[:, ::step, ::step], OWN, step)
             whole = cv2.resize(near * (own >= OWN_AGREES), nowhere.shape[::-1], interpolation=cv2.INTER_NEAREST)
             return FrameRelation("related", whole > 0, typical, hidden)
         noise = NOISE_CORRELATES[min(level, 1)]
-        if all(_continues(one) > noise for one in (detail, _detail(second.grey, second.grey_level))):
+        if all(_continues(one) > noise for one in details):
             return FrameRelation("unrelated", nowhere, typical, hidden)
         if min(first.shape) < 2 * NEIGHBOURHOOD:
             break
@@ -121,18 +126,17 @@ def unchanged(first: Image, second: Image, window: int) -> Mask:
     return np.asarray(changed == 0)
 
 
-def _may_hide_a_motion(first: Frame, second: Frame, flow: Flow, agreement: FloatMap) -> bool:
+def _may_hide_a_motion(first: Frame, second: Frame, flow: Flow, agreement: FloatMap, step: int) -> bool:
     """Return whether the frames less their minimum are worth a look, by a third of the columns."""
-    standing = np.mean(np.hypot(*flow[:, ::4, ::4]) < STILL)
-    cols = first.shape[1]
-    part = np.s_[:, cols // 3 : max(cols - cols // 3, cols // 3 + NEIGHBOURHOOD)]
-    first, second = (Frame(one.grey[part], one.guide[part], one.grey_level) for one in (first, second))
-    flow, agreement = flow[:, *part], agreement[part]
-    here, there = (Frame(one, first.guide, first.grey_level) for one in without_minimum(first.grey, second.grey))
-    detail = _detail(here.grey, here.grey_level)
-    other, _ = _agreement(detail, there, flow, NEIGHBOURHOOD)
-    changed = np.mean(other > np.maximum(agreement, AGREES))
-    return bool(changed >= CHANGED or (standing >= STANDING and _continues(detail) > NOISE_CORRELATES[1]))
+    standing = np.mean(np.hypot(*flow[:, ::2, ::2]) < STILL)
+    begin = first.shape[1] // 3 // step * step
+    part = np.s_[:, begin : max(first.shape[1] - begin, begin + NEIGHBOURHOOD)]
+    details = [_detail(one, first.grey_level) for one in without_minimum(first.grey[part], second.grey[part])]
+    detail = np.ascontiguousarray(details[0][::step, ::step])
+    seen = np.s_[:, begin // step : begin // step + detail.shape[1]]
+    other, _ = _agreement(detail, details[1], flow[:, *seen], NEIGHBOURHOOD, step)
+    changed = np.mean(other > np.maximum(agreement[seen], AGREES))
+    return bool(changed >= CHANGED or (standing >= STANDING and _continues(details[0]) > NOISE_CORRELATES[1]))
 
 
 def _detail(image: Image, grey_level: float) -> FloatMap:
@@ -142,20 +146,35 @@ def _detail(image: Image, grey_level: float) -> FloatMap:
     return np.asarray(cv2.subtract(grey, mean, dtype=cv2.CV_32F))
 
 
-def _predicted(flow: Flow) -> Flow:
-    """Return the median flow of the blocks around every pixel, in which it has next to no part itself."""
-    rows, cols = flow.shape[1:]
-    blocks = -(-cols // BLOCK), -(-rows // BLOCK)
+def _predicted(flow: Flow, shape: tuple[int, ...]) -> Flow:
+    """Return, for places on a grid of that shape, the median flow of the blocks around, in which they have no part."""
+    blocks = -(-flow.shape[2] // BLOCK), -(-flow.shape[1] // BLOCK)
     medians = [cv2.medianBlur(cv2.resize(part, blocks, interpolation=cv2.INTER_AREA), 5) for part in flow]
-    return np.stack([cv2.resize(part, (cols, rows), interpolation=cv2.INTER_LINEAR) for part in medians])
+    return np.stack([cv2.resize(part, shape[::-1], interpolation=cv2.INTER_LINEAR) for part in medians])
 
 
-def _agreement(detail: FloatMap, second: Frame, flow: Flow, side: int) -> tuple[FloatMap, FloatMap]:
-    """Return the correlation of the detail around every pixel along a flow, and its energy in the first frame."""
-    other = _detail(fetched(second.grey, flow), second.grey_level)
-    joint = np.asarray(cv2.blur(detail * other, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
+def _agreement(detail: FloatMap, second: FloatMap, flow: Flow, side: int, step: int) -> tuple[FloatMap, FloatMap]:
+    """Return how the detail around some pixels correlates with that of the second frame, and its energy.
+
+    Parameters
+    ----------
+    detail
+        The detail of the first frame at every `step`-th pixel of every `step`-th row.
+    second
+        The detail of the second frame at every pixel.
+    flow
+        At the same pixels as `detail`.
+    side
+        Side of the area around a pixel, px.
+    step
+        Distance of the pixels, px.
+    """
+    row, col = places(flow, step)
+    other = cv2.remap(second, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    area = side // step | 1, side // step | 1
+    joint = np.asarray(cv2.blur(detail * other, area, borderType=cv2.BORDER_REFLECT), np.float32)
     own, others = (
-        np.asarray(cv2.sqrBoxFilter(one, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
+        np.asarray(cv2.sqrBoxFilter(one, cv2.CV_32F, area, borderType=cv2.BORDER_REFLECT), np.float32)
         for one in (detail, other)
     )
     return joint / np.sqrt(np.maximum(own * others, np.float32(1e-6))), own

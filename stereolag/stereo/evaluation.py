@@ -129,7 +129,7 @@ def judged_pixels(
         raise ValueError(
             f"disparity has shape {np.shape(disparity)} and ground_truth {truth.shape}; both must be the same (H, W)."
         )
-    judged = np.isfinite(truth)
+    judged = np.asarray(np.isfinite(truth))
     if mask is not None:
         if np.shape(mask) != truth.shape:
             raise ValueError(f"mask has shape {np.shape(mask)}; it must match the ground truth's, {truth.shape}.")
