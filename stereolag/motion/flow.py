@@ -168,7 +168,7 @@ class FlowMap:
         return float(np.count_nonzero(self.valid) / self.valid.size)
 
 
-RESIDUALS = (1, 2, 3)
+RESIDUALS = (1, 2, 2, 3)
 """Reach around the flow of the coarser level, px of the level, finest first."""
 
 TRUSTED_TEXTURE = 0.7
@@ -177,7 +177,7 @@ TRUSTED_TEXTURE = 0.7
 TRUSTED_RETURN = 1.5
 """Return error that halves the weight, px of the level."""
 
-ROUNDS = (1, 1, 2, 3, 2)
+ROUNDS = (1, 1, 2, 2, 1)
 """Matching rounds per level, finest first: coarse levels have few pixels and can afford more."""
 
 

@@ -77,6 +77,19 @@ def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
         np.testing.assert_allclose(one, other, atol=2e-6)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+@pytest.mark.parametrize(("window", "reach"), [(7, 1), (3, 2)])
+def test_what_is_left_of_a_motion_is_found_as_by_the_general_search(dtype, window, reach):
+    first, second = shifted_pair(60, 70, 0.6, -0.8, dtype=dtype)
+    first[20:30, 10:20], second[20:30, 30:45] = 7, 9
+    near, general = (
+        match_level(first, second, flow, window, reach) for flow in (np.zeros((2, 60, 70), np.float32), None)
+    )
+    np.testing.assert_allclose(near.flow, general.flow, atol=1e-3)
+    np.testing.assert_allclose(near.score, general.score, atol=2e-6)
+    np.testing.assert_array_equal(near.texture, general.texture)
+
+
 @pytest.mark.parametrize("shape", [(40, 150), (151, 67), (9, 200), (7, 7)])
 def test_any_size_as_large_as_the_window_gives_a_map(shape):
     first, second = shifted_pair(*shape, 0, 1)
@@ -125,7 +138,8 @@ def test_what_is_covered_in_the_second_frame_is_not_measured():
     second[30:110, 55:135] = patch
     flow = optical_flow(first, second, search=32)
     covered, around = flow.reason[40:100, 121:134], flow.reason[40:100, 50:110]
-    assert (covered == Reason.LEFT_RIGHT).mean() > 0.4
+    assert (covered != Reason.MEASURED).mean() > 0.55
+    assert (covered == Reason.LEFT_RIGHT).mean() > 0.2
     assert (around == Reason.LEFT_RIGHT).mean() < 0.1
     assert abs(np.nanmedian(flow.dx[40:100, 50:110]) - 15) < 0.05
     assert abs(np.nanmedian(flow.dx[:20])) < 0.05
