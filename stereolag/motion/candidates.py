@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import LANES, item
 from stereolag.stereo.windows.engines import comparable, match_windows
 from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
-from stereolag.stereo.windows.scores import describe_windows, sum_columns
+from stereolag.stereo.windows.scores import Windows, describe_windows, sum_columns
 from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
 
 Flow: TypeAlias = npt.NDArray[np.float32]
@@ -161,35 +161,32 @@ def _match_near(first: Image, second: Image, flow: Flow, window: int, reach: int
     found = Candidates(*(np.empty(shape, np.float32) for shape in (flow.shape, flow.shape[1:], flow.shape[1:])))
 
     def match(start: int, end: int) -> None:
-        top, bottom = max(0, start - reach), min(flow.shape[1], end + reach)
-        left = _described(first, window, start, end, floor, found.texture[start:end])
-        there = _described(second, window, top, bottom, floor, np.empty((0, 0), np.float32))
-        # Beyond the second image are zeros, and windows without a norm.
-        rows, above = end - start + 2 * reach, top - (start - reach)
-        pixels = _framed(there.pixels, rows + window - 1, above, reach, 0)
-        right = _Windows(
-            pixels, _framed(there.total, rows, above, reach, 0), _framed(there.inverse, rows, above, reach, NOTHING)
-        )
+        left = _described(first, window, floor, start, end, 0, found.texture[start:end])
+        right = _described(second, window, floor, start, end, reach, np.empty((0, 0), np.float32))
         _match_rows(left, right, window, reach, start, flow, found)
 
     over_image(match, flow.shape[1:])
     return found
 
 
-def _framed(part: Array, rows: int, above: int, beside: int, value: Any) -> Array:
-    """Return so many rows of a value, with the part below those `above`."""
-    framed = np.full((rows, part.shape[1] + 2 * beside), value, part.dtype)
-    framed[above : above + len(part), beside : beside + part.shape[1]] = part
-    return framed
+def _described(
+    image: Array, window: int, floor: float, start: int, end: int, reach: int, texture: FloatMap
+) -> _Windows:
+    """Return the windows of rows `start` to `end`, and those within reach around them; set the texture of the former.
 
-
-def _described(image: Array, window: int, start: int, end: int, floor: float, texture: FloatMap) -> _Windows:
-    """Return the windows of rows `start` to `end`, and set their texture."""
+    Beyond the image are zeros, and windows without a norm.
+    """
     kind = np.int32 if image.dtype == np.uint8 else np.float64
-    shape = end - start, image.shape[1] - window + 1
-    total, inverse = np.empty(shape, kind), np.empty(shape, np.float32)
-    describe_windows(image, window, 1, start, 1 / window**2, 0.0, floor, total, inverse, texture)
-    return _Windows(image[start : end + window - 1].astype(kind), total, inverse)
+    height, width = (side - window + 1 for side in image.shape)
+    top, bottom = max(0, start - reach), min(height, end + reach)
+    above = top - (start - reach)
+    below = above + bottom - top
+    shape = end - start + 2 * reach, width + 2 * reach
+    windows = Windows(np.zeros(shape, kind), np.full(shape, NOTHING, np.float32))
+    describe_windows(image, window, 1, top, 1 / window**2, 0.0, floor, windows, (above, below, reach), texture)
+    pixels = np.zeros((shape[0] + window - 1, shape[1] + window - 1), kind)
+    pixels[above : below + window - 1, reach : reach + image.shape[1]] = image[top : bottom + window - 1]
+    return _Windows(pixels, *windows)
 
 
 @compiled
