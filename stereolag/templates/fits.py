@@ -166,7 +166,7 @@ class Fit:
             moved = _motion(self.predicted, residual, on, trust, posed)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
-                usual = max(0.06 * self.variance, 2 * float(np.median(squares)))
+                usual = max(0.06 * self.variance, 2 * median(squares))
                 trust = np.asarray(self._counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
             elif step and squares.max() < NONE * self.variance:
                 break
@@ -296,7 +296,7 @@ class Fit:
             return counts
         left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
         steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
-        noise = np.maximum(np.median(left[counts]), steep * np.median((left / steep)[counts]))
+        noise = np.maximum(median(left[counts]), steep * median((left / steep)[counts]))
         behind = THROUGH * self.averaged(self.shown_through)
         return np.asarray((left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts)
 
@@ -451,6 +451,13 @@ def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
     """Return the means of a plane over blocks, so many along its sides."""
     smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
     return np.asarray(smaller, dtype=np.float32).reshape(shape)
+
+
+def median(values: npt.NDArray[np.floating[Any]]) -> float:
+    """Return the median of any values; NumPy's own loads its masked arrays first, which takes longer than a fit."""
+    middle = values.size // 2
+    halves = np.partition(values, (middle - 1 + values.size % 2, middle), axis=None)
+    return float(halves[middle - 1 + values.size % 2] / 2 + halves[middle] / 2)
 
 
 def explained(seen: Plane, predicted: Plane, counts: Plane) -> float:

@@ -25,6 +25,7 @@ from stereolag.templates.fits import (
     Plane,
     averaged,
     blocks_of,
+    median,
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, edges
 from stereolag.templates.redrawn import Redrawing, redrawing
@@ -175,7 +176,7 @@ def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Id
     edged = there > EDGE * there.max()
     agrees = ~edged | (common > ALIKE * np.sqrt(there * here))
     inside = near[alpha >= alpha.max() * FULL_WEIGHT]
-    if np.median(inside) > -math.log(CLOSE + OWN):
+    if median(inside) > -math.log(CLOSE + OWN):
         beside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
         agrees &= averaged(beside & (near > np.quantile(inside, 0.1) - AS_NEAR), grid) <= MORE
     explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0

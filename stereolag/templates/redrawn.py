@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolag.core.inputs import Image
-from stereolag.templates.fits import Plane, explained
+from stereolag.templates.fits import Plane, explained, median
 from stereolag.templates.patterns import Pattern
 
 SOFT = 0.55
@@ -229,7 +229,7 @@ def _size_by_ink(own: Plane, seen: Plane) -> float | None:
     axis = np.linalg.eigh(colours.T @ colours)[1][:, -1]
     logarithms = []
     for plane in (own @ axis, seen @ axis):
-        ink = plane - np.median(plane)
+        ink = plane - median(plane)
         most = float(np.abs(ink).max())
         if not most > 0:
             return None
