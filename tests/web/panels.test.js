@@ -3,10 +3,10 @@ import { beforeEach, test } from "node:test";
 
 import { branch } from "../../stereolag/ui/web/plan/plan.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
+import { gapped, runsOf } from "../../stereolag/ui/web/shared/dom.js";
 import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";
 import { codesOf, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
 import { arrows } from "../../stereolag/ui/web/shared/panel.js";
-import { pathOf, runsOf } from "../../stereolag/ui/web/shared/visiting.js";
 
 beforeEach(() => {
   /** @type {any} */ (globalThis).window = new EventTarget();
@@ -28,10 +28,9 @@ test("silence has no correlation, and the highest place is found", () => {
   assert.deepEqual(measured({ cut: [1, 2], recording: [1, 2, 1, 2] }, false).peaks, [0, 2]);
 });
 
-test("the curve is drawn at the visited places alone", () => {
-  const runs = runsOf([true, true, false, true]);
-  assert.deepEqual(runs, [[0, 1], [3]]);
-  assert.equal(pathOf(runs, (at) => `${at} 0`), "M0 0L1 0M3 0h0");
+test("a curve has gaps, and a point alone is a dot", () => {
+  assert.deepEqual(runsOf([true, true, false, true]), [[0, 1], [3]]);
+  assert.equal(gapped(["0 0", "1 0", false, "3 0"]), "M0 0L1 0M3 0h0");
 });
 
 test("an item stays as long as somebody holds it, and each change is told", () => {

@@ -1,6 +1,6 @@
 // The page's single live region. It stays outside the re-rendered content because a new region is not read aloud.
 
-import { element, say } from "../shared/dom.js";
+import { described, element, say } from "../shared/dom.js";
 
 const REST_MS = 600; // a dragged slider must not be read out at every step
 let waiting;
@@ -8,10 +8,7 @@ let waiting;
 function region() {
   const found = document.getElementById("stereolag-announced");
   if (found) return found;
-  const made = element("div");
-  made.id = "stereolag-announced";
-  made.setAttribute("role", "status");
-  made.setAttribute("aria-live", "polite");
+  const made = described(element("div"), { id: "stereolag-announced", role: "status", "aria-live": "polite" });
   made.style.cssText = "position: fixed; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap";
   document.body.append(made);
   return made;

@@ -22,7 +22,8 @@ class BrushPanel extends DrawingPanel {
     this.find(".use").addEventListener("click", () => this.use());
     this.stage.addEventListener("pointermove", (event) => this.showBrush(this.placeOf(event)));
     this.stage.addEventListener("focus", () => this.showBrush());
-    for (const type of ["pointerleave", "blur"]) this.stage.addEventListener(type, () => this.hideBrush());
+    const hide = () => (this.find(".brush").style.display = "none");
+    for (const type of ["pointerleave", "blur"]) this.stage.addEventListener(type, hide);
     onDrag(this.stage, (event) => this.press(event));
     onKey(this.stage, (event) => this.actions(event));
     this.choose("paint");
@@ -126,10 +127,6 @@ class BrushPanel extends DrawingPanel {
     const side = `${Number(this.size.value) * this.scale}px`;
     const [top, left] = at.map((value) => `${value * this.scale}px`);
     Object.assign(this.find(".brush").style, { display: "block", width: side, height: side, top, left });
-  }
-
-  hideBrush() {
-    this.find(".brush").style.display = "none";
   }
 }
 

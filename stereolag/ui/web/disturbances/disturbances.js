@@ -1,6 +1,6 @@
 // Sliders that disturb two recordings, and the curve of their lag; Python mixes them, measures the lag and judges it.
 
-import { drawAxis, element, line, say, sized, stacked } from "../shared/dom.js";
+import { described, drawAxis, element, line, say, sized, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { show } from "../shared/panel.js";
 import { ExamplesPanel } from "../shared/visiting.js";
@@ -39,8 +39,7 @@ class DisturbancesPanel extends ExamplesPanel {
   slider({ name, title, meaning, low, high, step }) {
     const input = Object.assign(element("input"), { type: "range", name, min: low, max: high, step });
     input.addEventListener("input", () => this.change({ [name]: Number(input.value) }));
-    input.setAttribute("aria-label", title);
-    input.setAttribute("aria-description", meaning);
+    described(input, { "aria-label": title, "aria-description": meaning });
     return Object.assign(element("label", "", title, element("output"), input), { title: meaning });
   }
 

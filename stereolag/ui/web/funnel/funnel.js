@@ -1,6 +1,6 @@
 // The steps of the "sampled" search for any picked pixel of the template, without server requests.
 
-import { button, element, node, showPressed } from "../shared/dom.js";
+import { button, described, element, node, shareOf, showPressed } from "../shared/dom.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { onKey, Panel, show } from "../shared/panel.js";
 
@@ -30,8 +30,7 @@ class FunnelPanel extends Panel {
     this.find(".hint").textContent = this.first ? words.hint : words.nothing;
     this.find(".desk").hidden = this.find(".colours").hidden = !this.first;
     if (!this.first) return;
-    this.bars.setAttribute("aria-valuemin", 1);
-    this.bars.setAttribute("aria-valuemax", this.sorted.length);
+    described(this.bars, { "aria-valuemin": 1, "aria-valuemax": this.sorted.length });
     const most = this.sorted.at(-1).counts[1];
     this.bars.replaceChildren(...this.sorted.map((anchor) => bar(anchor, most)));
     this.find(".steps").replaceChildren(...words.steps.map((name, at) => this.step(name, at)));
@@ -40,12 +39,10 @@ class FunnelPanel extends Panel {
   }
 
   step(name, at) {
-    const one = button("", () => {
+    return button([element("span", "what", name), element("span", "count"), element("span", "share")], () => {
       this.reached = at;
       this.draw();
     });
-    one.append(element("span", "what", name), element("span", "count"), element("span", "share"));
-    return one;
   }
 
   pick(anchor) {
@@ -58,15 +55,13 @@ class FunnelPanel extends Panel {
   }
 
   pickBar(event) {
-    const box = this.bars.getBoundingClientRect();
-    this.pickAt(Math.floor(((event.clientX - box.left) / box.width) * this.sorted.length));
+    this.pickAt(Math.floor(shareOf(event, this.bars)[0] * this.sorted.length));
   }
 
   // Picks the nearest of the pixels that can be picked.
   pickPixel(event) {
-    const box = this.find(".template").getBoundingClientRect();
-    const scale = this.data.width / box.width;
-    const [row, col] = [(event.clientY - box.top) * scale, (event.clientX - box.left) * scale];
+    const [right, down] = shareOf(event, this.find(".template"));
+    const [row, col] = [down * this.data.height, right * this.data.width];
     const far = (anchor) => Math.hypot(anchor.row + 0.5 - row, anchor.col + 0.5 - col);
     this.pick(this.sorted.reduce((best, anchor) => (far(anchor) < far(best) ? anchor : best)));
   }
@@ -93,8 +88,7 @@ class FunnelPanel extends Panel {
     [...this.bars.children].forEach((one, index) => one.classList.toggle("picked", index === at));
     const named = filled(words.colour, { row: anchor.row, col: anchor.col, count: shortened(anchor.counts[1]) });
     this.find(".colour").textContent = named;
-    this.bars.setAttribute("aria-valuenow", at + 1);
-    this.bars.setAttribute("aria-valuetext", named);
+    described(this.bars, { "aria-valuenow": at + 1, "aria-valuetext": named });
     this.find(".said").textContent = filled(words.said[reached], { scored: shortened(anchor.scored) }) + this.outcome();
   }
 

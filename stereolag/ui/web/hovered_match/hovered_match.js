@@ -1,8 +1,8 @@
 // Follows the crosshair of the pictures and explains the window under it, without server requests.
 
-import { element, emptied, gapped, put } from "../shared/dom.js";
+import { cut, element, emptied, gapped, put } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
-import { clamp, shortened, ticks } from "../shared/numbers.js";
+import { clamp, shortened, ticks, total } from "../shared/numbers.js";
 import { codesOf, pixelsOf } from "../shared/packing.js";
 import { Panel, show } from "../shared/panel.js";
 import { explained } from "./scoring.js";
@@ -133,7 +133,7 @@ async function pairOf({ parts, rows, cols, digest }) {
 }
 
 function deviation(values) {
-  const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
+  const mean = total(values) / values.length;
   return Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / values.length);
 }
 
@@ -143,11 +143,6 @@ const STRIP_PX = [28, 64];
 const CURVE_PX = 150;
 const EDGES = { top: 22, bottom: 22 };
 const TICK_PX = 46;
-
-function cut(canvas, image, x, y, width, height) {
-  Object.assign(canvas, { width, height });
-  canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
-}
 
 // The places to frame, the most important last: {name, colour, dy, dx, score}.
 function places(seen, truth, settings) {

@@ -1,6 +1,6 @@
 // Pictures, marks, outlines, and the text of readings.
 
-import { element, node } from "../shared/dom.js";
+import { element, node, put } from "../shared/dom.js";
 import { unzlibSync } from "../shared/fflate.js";
 import { clamp, shortened } from "../shared/numbers.js";
 
@@ -140,12 +140,9 @@ function inflated({ rows, cols, steps, long_steps }, parts) {
 // Draws a map on a canvas in the colours shared by all maps.
 function paint(canvas, reading, colours) {
   const [values, table] = [reading.values(), colourTable(colours, reading.quantum)];
-  [canvas.width, canvas.height] = [reading.cols, reading.rows];
-  const context = canvas.getContext("2d");
-  const image = context.createImageData(canvas.width, canvas.height);
-  const pixels = new Uint32Array(image.data.buffer);
+  const pixels = new Uint32Array(values.length);
   for (let at = 0; at < values.length; at++) pixels[at] = table[values[at] - NOTHING];
-  context.putImageData(image, 0, 0);
+  put(canvas, { data: new Uint8ClampedArray(pixels.buffer), rows: reading.rows, cols: reading.cols });
 }
 
 let lastTable = { key: "", table: null };

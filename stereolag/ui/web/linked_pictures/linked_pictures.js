@@ -1,5 +1,6 @@
 // A visitor's input to the pictures: pointer, wheel, keys and buttons.
 
+import { shareOf } from "../shared/dom.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, onKey, show } from "../shared/panel.js";
 import { LinkedPictures } from "./pictures.js";
@@ -60,13 +61,11 @@ class HandledPictures extends LinkedPictures {
 
   // The pixel under the pointer, and the pointer's position in the view, 0..1.
   place(event, cell) {
-    const box = cell.viewport.getBoundingClientRect();
+    const [u, v] = shareOf(event, cell.viewport).map((share) => clamp(share, 0, 1));
     const { rows, cols } = this.header;
-    const u = clamp((event.clientX - box.left) / box.width, 0, 1);
-    const v = clamp((event.clientY - box.top) / box.height, 0, 1);
     const col = clamp(Math.floor(this.x + (u * cols) / this.zoom), 0, cols - 1);
     const row = clamp(Math.floor(this.y + (v * rows) / this.zoom), 0, rows - 1);
-    return { row, col, u, v, width: box.width };
+    return { row, col, u, v, width: cell.viewport.getBoundingClientRect().width };
   }
 
   press(event) {

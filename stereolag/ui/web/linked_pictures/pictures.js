@@ -1,7 +1,7 @@
 // Pictures of one scene with a common crosshair: zoomed and moved together, read under the cursor, clickable.
 // Rows and columns are those of the whole picture, whatever share of its pixels was sent.
 
-import { button, element, emptied, node, showPressed } from "../shared/dom.js";
+import { button, described, element, emptied, node, showPressed } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { clamp } from "../shared/numbers.js";
@@ -169,16 +169,14 @@ export class LinkedPictures extends Panel {
 
   // A small picture; a click adds it to the large ones or removes it from them.
   thumbnail(one) {
-    const title = element("span", "", one.title);
-    title.setAttribute("aria-hidden", true); // the picture has the same label
+    const title = described(element("span", "", one.title), { "aria-hidden": true }); // the picture has the same label
     const large = this.isLarge(one);
-    const small = button(surface(one), () => {
+    const small = button([surface(one), title], () => {
       if (!this.enlarged.delete(one.title)) this.enlarged.add(one.title);
       const place = [...small.parentElement.children].indexOf(small);
       this.build();
       this.find(".thumbnails").children[place]?.focus({ preventScroll: true }); // the button was replaced
     });
-    small.append(title);
     small.title = large ? "Make it small again" : "Enlarge";
     small.setAttribute("aria-pressed", large);
     return small;
@@ -186,9 +184,8 @@ export class LinkedPictures extends Panel {
 
   addSplit(cell) {
     const edge = element("div", "edge");
-    const slider = element("input", "split");
-    Object.assign(slider, { type: "range", min: 0, max: 100, step: 0.1, value: this.split });
-    slider.setAttribute("aria-label", "How much of the image on the left is seen");
+    const told = "How much of the image on the left is seen";
+    const slider = described(element("input", "split"), { type: "range", min: 0, max: 100, step: 0.1, "aria-label": told });
     cell.moveSplit = (share) => {
       this.split = slider.value = clamp(share, 0, 100);
       edge.style.left = `${this.split}%`;
@@ -205,7 +202,6 @@ export class LinkedPictures extends Panel {
     const { rows, cols, name, outlines } = this.header;
     // Announces the position of the crosshair: {row, col}, or null without one.
     if (this.at !== this.told) tell("crosshair", { name, at: (this.told = this.at) });
-    this.zoom = clamp(this.zoom, 1, Math.max(1, cols / CLOSEST_PX));
     this.x = clamp(this.x, 0, cols - cols / this.zoom);
     this.y = clamp(this.y, 0, rows - rows / this.zoom);
     this.root.classList.toggle("zoomed", this.zoom > 1);

@@ -1,9 +1,9 @@
 // The arrows of a cross-spectrum, turned back by a lag, without server requests.
 
-import { drawAxis, element, line, sized } from "../shared/dom.js";
-import { clamp, shortened } from "../shared/numbers.js";
+import { drawAxis, element, line, runsOf, sized } from "../shared/dom.js";
+import { clamp, shortened, total } from "../shared/numbers.js";
 import { onDrag, onKey, show } from "../shared/panel.js";
-import { drawVisited, runsOf, VisitingPanel } from "../shared/visiting.js";
+import { drawVisited, VisitingPanel } from "../shared/visiting.js";
 
 export default (component) => show(PhasorPanel, component);
 
@@ -114,7 +114,7 @@ export function measuredChains(example, whiten) {
   const chains = Array.from({ length: places }, (_, place) => chainAt(example, lengths, lagAt(place, example)));
   const values = chains.map((points) => points.at(-1)[0]);
   const [xs, ys] = [0, 1].map((axis) => chains.flat().map((point) => point[axis]));
-  const perfect = lengths.reduce((sum, length) => sum + length, 0);
+  const perfect = total(lengths);
   const bounds = { left: Math.min(...xs), right: Math.max(perfect, ...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
   const top = Math.max(...values);
   const isPeak = (value, place) => top - value < 1e-3 && !(value < values[place - 1]) && !(value < values[place + 1]);

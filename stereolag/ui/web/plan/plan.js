@@ -1,6 +1,6 @@
 // A plan of both sensors and a draggable source, which shows the places that give the same lag.
 
-import { button, line, say, sized } from "../shared/dom.js";
+import { button, line, say, shareOf, sized } from "../shared/dom.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, onDrag, onKey, Panel, show } from "../shared/panel.js";
 
@@ -59,9 +59,9 @@ class Plan extends Panel {
   }
 
   placeOf(event) {
-    const box = this.svg.getBoundingClientRect();
-    const scale = (WIDE * this.apart) / box.width;
-    return [(event.clientX - box.left - box.width / 2) * scale, (box.height / 2 - (event.clientY - box.top)) * scale];
+    const [right, down] = shareOf(event, this.svg);
+    const wide = WIDE * this.apart;
+    return [(right - 0.5) * wide, ((0.5 - down) * wide * HIGH) / this.svg.clientWidth];
   }
 
   draw() {
@@ -127,10 +127,6 @@ export function branch(difference, apart, reach) {
   const b = Math.sqrt(Math.max(0, (apart / 2) ** 2 - a ** 2));
   const side = difference > 0 ? -1 : 1; // nearer to sensor 1 if the path to sensor 2 is longer
   const far = Math.acosh(Math.max(1, (2 * reach) / apart)) + 2;
-  const points = [];
-  for (let step = -60; step <= 60; step++) {
-    const t = (far * step) / 60;
-    points.push([side * a * Math.cosh(t), b * Math.sinh(t)]);
-  }
-  return points;
+  const along = Array.from({ length: 121 }, (_, step) => (far * (step - 60)) / 60);
+  return along.map((t) => [side * a * Math.cosh(t), b * Math.sinh(t)]);
 }

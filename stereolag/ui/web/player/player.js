@@ -1,7 +1,7 @@
 // One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
-import { element, gapped, node } from "../shared/dom.js";
+import { described, element, gapped, node, shareOf } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { clamp, shortened } from "../shared/numbers.js";
@@ -106,8 +106,7 @@ class Player extends Panel {
 
   layOut() {
     this.screens = this.data.titles.map(() => {
-      const canvas = element("canvas");
-      canvas.setAttribute("role", "img");
+      const canvas = described(element("canvas"), { role: "img" });
       canvas.style.aspectRatio = `${this.data.width} / ${this.data.height}`;
       return canvas;
     });
@@ -224,10 +223,7 @@ class Player extends Panel {
     }
     const head = node("path", { class: "head", d: "" });
     svg.append(head);
-    svg.addEventListener("click", ({ clientX }) => {
-      const box = svg.getBoundingClientRect();
-      this.go(Math.round(((clientX - box.left) / box.width) * (this.data.frames - 1)));
-    });
+    svg.addEventListener("click", (event) => this.go(Math.round(shareOf(event, svg)[0] * (this.data.frames - 1))));
     const now = element("span", "now");
     const box = element("div", "chart", element("span", "name", name), svg, now);
     return { box, head, now, series, unit, digits };

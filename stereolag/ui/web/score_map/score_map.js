@@ -1,6 +1,6 @@
 // The score of every place, read under the pointer; a click compares it in the search by hand.
 
-import { put } from "../shared/dom.js";
+import { put, shareOf } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
@@ -45,9 +45,8 @@ class ScoreMapPanel extends Panel {
 
   blockAt(event) {
     if (!this.map) return null;
-    const box = this.stage.getBoundingClientRect();
-    const { rows, cols } = this.map;
-    return this.inside(((event.clientY - box.top) / box.height) * rows, ((event.clientX - box.left) / box.width) * cols);
+    const [right, down] = shareOf(event, this.stage);
+    return this.inside(down * this.map.rows, right * this.map.cols);
   }
 
   inside(row, col) {

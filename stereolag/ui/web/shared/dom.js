@@ -13,8 +13,9 @@ export function element(tag, className = "", ...children) {
   return made;
 }
 
-export function button(text, act) {
-  const made = Object.assign(element("button", "", text), { type: "button" });
+// A button that holds a text or elements.
+export function button(content, act) {
+  const made = Object.assign(element("button", "", ...[content].flat()), { type: "button" });
   made.addEventListener("click", act);
   return made;
 }
@@ -29,10 +30,15 @@ export function say(region, text) {
   if (region.textContent !== text) region.textContent = text;
 }
 
+// Sets attributes of an element, and returns it.
+export function described(one, attributes) {
+  for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+  return one;
+}
+
 /** @returns {any} */
 export function node(tag, attributes, ...children) {
-  const made = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  const made = described(document.createElementNS(SVG, tag), attributes);
   made.append(...children);
   return made;
 }
@@ -40,11 +46,7 @@ export function node(tag, attributes, ...children) {
 // Empties a drawing and returns a function that adds a node to it.
 export function emptied(svg) {
   svg.replaceChildren();
-  return (tag, attributes, ...children) => {
-    const made = node(tag, attributes, ...children);
-    svg.append(made);
-    return made;
-  };
+  return (tag, attributes, ...children) => svg.append(node(tag, attributes, ...children));
 }
 
 // Empties a drawing and sets its size in px.
@@ -57,8 +59,21 @@ export function sized(svg, width, height) {
 // The path through some points.
 export const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}`;
 
-// The path through some points, as text, with a gap for each that is missing.
-export const gapped = (points) => points.map((point, at) => point && `${points[at - 1] ? "L" : "M"}${point}`).filter(Boolean).join("");
+// The path through some points, as text, with a gap for each that is missing; one alone is a dot.
+export function gapped(points) {
+  const runs = runsOf(points).map((run) => run.map((at) => points[at]));
+  return runs.map((run) => `M${run.join("L")}${run.length === 1 ? "h0" : ""}`).join("");
+}
+
+// The runs of places at which something is there, each a list of places.
+export function runsOf(those) {
+  const runs = [];
+  those.forEach((one, at) => {
+    if (one && those[at - 1]) runs.at(-1).push(at);
+    else if (one) runs.push([at]);
+  });
+  return runs;
+}
 
 // A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.
 export function drawAxis(add, { first, last, left, right, y, x }, label = "") {
@@ -81,6 +96,18 @@ export function stacked(heights, nameHeight, gapBelow) {
     y += nameHeight + height + gapBelow(name);
   }
   return { boxes, height: y };
+}
+
+// The position of a pointer over an element, as shares of its width and height.
+export function shareOf({ clientX, clientY }, one) {
+  const { left, top, width, height } = one.getBoundingClientRect();
+  return [(clientX - left) / width, (clientY - top) / height];
+}
+
+// Shows a rectangle of an image on a canvas of its size.
+export function cut(canvas, image, x, y, width, height) {
+  Object.assign(canvas, { width, height });
+  canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
 }
 
 // Draws RGBA bytes on a canvas of their size.

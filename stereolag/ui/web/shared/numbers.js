@@ -3,6 +3,8 @@
 /** @type {(value: number, low: number, high: number) => number} */
 export const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
+export const total = (values) => values.reduce((sum, value) => sum + value, 0);
+
 // Thousands separators, a true minus sign but none before zero, "–" for NaN, and a no-break space before the unit.
 export function shortened(number, digits = 0, unit = "") {
   if (Number.isNaN(number)) return "–";

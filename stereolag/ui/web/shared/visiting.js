@@ -2,7 +2,7 @@
 // them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a `perfect` match, and
 // the places of the `peaks`, several if the highest value repeats.
 
-import { button, say, showPressed } from "./dom.js";
+import { button, gapped, say, showPressed } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { Panel } from "./panel.js";
 
@@ -74,12 +74,8 @@ export class VisitingPanel extends ExamplesPanel {
   play() {
     const last = this.visited.length - 1;
     this.place = 0;
-    if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) {
-      this.move(last);
-      this.move(this.all.peaks[0]);
-      return;
-    }
-    const begun = performance.now();
+    const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const begun = still ? -Infinity : performance.now();
     const go = (now) => {
       this.move(((now - begun) / 1000) * Math.min(PLACES_A_SECOND, this.visited.length / 3));
       if (this.place < last) this.playing = requestAnimationFrame(go);
@@ -88,7 +84,7 @@ export class VisitingPanel extends ExamplesPanel {
         this.move(this.all.peaks[0]);
       }
     };
-    this.playing = requestAnimationFrame(go);
+    go(performance.now());
     this.showState();
   }
 
@@ -119,7 +115,7 @@ export function drawVisited(add, { left, right, x, y, stroke }, { all, place, vi
   const { values, perfect, peaks } = all;
   add("path", { class: "perfect", d: `M${left} ${y(perfect)}H${right}` });
   add("text", { x: right, y: y(perfect) + labelBelow, class: "small faint", "text-anchor": "end" }, label);
-  const d = pathOf(runsOf(visited), (at) => `${x(at)} ${y(values[at])}`);
+  const d = gapped(visited.map((seen, at) => seen && `${x(at)} ${y(values[at])}`));
   add("path", { class: "curve", "stroke-width": stroke, d });
   if (visited.every(Boolean)) {
     const kind = Math.max(...values) < perfect / 2 ? "peak doubtful" : "peak";
@@ -127,17 +123,3 @@ export function drawVisited(add, { left, right, x, y, stroke }, { all, place, vi
   }
   add("circle", { class: "now", cx: x(place), cy: y(values[place]), r: 5 });
 }
-
-// The runs of visited places, each a list of places.
-export function runsOf(visited) {
-  const runs = [];
-  visited.forEach((seen, at) => {
-    if (!seen) return;
-    if (visited[at - 1]) runs.at(-1).push(at);
-    else runs.push([at]);
-  });
-  return runs;
-}
-
-// The curve through the visited places; one visited alone is a dot.
-export const pathOf = (runs, point) => runs.map((run) => `M${run.map(point).join("L")}${run.length === 1 ? "h0" : ""}`).join("");

@@ -1,7 +1,7 @@
 // A cut of recording 1, dragged over recording 2 without server requests.
 
-import { drawAxis, sized, stacked } from "../shared/dom.js";
-import { clamp, shortened } from "../shared/numbers.js";
+import { described, drawAxis, sized, stacked } from "../shared/dom.js";
+import { clamp, shortened, total } from "../shared/numbers.js";
 import { arrows, onDrag, onKey, show } from "../shared/panel.js";
 import { drawVisited, VisitingPanel } from "../shared/visiting.js";
 
@@ -21,8 +21,7 @@ class SlidingPanel extends VisitingPanel {
   prepare() {
     const { recording, cut, lag, step } = this.example;
     this.root.classList.toggle("small", this.data.small);
-    this.stage.setAttribute("aria-valuemin", lag);
-    this.stage.setAttribute("aria-valuemax", lag + (recording.length - cut.length) * step);
+    described(this.stage, { "aria-valuemin": lag, "aria-valuemax": lag + (recording.length - cut.length) * step });
     this.find(".normalise").checked = false;
   }
 
@@ -70,8 +69,7 @@ class SlidingPanel extends VisitingPanel {
     const sum = shortened(all.values[place], this.normalised ? 2 : example.whole ? 0 : 1);
     const lag = example.lag + place * example.step;
     const said = `${words.lag} ${shortened(lag)} · ${named.sum} ${sum}`;
-    this.stage.setAttribute("aria-valuenow", lag);
-    this.stage.setAttribute("aria-valuetext", said);
+    described(this.stage, { "aria-valuenow": lag, "aria-valuetext": said });
     this.tell(said, example.said[this.normalised ? "normalised" : "plain"]);
   }
 }
@@ -91,10 +89,6 @@ function standardised(values) {
   const centred = values.map((value) => value - mean);
   const length = Math.hypot(...centred);
   return centred.map((value) => (length > 1e-9 ? value / length : 0));
-}
-
-function total(values) {
-  return values.reduce((sum, value) => sum + value, 0);
 }
 
 // Everything drawn for one example: products and sum (the value) at each place, and the sum of a perfect match.
@@ -134,14 +128,13 @@ function laidOut(width, { example, all, data }) {
   };
   const loudest = (values) => Math.max(...values.map(Math.abs));
   const { top, height } = boxes.curve;
-  const room = height - 16;
   return {
     width, pitch, boxes, x, written,
     height: end - GAP + AXIS,
     ofRecording: around(boxes.recording, loudest(recording)),
     ofCut: around(boxes.cut, loudest(cut)),
     ofProducts: around(boxes.products, all.largest),
-    ofSum: (sum) => top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * room,
+    ofSum: (sum) => top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * (height - 16),
   };
 }
 
@@ -176,13 +169,11 @@ function drawStrips(svg, panel, words) {
   stems("cut", covered, cut, at.ofCut);
 
   const products = all.products[place];
-  const bars = (wanted) =>
-    covered.flatMap((sample, index) =>
-      wanted(products[index]) ? [`M${x(sample)} ${at.ofProducts(0)}V${at.ofProducts(products[index])}`] : [],
-    ).join("");
-  const bar = { "stroke-width": Math.max(1, pitch * 0.7) };
-  add("path", { class: "up", ...bar, d: bars((product) => product > 0) });
-  add("path", { class: "down", ...bar, d: bars((product) => product < 0) });
+  for (const [kind, sign] of Object.entries({ up: 1, down: -1 })) {
+    const bars = covered.map((sample, index) => `M${x(sample)} ${at.ofProducts(0)}V${at.ofProducts(products[index])}`);
+    const d = bars.filter((_, index) => sign * products[index] > 0).join("");
+    add("path", { class: kind, "stroke-width": Math.max(1, pitch * 0.7), d });
+  }
   if (at.written) {
     const write = (samples, values, y) =>
       samples.forEach((sample, index) =>

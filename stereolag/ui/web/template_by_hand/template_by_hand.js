@@ -1,8 +1,8 @@
 // A template dragged over a picture, without server requests.
 
-import { button, element, node, put, say } from "../shared/dom.js";
+import { button, cut, element, line, node, put, say, shareOf } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
-import { clamp, filled, shortened } from "../shared/numbers.js";
+import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
 import { arrows, onDrag, onKey, Panel, show } from "../shared/panel.js";
 
@@ -121,9 +121,9 @@ class TemplatePanel extends Panel {
   }
 
   pixelAt(event) {
-    const box = this.stage.getBoundingClientRect();
-    const scale = this.search.picture.cols / box.width;
-    return { row: (event.clientY - box.top) * scale, col: (event.clientX - box.left) * scale };
+    const { rows, cols } = this.search.picture;
+    const [right, down] = shareOf(event, this.stage);
+    return { row: down * rows, col: right * cols };
   }
 
   // Compares at a place of the whole image, px.
@@ -136,12 +136,11 @@ class TemplatePanel extends Panel {
   draw() {
     if (!this.search) return;
     const { picture, template, map, words, factor } = this.search;
-    const { products } = compared(picture, template, this.row, this.col);
     const score = map.scores[this.row * map.cols + this.col];
     this.template.style.left = `${(100 * this.col) / picture.cols}%`;
     this.template.style.top = `${(100 * this.row) / picture.rows}%`;
-    put(this.find(".window canvas"), cutOut(picture, template, this.row, this.col));
-    put(this.find(".products canvas"), inProductColours(template, products));
+    cut(this.find(".window canvas"), picture.image, this.col, this.row, template.cols, template.rows);
+    put(this.find(".products canvas"), inProductColours(template, compared(picture, template, this.row, this.col)));
     put(this.find(".map canvas"), this.painted);
     this.find(".score").textContent = shortened(score, 3);
     const row = this.search.row + this.row * factor;
@@ -172,10 +171,9 @@ class TemplatePanel extends Panel {
   showLeaders() {
     const { leaders, words } = this.search;
     const buttons = leaders.map((place, at) => {
-      const one = button("", () => this.move(place.row, place.col, { jump: true }));
-      one.title = words.go;
-      one.append(element("canvas"), element("span", "", `${at ? words.rival : words.top} ${shortened(place.score, 3)}`));
-      return one;
+      const title = element("span", "", `${at ? words.rival : words.top} ${shortened(place.score, 3)}`);
+      const one = button([element("canvas"), title], () => this.move(place.row, place.col, { jump: true }));
+      return Object.assign(one, { title: words.go });
     });
     this.find(".leaders").replaceChildren(...buttons);
     this.drawReliefs();
@@ -201,7 +199,7 @@ async function searched(data) {
   return { ...header, picture, template: sought, map: scoresOf(codes, header.steps) };
 }
 
-// The products at one place of the template, and their mean: Pearson's correlation over all channels.
+// The products at one place of the template. Their mean is the score: Pearson's correlation over all channels.
 
 const CHANNELS = 3;
 
@@ -209,40 +207,31 @@ const CHANNELS = 3;
 export function prepared({ data, rows, cols }, counts) {
   const places = [...counts.keys()].filter((at) => counts[at]);
   const deviations = centred(places.map((at) => 4 * at), data);
-  return { rows, cols, places, deviations, norm: Math.sqrt(deviations.reduce((sum, value) => sum + value * value, 0)) };
+  return { rows, cols, places, deviations, norm: lengthOf(deviations) };
 }
+
+const lengthOf = (vector) => Math.sqrt(total(vector.map((value) => value * value)));
 
 // RGB of some pixels minus the mean of each channel. Values relative to the first pixel make a flat window exactly 0.
 function centred(starts, data) {
   const values = new Float64Array(CHANNELS * starts.length);
   for (let channel = 0; channel < CHANNELS; channel++) {
     const first = data[starts[0] + channel];
-    let sum = 0;
-    for (const start of starts) sum += data[start + channel] - first;
-    const mean = sum / starts.length;
+    const mean = total(starts.map((start) => data[start + channel] - first)) / starts.length;
     starts.forEach((start, index) => (values[CHANNELS * index + channel] = data[start + channel] - first - mean));
   }
   return values;
 }
 
-// The score with the template's top-left pixel at (row, col), NaN on a flat window, and the products of the
-// pixels that count: their mean is the score.
+// The products of the pixels that count with the template's top-left pixel at (row, col), 0 on a flat window.
 export function compared(picture, template, row, col) {
   const { places, deviations, norm, cols } = template;
   const starts = places.map((at) => 4 * ((row + Math.floor(at / cols)) * picture.cols + col + (at % cols)));
   const window = centred(starts, picture.data);
-  let energy = 0;
-  for (const value of window) energy += value * value;
+  const scale = places.length / (norm * lengthOf(window) || Infinity);
   const products = new Float64Array(places.length);
-  if (!energy) return { score: NaN, products };
-  const scale = places.length / (norm * Math.sqrt(energy));
-  let sum = 0;
-  for (let at = 0; at < window.length; at++) {
-    const product = window[at] * deviations[at] * scale;
-    products[Math.floor(at / CHANNELS)] += product;
-    sum += product;
-  }
-  return { score: clamp(sum / places.length, -1, 1), products };
+  window.forEach((value, at) => (products[Math.floor(at / CHANNELS)] += value * deviations[at] * scale));
+  return products;
 }
 
 // The drawings: enlarged pieces, the products of their pixels, the score map, and the relief around a peak.
@@ -250,16 +239,6 @@ export function compared(picture, template, row, col) {
 const WARM = [224, 104, 56];
 const COOL = [58, 130, 190];
 const STRONG = 3; // times the mean product of a perfect match
-
-// The pixels of the picture under the template.
-function cutOut(picture, { rows, cols }, row, col) {
-  const data = new Uint8ClampedArray(4 * rows * cols);
-  for (let line = 0; line < rows; line++) {
-    const start = 4 * ((row + line) * picture.cols + col);
-    data.set(picture.data.subarray(start, start + 4 * cols), 4 * line * cols);
-  }
-  return { rows, cols, data };
-}
 
 // Warm where a pixel agrees, cool where it disagrees, stronger with the product; pixels that do not count stay clear.
 function inProductColours({ rows, cols, places }, products) {
@@ -302,16 +281,14 @@ function drawRelief(canvas, map, place, reach, palette) {
     for (let right = -reach; right < reach; right++) {
       const corners = [at(down, right), at(down, right + 1), at(down + 1, right + 1), at(down + 1, right)];
       const heights = [score(down, right), score(down, right + 1), score(down + 1, right + 1), score(down + 1, right)];
-      const mean = heights.reduce((sum, value) => sum + value, 0) / 4;
+      const mean = total(heights) / 4;
       const light = 1 + 1.2 * clamp(heights[1] - heights[0], -0.3, 0.3); // lit from the left
       context.fillStyle = `rgb(${colourOf(mean, palette).map((value) => Math.min(255, Math.round(value * light)))})`;
       context.strokeStyle = context.fillStyle;
       context.lineWidth = 0.7;
-      context.beginPath();
-      corners.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
-      context.closePath();
-      context.fill();
-      context.stroke();
+      const outline = new Path2D(`${line(corners)}Z`);
+      context.fill(outline);
+      context.stroke(outline);
     }
   }
 }
