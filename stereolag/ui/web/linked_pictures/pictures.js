@@ -184,8 +184,9 @@ export class LinkedPictures extends Panel {
 
   addSplit(cell) {
     const edge = element("div", "edge");
-    const told = "How much of the image on the left is seen";
-    const slider = described(element("input", "split"), { type: "range", min: 0, max: 100, step: 0.1, "aria-label": told });
+    const label = "How much of the image on the left is seen";
+    const slider = element("input", "split");
+    described(slider, { type: "range", min: 0, max: 100, step: 0.1, "aria-label": label });
     cell.moveSplit = (share) => {
       this.split = slider.value = clamp(share, 0, 100);
       edge.style.left = `${this.split}%`;

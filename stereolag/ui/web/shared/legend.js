@@ -5,10 +5,8 @@ import { element } from "./dom.js";
 export function legend({ title, colours, words, strip, ticks, picture }) {
   const box = element("div", strip ? "legend along" : "legend", ...(title ? [element("span", "title", title)] : []));
   if (picture) {
-    const shown = element("img", "wheel");
-    shown.src = picture;
-    shown.alt = words[0];
-    box.append(shown, element("span", "", words[0]));
+    const wheel = Object.assign(element("img", "wheel"), { src: picture, alt: words[0] });
+    box.append(wheel, element("span", "", words[0]));
   } else if (strip) {
     const bar = element("span", "strip");
     bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
