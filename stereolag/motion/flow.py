@@ -66,7 +66,7 @@ class VariationalRefinement(Settings):
     )
 
 
-SWEEPS, OVER_RELAXED, SMOOTHER = 6, 1.9, 3
+SWEEPS, OVER_RELAXED, SMOOTHER = 6, 1.9, 2
 """Of the refinement at full and half size: sweeps of the solver in an iteration, and how far each goes; and how much
 smoother than elsewhere it is at full size."""
 
