@@ -359,7 +359,7 @@ def estimate_own_motion(
         iterationsCount=TRIALS,
         reprojectionError=tolerance,
         confidence=CONFIDENCE,
-        flags=cv2.SOLVEPNP_P3P,
+        flags=cv2.SOLVEPNP_SQPNP,  # of three points alone, P3P's motion once was a tenth off, with 95 % of the inliers
     )
     if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
         raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
