@@ -23,9 +23,9 @@ run: setup
 
 # Loops are compiled while the packages that only the app and files need are installed.
 setup:
-	@$(MAKE) --no-print-directory --jobs=2 installed
+	@$(MAKE) --no-print-directory --jobs=3 installed
 
-installed: $(VENV)/.loops-warm $(VENV)/.run-ready $(VENV)/.command-ready
+installed: $(VENV)/.loops-warm $(VENV)/.app-imported $(VENV)/.command-ready
 
 setup-dev: setup $(VENV)/.dev-ready node_modules/.ready
 
@@ -62,6 +62,11 @@ $(VENV)/.measuring-ready: requirements.txt | $(VENV)/bin/python
 
 $(VENV)/.run-ready: requirements.txt $(VENV)/.measuring-ready
 	$(INSTALL) -r requirements.txt
+	@touch $@
+
+# The first import compiles, so it comes while loops are compiled rather than before the first page.
+$(VENV)/.app-imported: $(VENV)/.run-ready
+	@$(BIN)/python -c 'import pandas, plotly.graph_objects, streamlit.web.bootstrap'
 	@touch $@
 
 # The command `stereolag`, which runs this checkout.
