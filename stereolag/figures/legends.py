@@ -207,7 +207,7 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
     unit = max(1.0, width / DESIGNED_FOR)
     canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT + BAR + TICK + 5 * GAP))), PAPER)
     canvas.paste(PillowImage.fromarray(picture), ((width - cols) // 2, 0))
-    from PIL import ImageDraw, ImageFont  # half as long to load as all else that makes a legend
+    from PIL import ImageDraw, ImageFont  # 40 ms to load
 
     draw = ImageDraw.Draw(canvas)
     font = ImageFont.load_default(TEXT * unit)

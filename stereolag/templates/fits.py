@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.patterns import FULL_WEIGHT, Pattern
 
@@ -451,13 +452,6 @@ def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
     """Return the means of a plane over blocks, so many along its sides."""
     smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
     return np.asarray(smaller, dtype=np.float32).reshape(shape)
-
-
-def median(values: npt.NDArray[np.floating[Any]]) -> float:
-    """Return the median of any values; NumPy's own loads its masked arrays first, which takes longer than a fit."""
-    middle = values.size // 2
-    halves = np.partition(values, (middle - 1 + values.size % 2, middle), axis=None)
-    return float(halves[middle - 1 + values.size % 2] / 2 + halves[middle] / 2)
 
 
 def explained(seen: Plane, predicted: Plane, counts: Plane) -> float:

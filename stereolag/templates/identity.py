@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.fits import (
     BLUR_OF_COLOURS,
@@ -25,7 +26,6 @@ from stereolag.templates.fits import (
     Plane,
     averaged,
     blocks_of,
-    median,
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, edges
 from stereolag.templates.redrawn import Redrawing, redrawing

@@ -14,8 +14,9 @@ from itertools import product
 import cv2
 import numpy as np
 
+from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.fits import Plane, explained, median
+from stereolag.templates.fits import Plane, explained
 from stereolag.templates.patterns import Pattern
 
 SOFT = 0.55
