@@ -13,7 +13,7 @@ from stereolag.pair import example_pair
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
-from stereolag.ui import prose
+from stereolag.ui import prose, streams
 from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
@@ -102,24 +102,38 @@ MORE = (
         "**Your own stereo camera**, from pictures of a chessboard to depth in metres.",
     ),
 )
-with page("Slide, multiply, find the peak"):
-    with head("Slide, multiply, find the peak"):
+
+
+def show_home() -> None:
+    """Show the three measurements and the way to the other pages."""
+    with page("Slide, multiply, find the peak"):
+        with head("Slide, multiply, find the peak"):
+            prose.markdown(
+                "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is "
+                "largest the two agree, and the distance you slid is the **lag**. **stereolag** measures three things "
+                "this way."
+            )
+        for column, (question, (show, path, name)) in zip(
+            st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True
+        ):
+            with column.container(border=True, height="stretch"):
+                prose.markdown(f"## {question}")
+                show()
+                st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
+        for column, (path, name, said) in zip(st.columns(2, gap="medium"), MORE, strict=True):
+            with column.container(border=True, height="stretch"):
+                prose.markdown(said)
+                st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
+        st.space("small")
         prose.markdown(
-            "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest "
-            "the two agree, and the distance you slid is the **lag**. **stereolag** measures three things this way."
+            "Everything here was computed by this app. Each page comes with examples, takes your own files, and lets "
+            "you change every setting. Your files stay in this session: nothing is written to disk or shown to anyone "
+            "else.",
+            width=760,
         )
-    for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
-        with column.container(border=True, height="stretch"):
-            prose.markdown(f"## {question}")
-            show()
-            st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
-    for column, (path, name, said) in zip(st.columns(2, gap="medium"), MORE, strict=True):
-        with column.container(border=True, height="stretch"):
-            prose.markdown(said)
-            st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
-    st.space("small")
-    prose.markdown(
-        "Everything here was computed by this app. Each page comes with examples, takes your own files, and lets you "
-        "change every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
-        width=760,
-    )
+
+
+if __name__ == "__main__":
+    show_home()
+else:  # imported by the server, which runs this file and the pages as scripts
+    app = st.App(__file__, routes=streams.routes())

@@ -7,6 +7,8 @@ Streamlit offers the thing itself.
 from __future__ import annotations
 
 import gc
+import signal
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -272,9 +274,15 @@ def faults_of_script(script: Path, patience_s: float) -> list[str]:
 
 
 def run_server(script: Path, port: int, others: list[str]) -> None:
-    """Serve an app in this process until it is stopped, as ``streamlit run`` does."""
+    """Serve an app in this process until it is stopped, as ``streamlit run`` does.
+
+    A server with routes of its own is stopped by signals that it raises again once everything is closed; the process
+    would then end as if it had been killed.
+    """
     from streamlit.web import cli
 
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, lambda *_: sys.exit(0))
     cli.main(["run", str(script), "--server.port", str(port), *others], prog_name="streamlit")
 
 

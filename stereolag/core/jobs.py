@@ -31,6 +31,11 @@ class Limits(Settings):
     )
     max_frames: int = Field(default=500_000, description="Frames of one sequence.", ge=1, le=100_000_000)
     max_video_s: int = Field(default=100_000, description="Length of one video, seconds.", ge=1, le=100_000_000)
+    max_live_streams: int = Field(default=8, description="Live cameras and microphones at a time.", ge=1, le=1000)
+    max_live_minutes: int = Field(default=30, description="Length of one live stream, minutes.", ge=1, le=10_000)
+    max_live_fps: int = Field(default=30, description="Frames of one live stream answered in a second.", ge=1, le=240)
+    max_live_megapixels: int = Field(default=4, description="Pixels of one live frame, millions.", ge=1, le=100)
+    max_live_message_mb: int = Field(default=8, description="Size of one live message, MB.", ge=1, le=100)
     job_memory_mb: int | None = Field(
         default=None,
         description="Memory of one job, MB; by default, and at most, half of the machine's.",

@@ -31,6 +31,7 @@ from PIL.PngImagePlugin import PngImageFile
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from PIL.WebPImagePlugin import WebPImageFile
 
+from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.core.jobs import limits
 from stereolag.io.sources import (
@@ -132,6 +133,22 @@ def read_frame(source: Source, number: int = 1) -> Frame:
     elif pixels.dtype.kind != "f":
         pixels = as_image(pixels, "The image")
     return Frame(np.ascontiguousarray(pixels), number, count)
+
+
+def read_camera_frame(data: bytes, most_pixels: int) -> Rgb:
+    """Read a JPEG that a browser made of a camera's frame, (rows, cols, 3) uint8; ValueError for anything else."""
+    if not data.startswith(_DECODERS["JPEG"][0]):
+        raise ValueError("The frame is not a JPEG.")
+    try:
+        cols, rows = JpegImageFile(io.BytesIO(data)).size
+    except (SyntaxError, OSError) as error:
+        raise ValueError("The frame is damaged.") from error
+    if rows * cols > most_pixels:
+        raise ValueError(f"The frame has {rows * cols:,} pixels; live frames may have {most_pixels:,}.")
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise ValueError("The frame is damaged.")
+    return pixels.astype(np.uint8, copy=False)
 
 
 def _check_frame(number: int, count: int) -> None:

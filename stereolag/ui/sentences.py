@@ -113,3 +113,35 @@ TEMPLATE_METHODS_EXPLAINED = {
     "direct": "Slides the template over the image pixel by pixel. The same scores as FFT, in minutes: "
     "for comparison only.",
 }
+
+
+# Live
+
+LIVE_WORDS = {
+    "start": "Start",
+    "stop": "Stop",
+    "off": "Nothing is recorded or sent before you start.",
+    "asking": "The browser asks whether this page may use it …",
+    "connecting": "Connecting …",
+    "on": "Live",
+    "paused": "Paused while this tab is hidden.",
+    "waiting": "All places are taken. Ahead of you: {ahead}.",
+    "insecure": "A browser gives a page the camera and microphone only at https addresses and on localhost. Ask the "
+    "operator of this server for an https address.",
+    "unmounted": "This server was started in a way that leaves out live streams: start it with `stereolag app`.",
+    "NotAllowedError": "The browser does not allow it: allow the camera or microphone for this page in the address "
+    "bar, then start again.",
+    "NotFoundError": "No such device is connected. Connect one, then start again.",
+    "NotReadableError": "The device is in use by another program. Close that one, then start again.",
+    "OverconstrainedError": "The chosen device is not connected any more. Choose another one.",
+    "unplugged": "The device was unplugged. Connect it again, then start.",
+    "failed": "The device cannot be used: {error}",
+    "4400": "The server did not understand a message and ended the stream. Start again.",
+    "4401": "This stream belongs to another tab, or the page is too old. Reload it.",
+    "4408": "The time allowed for one stream is over. Start again if you like.",
+    "4413": "The frame is larger than this server accepts. Choose a smaller size.",
+    "4429": "More came than this server accepts, and it ended the stream. Start again.",
+    "4503": "All places are taken, and the queue is full. Try again later.",
+    "lost": "The connection to the server was lost. Start again.",
+}
+"""The sentences of every live panel, by state, by name of the browser's error, and by the code of an end."""

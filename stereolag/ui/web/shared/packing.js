@@ -9,6 +9,21 @@ export function unpacked(data) {
   return { ...header, parts: header.parts.map(([start, size]) => body.subarray(start, start + size)) };
 }
 
+// An item as stereolag.ui.streams takes one: a header, and parts that are arrays of bytes.
+export function packed(header, parts = []) {
+  let end = 0;
+  const places = parts.map(({ length }) => {
+    end += length;
+    return [end - length, length];
+  });
+  const text = new TextEncoder().encode(JSON.stringify({ ...header, parts: places }));
+  const data = new Uint8Array(4 + text.length + end);
+  new DataView(data.buffer).setUint32(0, text.length, true);
+  data.set(text, 4);
+  parts.forEach((part, at) => data.set(part, 4 + text.length + places[at][0]));
+  return data;
+}
+
 // The RGBA bytes of a PNG, and the image itself, without colour management.
 export async function pixelsOf(bytes) {
   const image = await createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none" });

@@ -1,0 +1,318 @@
+"""Live streams: messages from a browser's camera or microphones, answered one by one over a websocket.
+
+A page opens a stream in each of its runs, with the function that answers; its component sends messages packed as items,
+at most :data:`IN_FLIGHT` at a time, so that the newest is always on its way. Since each run brings a new function, a
+moved control acts on the next message, and nothing is mounted again. The websocket is a route of the app beside
+Streamlit's own: a message takes no run of a script.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import time
+import weakref
+from collections import deque
+from collections.abc import Callable, Coroutine, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache, partial
+from typing import Any, NamedTuple, TypeVar
+from urllib.parse import urlsplit
+
+import streamlit as st
+from starlette.routing import BaseRoute, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from stereolag.core.arrays import Rgb
+from stereolag.core.jobs import limits
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_camera_frame
+from stereolag.loops.bands import available_cores
+from stereolag.ui.components import packed_item
+from stereolag.ui.sentences import LIVE_WORDS
+
+PATH = "/live"
+IN_FLIGHT = 2
+"""Messages that the browser sends before the first of them is answered."""
+HEADER_BYTES = 65_536
+QUEUE_PER_PLACE = 4
+"""Streams that may wait for each place there is."""
+IDLE_S = 3.0
+"""A stream that sends nothing for so long gives its place to the next: its visitor is gone, or looks at another tab."""
+GREETING_S = 5.0
+SECONDS_PER_MINUTE = 60.0
+
+WRONG_TOKEN, MALFORMED, TOO_LARGE, FLOOD, TOO_LONG, FULL = 4401, 4400, 4413, 4429, 4408, 4503
+"""Codes with which a stream is closed; the component explains them by :data:`LIVE_WORDS`."""
+
+T = TypeVar("T")
+
+
+class Message(NamedTuple):
+    """A message of a browser: its header, and its parts in bytes."""
+
+    header: dict[str, Any]
+    parts: list[bytes]
+
+
+class Stream:
+    """A stream of one visitor, whether or not it is running.
+
+    Attributes
+    ----------
+    token
+        Proves that a connection belongs to the visitor; known to the page alone.
+    answer
+        Takes a message, and returns a packed item. It runs in a thread without a session, one message at a time;
+        a ValueError is answered with its text.
+    kept
+        Whatever the answers need from one message to the next.
+    latest
+        The last message that was answered.
+    """
+
+    def __init__(self, answer: Callable[[Message], bytes]) -> None:
+        self.token = secrets.token_urlsafe(32)
+        self.answer = answer
+        self.kept: dict[str, Any] = {}
+        self.latest: Message | None = None
+        self.connection: object = None
+
+    def address(self) -> dict[str, Any]:
+        """Return the part of a component's data that ``web/shared/live.js`` needs to connect."""
+        base = st.get_option("server.baseUrlPath").strip("/")
+        path = f"/{base}{PATH}" if base else PATH
+        return {"address": path if _mounted else None, "token": self.token, "words": LIVE_WORDS}
+
+    def answered(self, message: Message) -> bytes:
+        """Return the answer to a message, or the sentence that says why there is none."""
+        try:
+            answer = self.answer(message)
+        except ValueError as error:
+            return packed_item({"error": str(error), "digest": "error"}).data
+        self.latest = message
+        return answer
+
+
+_streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary()
+"""All streams by their tokens; each lives as long as the session of its visitor."""
+
+_mounted: list[BaseRoute] = []
+
+
+def open_stream(name: str, answer: Callable[[Message], bytes]) -> Stream:
+    """Return the visitor's stream of a name, whose messages are answered by `answer` from now on."""
+    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(answer))
+    stream.answer = answer
+    _streams[stream.token] = stream
+    return stream
+
+
+def routes() -> list[BaseRoute]:
+    """Return the routes that the app needs for streams; pages without them say that there is nothing live."""
+    _mounted[:] = [WebSocketRoute(PATH, _serve)]
+    return _mounted
+
+
+def frame(jpeg: bytes) -> Rgb:
+    """Return a frame that a camera's browser sent: (rows, cols, 3) uint8.
+
+    Raises
+    ------
+    ValueError
+        Not a JPEG, or one of more pixels than a live frame may have.
+    """
+    return guarded(read_camera_frame)(jpeg, limits().max_live_megapixels * 1_000_000)
+
+
+class Places:
+    """The places of running streams, given in order of arrival.
+
+    Parameters
+    ----------
+    count
+        Number of places.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._free = count
+        self._waiting: deque[asyncio.Future[None]] = deque()
+
+    @property
+    def waiting(self) -> int:
+        """Return the number of streams that wait for a place."""
+        return len(self._waiting)
+
+    async def take(self, tell: Callable[[int], Any]) -> None:
+        """Wait for a place; `tell` is awaited with the number of streams ahead, at first and whenever it changes."""
+        if self._free and not self._waiting:
+            self._free -= 1
+            return
+        turn = asyncio.get_running_loop().create_future()
+        self._waiting.append(turn)
+        ahead = 0
+        try:
+            while not turn.done():
+                now = self._waiting.index(turn) + 1
+                if now != ahead:
+                    ahead = now
+                    await tell(ahead)
+                await asyncio.wait([turn], timeout=0.5)
+        except BaseException:
+            if turn.done():
+                self.give()
+            else:
+                self._waiting.remove(turn)
+            raise
+
+    def give(self) -> None:
+        """Give a place back: to the one that has waited for longest, if any."""
+        if self._waiting:
+            self._waiting.popleft().set_result(None)
+        else:
+            self._free += 1
+
+
+@cache
+def _places() -> Places:
+    return Places(limits().max_live_streams)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    # First come, first served, and one message of a stream at a time: everybody has the same share.
+    return ThreadPoolExecutor(available_cores(), thread_name_prefix="live")
+
+
+class _Closed(Exception):  # noqa: N818
+    """The stream ends, with the code that tells the browser why."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def is_own_page(headers: Mapping[str, str]) -> bool:
+    """Return whether a request comes from a page of this app: browsers name the origin of the page that connects."""
+    origin, host = headers.get("origin"), headers.get("host")
+    return bool(origin and host) and urlsplit(origin).netloc == host
+
+
+def parse_message(data: bytes) -> Message:
+    """Return a message, packed as :func:`.packed_item` packs one.
+
+    Raises
+    ------
+    ValueError
+        Anything else.
+    """
+    length = int.from_bytes(data[:4], "little")
+    if not 2 <= length <= min(HEADER_BYTES, len(data) - 4):
+        raise ValueError("The message has no header.")
+    header = json.loads(data[4 : 4 + length])
+    body = data[4 + length :]
+    try:
+        ends = [(int(start), int(start) + int(size)) for start, size in header.pop("parts")]
+    except (AttributeError, KeyError, TypeError, OverflowError) as error:
+        raise ValueError("The header does not say where the parts are.") from error
+    if any(not 0 <= start <= end <= len(body) for start, end in ends):
+        raise ValueError("The parts are not where the header says.")
+    return Message(header, [body[start:end] for start, end in ends])
+
+
+async def _serve(socket: WebSocket) -> None:
+    """Serve one connection: its first message is the token of a stream, all others are to be answered."""
+    if not is_own_page(socket.headers):
+        await socket.close()
+        return
+    await socket.accept()
+    with suppress(WebSocketDisconnect, RuntimeError):  # RuntimeError: sent to a browser that has just gone
+        try:
+            await _answer_all(socket, await _greeted(socket))
+        except _Closed as end:
+            await socket.close(end.code)
+
+
+async def _greeted(socket: WebSocket) -> Stream:
+    try:
+        first = await asyncio.wait_for(socket.receive(), GREETING_S)
+    except TimeoutError:
+        raise _Closed(WRONG_TOKEN) from None
+    stream = _streams.get(first.get("text") or "")
+    if stream is None:
+        raise _Closed(WRONG_TOKEN)
+    return stream
+
+
+async def _answer_all(socket: WebSocket, stream: Stream) -> None:
+    most = limits()
+    stream.connection = connection = object()  # a later connection of the same stream ends this one
+    arrived: asyncio.Queue[Message] = asyncio.Queue(2 * IN_FLIGHT)
+    receiving = asyncio.create_task(_receive(socket, arrived, most.max_live_message_mb * 2**20))
+    places, has_place = _places(), False
+    end = time.monotonic() + SECONDS_PER_MINUTE * most.max_live_minutes
+    try:
+        while (left := end - time.monotonic()) > 0:
+            try:
+                message = await _unless_over(receiving, arrived.get(), min(IDLE_S, left) if has_place else left)
+            except TimeoutError:
+                if has_place:
+                    places.give()
+                    has_place = False
+                continue
+            if stream.connection is not connection:
+                raise _Closed(WRONG_TOKEN)
+            if not has_place:
+                if places.waiting >= QUEUE_PER_PLACE * most.max_live_streams:
+                    raise _Closed(FULL)
+                await _unless_over(receiving, places.take(partial(_say, socket, "waiting")), left)
+                has_place = True
+                await _say(socket, "running", 0)
+            started = time.monotonic()
+            answer = await asyncio.get_running_loop().run_in_executor(_pool(), stream.answered, message)
+            await socket.send_bytes(answer)
+            await asyncio.sleep(max(0.0, started + 1 / most.max_live_fps - time.monotonic()))
+        raise _Closed(TOO_LONG)
+    finally:
+        receiving.cancel()
+        if has_place:
+            places.give()
+
+
+async def _unless_over(receiving: asyncio.Task[None], waiting: Coroutine[Any, Any, T], timeout: float) -> T:
+    """Return the result of waiting; raise what ended receiving if that is first, TimeoutError if both take longer."""
+    task = asyncio.create_task(waiting)
+    try:
+        done, _ = await asyncio.wait([task, receiving], timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
+        if receiving in done:
+            receiving.result()
+        if not done:
+            raise TimeoutError
+        return await task
+    finally:
+        task.cancel()
+
+
+async def _receive(socket: WebSocket, arrived: asyncio.Queue[Message], most_bytes: int) -> None:
+    """Put all messages of a connection into a queue until the browser ends it, or breaks a rule."""
+    while True:
+        received = await socket.receive()
+        if received["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(received.get("code", 1000))
+        data = received.get("bytes")
+        if data is None:
+            raise _Closed(MALFORMED)
+        if len(data) > most_bytes:
+            raise _Closed(TOO_LARGE)
+        try:
+            arrived.put_nowait(parse_message(data))
+        except ValueError:
+            raise _Closed(MALFORMED) from None
+        except asyncio.QueueFull:
+            raise _Closed(FLOOD) from None
+
+
+async def _say(socket: WebSocket, state: str, ahead: int) -> None:
+    await socket.send_text(json.dumps({"state": state, "ahead": ahead}))

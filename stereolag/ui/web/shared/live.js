@@ -1,0 +1,185 @@
+// Live media: a panel that sends frames of a camera or pieces of sound to the server, and draws what comes back.
+
+import { button, element, say } from "./dom.js";
+import { packed, unpacked } from "./packing.js";
+import { Panel } from "./panel.js";
+
+const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
+const LOOK_MS = 5;
+const IDLE_MS = 100;
+const QUALITY = 0.85;
+const KEPT = 30; // answers over which rates are taken
+
+const sleep = (ms) => new Promise((wake) => setTimeout(wake, ms));
+
+// A camera at its full size: without `resizeMode` the browser would scale it down. `key` is the chosen device, if any.
+export async function camera(deviceId = "") {
+  /** @type {any} */
+  const video = {
+    ...(deviceId && { deviceId: { exact: deviceId } }),
+    width: { ideal: 4000 }, height: { ideal: 3000 }, frameRate: { ideal: 30 }, resizeMode: "none",
+  };
+  const media = await navigator.mediaDevices.getUserMedia({ video });
+  const shown = Object.assign(document.createElement("video"), { srcObject: media, muted: true, playsInline: true });
+  await shown.play();
+  return Object.assign(opened(media), { video: shown });
+}
+
+// Media with what the panel needs of them: whether they have ended, and how to end them.
+export function opened(media) {
+  const tracks = media.getTracks();
+  return {
+    media,
+    get ended() {
+      return tracks.some(({ readyState }) => readyState === "ended");
+    },
+    close: () => tracks.forEach((track) => track.stop()),
+  };
+}
+
+// The devices of a kind, "videoinput" or "audioinput"; they have names once the visitor has allowed one.
+export async function devices(kind) {
+  const all = (await navigator.mediaDevices?.enumerateDevices()) ?? [];
+  return all.filter((one) => one.kind === kind && one.deviceId).map(({ deviceId, label }, at) => ({
+    deviceId, label: label || `Device ${at + 1}`,
+  }));
+}
+
+// The bytes of a canvas as a JPEG.
+export async function jpeg(canvas, quality = QUALITY) {
+  const blob = await new Promise((done) => canvas.toBlob(done, "image/jpeg", quality));
+  return new Uint8Array(await blob.arrayBuffer());
+}
+
+export class LivePanel extends Panel {
+  constructor(parent, name) {
+    super(parent, name);
+    this.toggle = button("", () => (this.running ? this.stop() : this.start()));
+    this.light = element("span", "light");
+    this.state = element("span", "state");
+    this.state.setAttribute("role", "status");
+    this.rates = element("span", "rates");
+    this.find(".live-bar").prepend(this.toggle, this.light, this.state, this.rates);
+    this.gone.signal.addEventListener("abort", () => this.stop());
+    document.addEventListener("visibilitychange", () => this.running && this.showState(), { signal: this.gone.signal });
+  }
+
+  // To be overridden. Opens the media and returns them with `ended` and `close()`, as camera() does.
+  async open() {
+    return camera();
+  }
+
+  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new.
+  /** @returns {Promise<any>} */
+  async grab() {}
+
+  // To be overridden. Draws the answer to a message: its header and `parts`.
+  answered(_) {}
+
+  // To be overridden. Called when the media are closed.
+  stopped() {}
+
+  begin({ words }) {
+    this.words = words;
+    if (!this.running) this.show("off");
+  }
+
+  async start() {
+    this.running = {};
+    const run = this.running;
+    if (!window.isSecureContext || !navigator.mediaDevices) return this.stop("insecure");
+    if (!this.data.address) return this.stop("unmounted");
+    this.show("asking");
+    let media;
+    try {
+      media = await this.open();
+    } catch (/** @type {any} */ error) {
+      return this.running === run && this.stop(error.name in this.words ? error.name : "failed", { error: error.message });
+    }
+    if (this.running !== run) return media.close();
+    this.media = media;
+    this.root.classList.add("on");
+    this.show("connecting");
+    this.connect(run);
+  }
+
+  connect(run) {
+    const { protocol, host } = window.location;
+    const socket = new WebSocket(`${protocol === "https:" ? "wss:" : "ws:"}//${host}${this.data.address}`);
+    Object.assign(socket, { binaryType: "arraybuffer" });
+    this.socket = socket;
+    this.sent = [];
+    this.answers = [];
+    socket.onopen = () => {
+      socket.send(this.data.token);
+      this.send(run);
+    };
+    socket.onmessage = ({ data }) => {
+      if (this.running !== run) return;
+      if (typeof data === "string") {
+        const { state, ahead } = JSON.parse(data);
+        this.ahead = state === "waiting" ? ahead : 0;
+        return this.showState();
+      }
+      const item = unpacked(new Uint8Array(data));
+      this.note(this.sent.shift());
+      this.fault = item.error;
+      this.showState();
+      if (!item.error) this.answered(item);
+    };
+    socket.onclose = ({ code }) => this.running === run && this.stop(String(code) in this.words ? String(code) : "lost");
+  }
+
+  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones.
+  async send(run) {
+    const { socket } = this;
+    while (this.running === run && socket.readyState === WebSocket.OPEN) {
+      if (this.media.ended) return this.stop("unplugged");
+      const message = document.hidden || this.sent.length >= IN_FLIGHT ? null : await this.grab();
+      if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
+        this.sent.push(message.at ?? performance.now());
+        socket.send(packed(message.header ?? {}, message.parts));
+      } else await sleep(document.hidden ? IDLE_MS : LOOK_MS);
+    }
+  }
+
+  stop(state = "off", more = {}) {
+    this.running = null;
+    this.socket?.close();
+    this.media?.close();
+    this.media = this.socket = null;
+    this.root.classList.remove("on");
+    this.ahead = 0;
+    this.fault = "";
+    this.rates.textContent = "";
+    if (this.words) this.show(state, more);
+    this.stopped();
+  }
+
+  show(state, more = {}) {
+    this.toggle.textContent = this.words[this.running ? "stop" : "start"];
+    const text = this.words[state].replace(/\{(\w+)\}/g, (_, name) => more[name]);
+    say(this.state, text);
+    this.root.dataset.state = state;
+  }
+
+  showState() {
+    if (document.hidden) this.show("paused");
+    else if (this.ahead) this.show("waiting", { ahead: this.ahead });
+    else {
+      this.show("on");
+      if (this.fault) say(this.state, this.fault);
+    }
+  }
+
+  // Shows answers a second, and the median time from the grab of a frame to its answer.
+  note(at) {
+    const now = performance.now();
+    this.answers = [...this.answers, { now, took: now - at }].slice(-KEPT);
+    if (this.answers.length < 3 || now - (this.noted ?? 0) < 500) return;
+    this.noted = now;
+    const rate = (1000 * (this.answers.length - 1)) / (now - this.answers[0].now);
+    const took = this.answers.map((one) => one.took).sort((one, other) => one - other)[this.answers.length >> 1];
+    this.rates.textContent = `${rate.toFixed(rate < 10 ? 1 : 0)} a second · ${took.toFixed(0)}\u00a0ms`;
+  }
+}

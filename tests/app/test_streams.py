@@ -1,0 +1,233 @@
+"""Live streams over a real websocket, without a page: answers, places, and messages that break the rules."""
+
+from __future__ import annotations
+
+import io
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import uvicorn
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from starlette.applications import Starlette
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from stereolag.core.jobs import limits, set_defaults
+from stereolag.ui import streams
+from stereolag.ui.components import packed_item
+from stereolag.ui.streams import PATH, Message, Stream, frame, is_own_page, parse_message
+from tests.browser.serving import free_port
+from tests.packed import unpacked
+
+PATIENCE_S = 30
+
+
+def echo(message: Message) -> bytes:
+    return packed_item(message.header, message.parts).data
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    """Serve the route of streams alone."""
+    port = free_port()
+    app = Starlette(routes=streams.routes())
+    server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error", ws="websockets-sansio"))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield port
+    server.should_exit = True
+    thread.join()
+
+
+@pytest.fixture
+def open_stream(port: int) -> Iterator[Callable[..., tuple[Stream, ClientConnection]]]:
+    """Return a function that makes a stream and connects to it."""
+    kept: list[Stream] = []
+    open_sockets = ExitStack()
+
+    def opened(answer: Callable[[Message], bytes] = echo) -> tuple[Stream, ClientConnection]:
+        stream = Stream(answer)
+        streams._streams[stream.token] = stream
+        kept.append(stream)
+        socket = open_sockets.enter_context(connected(port))
+        socket.send(stream.token)
+        return stream, socket
+
+    with open_sockets:
+        yield opened
+
+
+def connected(port: int, origin: str | None = None) -> connect:
+    own = origin or f"http://localhost:{port}"
+    return connect(f"ws://localhost:{port}{PATH}", origin=own, proxy=None, max_size=None)  # type: ignore[arg-type]
+
+
+@contextmanager
+def limited(**values: int) -> Iterator[None]:
+    """Set limits for a while, and begin with all places free."""
+    before = limits()
+    set_defaults(**values)
+    streams._places.cache_clear()
+    yield
+    set_defaults(**{name: getattr(before, name) for name in values})
+    streams._places.cache_clear()
+
+
+def answer(socket: ClientConnection) -> dict[str, Any]:
+    """Return the header of the next answer, or the next state."""
+    received = socket.recv(timeout=PATIENCE_S)
+    return json.loads(received) if isinstance(received, str) else unpacked(received)[0]
+
+
+def next_answer(socket: ClientConnection) -> dict[str, Any]:
+    while "state" in (received := answer(socket)):
+        pass
+    return received
+
+
+def code_of_end(socket: ClientConnection) -> int:
+    with pytest.raises(ConnectionClosed) as ended:
+        while True:
+            socket.recv(timeout=PATIENCE_S)
+    assert ended.value.rcvd is not None
+    return ended.value.rcvd.code
+
+
+@given(st.dictionaries(st.text(), st.integers() | st.text()), st.lists(st.binary()))
+def test_a_message_is_read_as_it_was_packed(header: dict[str, Any], parts: list[bytes]) -> None:
+    header = {name: value for name, value in header.items() if name not in ("parts", "digest")}
+    message = parse_message(packed_item(header, parts).data)
+    assert {**message.header, "digest": ""} == {**header, "digest": ""}
+    assert message.parts == parts
+
+
+@given(st.binary() | st.builds(lambda text: len(text).to_bytes(4, "little") + text, st.binary(min_size=2)))
+def test_garbage_is_refused(garbage: bytes) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011, several sentences that nobody sees
+        parse_message(garbage)
+
+
+@pytest.mark.parametrize("parts", ["[[0,9]]", "[[-1,1]]", "[1]", "7", "null", '[["a",1]]', "[[1e999,1]]"])
+def test_parts_that_are_not_there_are_refused(parts: str) -> None:
+    header = f'{{"parts": {parts}}}'.encode()
+    with pytest.raises(ValueError, match="parts|convert|literal"):
+        parse_message(len(header).to_bytes(4, "little") + header)
+
+
+def test_every_message_is_answered_in_order_by_the_latest_settings(open_stream: Any) -> None:
+    stream, socket = open_stream()
+    for number in range(20):
+        socket.send(packed_item({"number": number}, [b"part"]).data)
+        assert next_answer(socket)["number"] == number
+        assert stream.latest == Message({"number": number, "digest": stream.latest.header["digest"]}, [b"part"])
+    stream.answer = lambda message: packed_item({"number": -message.header["number"]}).data
+    socket.send(packed_item({"number": 21}).data)
+    assert next_answer(socket)["number"] == -21
+
+
+def test_a_refused_message_is_answered_with_a_sentence(open_stream: Any) -> None:
+    def refuse(message: Message) -> bytes:
+        raise ValueError("No board.")
+
+    stream, socket = open_stream(refuse)
+    socket.send(packed_item({}).data)
+    assert next_answer(socket)["error"] == "No board."
+    assert stream.latest is None
+
+
+def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: Any) -> None:
+    for first in ("", "x" * 43, b"\0"):
+        with connected(port) as socket:
+            socket.send(first)
+            assert code_of_end(socket) == streams.WRONG_TOKEN
+    for origin in ("http://elsewhere.example", f"http://localhost:{port + 1}", "null"):
+        with pytest.raises(InvalidStatus), connected(port, origin):
+            pass
+    assert not is_own_page({"host": "localhost"})
+    stream, first_socket = open_stream()
+    with connected(port) as second:  # of the same page, in another tab or after a reload
+        second.send(stream.token)
+        second.send(packed_item({"number": 1}).data)
+        assert next_answer(second)["number"] == 1
+        first_socket.send(packed_item({}).data)
+        assert code_of_end(first_socket) == streams.WRONG_TOKEN
+
+
+@pytest.mark.parametrize(
+    ("messages", "code"),
+    [
+        (["text"], streams.MALFORMED),
+        ([b"garbage"], streams.MALFORMED),
+        ([bytes(2 * 2**20)], streams.TOO_LARGE),
+        ([packed_item({}).data] * 50, streams.FLOOD),
+    ],
+)
+def test_a_connection_that_breaks_the_rules_is_closed(messages: list[Any], code: int, open_stream: Any) -> None:
+    def slow(message: Message) -> bytes:
+        time.sleep(0.2)
+        return echo(message)
+
+    with limited(max_live_message_mb=1):
+        _, socket = open_stream(slow)
+        for message in messages:
+            socket.send(message)
+        assert code_of_end(socket) == code
+        _, another = open_stream()
+        another.send(packed_item({"number": 1}).data)
+        assert next_answer(another)["number"] == 1
+
+
+def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(streams, "IDLE_S", 0.5)
+    with limited(max_live_streams=1):
+        _, first = open_stream()
+        first.send(packed_item({"number": 1}).data)
+        assert answer(first) == {"state": "running", "ahead": 0}
+        sockets = [open_stream()[1] for _ in range(streams.QUEUE_PER_PLACE)]
+        for ahead, socket in enumerate(sockets, 1):
+            socket.send(packed_item({"number": ahead}).data)
+            assert answer(socket) == {"state": "waiting", "ahead": ahead}
+        _, one_too_many = open_stream()
+        one_too_many.send(packed_item({}).data)
+        assert code_of_end(one_too_many) == streams.FULL
+        first.close()
+        assert answer(sockets[0]) == {"state": "running", "ahead": 0}
+        assert answer(sockets[0])["number"] == 1
+        # It sends nothing more, and the place goes to the next by itself.
+        assert next_answer(sockets[1])["number"] == 2
+        sockets[2].close()
+        assert next_answer(sockets[3])["number"] == 4
+
+
+def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
+    with limited(max_live_minutes=1):
+        _, socket = open_stream()
+        socket.send(packed_item({}).data)
+        assert code_of_end(socket) == streams.TOO_LONG
+
+
+def as_jpeg(rows: int, cols: int) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (rows, cols, 3), dtype=np.uint8)).save(file, "JPEG")
+    return file.getvalue()
+
+
+def test_frames_are_decoded_within_limits() -> None:
+    assert frame(as_jpeg(30, 40)).shape == (30, 40, 3)
+    small = as_jpeg(8, 8)
+    at = small.index(b"\xff\xc0") + 5
+    bomb = small[:at] + (60_000).to_bytes(2, "big") * 2 + small[at + 4 :]
+    for bad, said in ((bomb, "3,600,000,000 pixels"), (b"\x89PNG", "not a JPEG"), (small[:100], "damaged")):
+        with pytest.raises(ValueError, match=said):
+            frame(bad)
