@@ -113,14 +113,14 @@ def test_a_message_is_read_as_it_was_packed(header: dict[str, Any], parts: list[
 
 @given(st.binary() | st.builds(lambda text: len(text).to_bytes(4, "little") + text, st.binary(min_size=2)))
 def test_garbage_is_refused(garbage: bytes) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011, several sentences that nobody sees
+    with pytest.raises(ValueError):
         parse_message(garbage)
 
 
 @pytest.mark.parametrize("parts", ["[[0,9]]", "[[-1,1]]", "[1]", "7", "null", '[["a",1]]', "[[1e999,1]]"])
 def test_parts_that_are_not_there_are_refused(parts: str) -> None:
     header = f'{{"parts": {parts}}}'.encode()
-    with pytest.raises(ValueError, match="parts|convert|literal"):
+    with pytest.raises(ValueError, match=r"parts|convert|literal"):
         parse_message(len(header).to_bytes(4, "little") + header)
 
 
