@@ -15,7 +15,7 @@ import scipy  # scipy.optimize is loaded only on first use: the quick judgement 
 
 from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.core.jobs import Progress
-from stereolag.geometry.boards import Board, BoardViews, Corners, Pairs, find_boards
+from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
 from stereolag.geometry.rectification import rectification, rectified_calibration
 
@@ -108,13 +108,13 @@ class StereoCalibration:
         return tuple(number for number, pair in enumerate(self.pairs) if pair.left_out is None)
 
 
-def coverage(corners: Sequence[Corners], size: tuple[int, int]) -> float:
-    """Return the share of a picture, 0..1, that the board covered in at least one of the pictures."""
+def covered_cells(corners: Sequence[Corners], size: tuple[int, int]) -> Grey8:
+    """Return which cells of a picture, 1 or 0, the board covered in at least one of the pictures."""
     cells = np.zeros((COVERAGE_CELLS, COVERAGE_CELLS), np.uint8)
     for one in corners:
         places = np.floor(one.points * COVERAGE_CELLS / size).astype(np.int32)
         cv2.fillConvexPoly(cells, cv2.convexHull(places), 1)
-    return float(cells.mean())
+    return cells
 
 
 FEWEST_IN_COMMON = 6
@@ -300,6 +300,9 @@ def _report(
             row_error = float(np.abs(rows[0] - rows[1]).mean())
         errors = fit.errors.get(number, (np.nan, np.nan))
         pairs.append(PairReport(left, right, reason, turned, *errors, row_error))
+    covered = [
+        float(covered_cells([views.both[number][side] for number in fit.used], views.size).mean()) for side in (0, 1)
+    ]
     return StereoCalibration(
         replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms),
         views.board,
@@ -312,8 +315,8 @@ def _report(
                 weights=[len(seen[number].points) for number in fit.used],
             )
         ),
-        coverage([views.both[number][0] for number in fit.used], views.size),
-        coverage([views.both[number][1] for number in fit.used], views.size),
+        covered[0],
+        covered[1],
         focal_error,
     )
 

@@ -20,6 +20,7 @@ from stereolag.core.jobs import Estimate, limits
 from stereolag.core.typography import typesets
 from stereolag.figures.boards import coverage_picture, error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg, png
+from stereolag.geometry.board_samples import ENOUGH_COVERAGE
 from stereolag.geometry.boards import (
     FEWEST_CORNERS,
     GUESSED_FROM,
@@ -528,7 +529,6 @@ def use_kept_calibration() -> Upload[Calibration] | None:
 # Sentences
 
 ENOUGH_PAIRS = 8
-ENOUGH_COVERAGE = 0.6
 SURE_FOCAL = 0.01
 GOOD_ROWS_PX = 0.5
 
