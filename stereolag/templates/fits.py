@@ -130,8 +130,8 @@ class Fit:
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
         self.seen = self.predicted = self.template
         self.variance = 0.0
-        motion, trust = self._aligned(place, blur, posed)
-        self._beside = place.moved(motion)
+        self.motion, trust = self._aligned(place, blur, posed)
+        self._beside = place.moved(self.motion)
         soft, lit, shown = (
             self._flat(blur.softened(one)).astype(np.float64) + mean
             for one in (self.template, self.predicted, self.seen)

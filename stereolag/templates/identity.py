@@ -94,6 +94,9 @@ class Identity:
         Rows of blocks over the template: whether they agree.
     anew
         Where and how the template is drawn anew at another size, if it is.
+    moved
+        Where exactly the place is, beside what was given: px down and right, logarithm of the size, and angle,
+        radians clockwise.
     """
 
     kind: Kind
@@ -102,6 +105,7 @@ class Identity:
     explained: float
     blocks: tuple[tuple[bool, ...], ...]
     anew: Redrawing | None = None
+    moved: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     @property
     def is_template(self) -> bool:
@@ -156,7 +160,7 @@ def identity(
         if anew is not None:
             told = _told(_with_contrast(anew.contrast), anew.contrast, anew.gain, anew.explained, np.ones_like(agrees))
             return replace(told, anew=anew)
-    return _told(kind, fit.contrast, fit.gain, fit.explained, agrees)
+    return replace(_told(kind, fit.contrast, fit.gain, fit.explained, agrees), moved=tuple(map(float, fit.motion)))
 
 
 def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:

@@ -219,7 +219,7 @@ def judged(
             tried = 0
         else:
             tried += 1
-    found = _reliable([(one, looked.identity(one)) for one in copies], max_matches)
+    found = reliable([(one, looked.identity(one)) for one in copies], max_matches)
     if otherwise is not None and not found:
         return otherwise
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
@@ -239,7 +239,7 @@ def judged(
     )
 
 
-def _reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
+def reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
     """Return the copies that can be relied on, best first: those most like the template, if no more than wanted are.
 
     A copy of the template's own contrast comes before a paler one, and that before one that is partly covered.
@@ -339,7 +339,7 @@ class _LookedAt:
         shown = self._shown.get(index)
         if shown is None:
             return match
-        told = {name: value for name, value in vars(shown).items() if name != "anew"}
+        told = {name: value for name, value in vars(shown).items() if name not in ("anew", "moved")}
         if shown.anew is not None:
             tall, wide = warped_shape(self._pattern.shape, shown.anew.size, rotation)
             told |= {"row": max(0, round(shown.anew.row - tall / 2)), "col": max(0, round(shown.anew.col - wide / 2))}
