@@ -15,6 +15,7 @@ from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
+from stereolag.ui.depth.live import LiveCamera, show_live
 from stereolag.ui.depth.maps import (
     choose_maps,
     coloured_alike,
@@ -93,8 +94,11 @@ def workspace(pair: Pair) -> None:
 
 with page("Depth maps"):
     pair = choose_pair()
-    follow_dragged(pair)
-    workspace(pair)
+    if isinstance(pair, LiveCamera):
+        show_live(pair)
+    else:
+        follow_dragged(pair)
+        workspace(pair)
     with st.expander("The source report"):
         prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "

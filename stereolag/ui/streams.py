@@ -102,12 +102,16 @@ _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary
 _mounted: list[BaseRoute] = []
 
 
-def open_stream(name: str, answer: Callable[[Message], bytes]) -> Stream:
-    """Return the visitor's stream of a name, whose messages are answered by `answer` from now on."""
-    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(answer))
-    stream.answer = answer
+def open_stream(name: str, answer: Callable[[Message], bytes] | None = None) -> Stream:
+    """Return the visitor's stream of a name; `answer` answers its messages from now on, if given."""
+    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(_not_ready))
+    stream.answer = answer or stream.answer
     _streams[stream.token] = stream
     return stream
+
+
+def _not_ready(message: Message) -> bytes:
+    raise ValueError("The page is not ready yet.")
 
 
 def routes() -> list[BaseRoute]:

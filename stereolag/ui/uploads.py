@@ -325,6 +325,7 @@ def _note_emptied(key: str) -> None:
 # An example, or own files
 
 OWN = "own"
+LIVE = "live"
 
 GONE = (
     "The files of this page are gone: they stay in the session that they were added in, which ends with a reload, a "
@@ -340,14 +341,17 @@ class Example(Protocol):
         """Return the heading."""
 
 
-def choose(examples: Mapping[str, Example], *, key: str) -> str:
-    """Return the name of the chosen example, or ``OWN``."""
+def choose(examples: Mapping[str, Example], *, key: str, live: str = "") -> str:
+    """Return the name of the chosen example, ``OWN``, or ``LIVE`` if that is offered, under the title `live`."""
+    titles = {name: one.title for name, one in examples.items()} | {OWN: "Your own files"}
+    if live:
+        titles[LIVE] = live
     first_run = f"{key}.gone" not in st.session_state
     chosen = st.segmented_control(
         "Inputs",
-        [*examples, OWN],
+        [*titles],
         default=next(iter(examples)),
-        format_func=lambda name: "Your own files" if name == OWN else examples[name].title,
+        format_func=titles.__getitem__,
         required=True,
         **persistent(key),
         label_visibility="collapsed",
@@ -355,7 +359,7 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
     if first_run:
         # Only an address, or a browser that remembers an earlier session, starts with own files selected.
         st.session_state[f"{key}.gone"] = chosen == OWN
-    if chosen != OWN:
+    if chosen in examples:
         st.session_state[f"{key}.example"] = chosen
     return str(chosen)
 

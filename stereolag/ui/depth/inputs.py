@@ -59,12 +59,14 @@ from stereolag.ui import prose
 from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
+from stereolag.ui.depth.live import LiveCamera
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
 from stereolag.ui.elements import show_note, show_offer, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, remembered
 from stereolag.ui.uploads import (
+    LIVE,
     OWN,
     Upload,
     choose,
@@ -93,6 +95,8 @@ STEP = f"{PAIR}.step"
 RESTORED = f"{PAIR}.restored"
 """Session-state key of the digest of the session restored last."""
 
+LIVE_TITLE = "Live camera"
+
 INTRODUCTION = (
     "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
     " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
@@ -101,8 +105,10 @@ INTRODUCTION = (
 TRY_FIRST = "make the windows smaller or larger; then [ask why](#look-closer) a pixel got its match."
 
 
-def choose_pair() -> Pair:
+def choose_pair() -> Pair | LiveCamera:
     """Ask for the pair and its size; return it ready for matching, and show the changes made to it.
+
+    A live camera has no pair until a frame is frozen.
 
     Settings from the address, or handed over by a part of the page, are set in the controls, which must therefore be
     drawn after this.
@@ -133,7 +139,13 @@ def choose_pair() -> Pair:
         prose.markdown(INTRODUCTION, width=760)
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
-            chosen = choose(examples, key=PAIR)
+            chosen = choose(examples, key=PAIR, live=LIVE_TITLE)
+        if chosen == LIVE:
+            place.markdown(f"**{LIVE_TITLE}**", width="content")
+            more = line.expander("Calibration", icon=":material/add:", width=FOLD_WIDTH)
+            with notes:
+                given = ask_calibration(PAIR, more)
+            return LiveCamera(None if given is None else given.content)
         if chosen == OWN:  # until an example is shown in its place
             place.markdown("**Your own pair**", width="content")
         ask = partial(ask_own_pair, line, notes)

@@ -469,6 +469,11 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, 
     return Picture(name, None, readings, alternative=said)
 
 
+def live_picture(view: DepthView, name: str) -> Picture:
+    """Return the map of a method of a pair that will be another one in a moment: nothing about it is remembered."""
+    return Picture(name, None, _readings(view.results[name], partial(_depth_scale, view, name), digits=1))
+
+
 def _readings(
     result: DisparityMap,
     depth: Callable[[], DepthScale | None] = lambda: None,

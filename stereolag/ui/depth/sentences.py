@@ -491,3 +491,24 @@ def match_verdict(
     if reason is not None:
         said.append(fate_in_words(seen, truth, reason, disparity))
     return " ".join(part for part in said if part)
+
+
+# The live camera
+
+CAMERAS = {
+    "beside": "One camera, both views beside each other",
+    "half-beside": "One camera, beside each other, squeezed",
+    "over-under": "One camera, one view above the other",
+    "half-over-under": "One camera, above each other, squeezed",
+    "two": "Two webcams",
+    "moved": "One webcam, moved by hand",
+}
+
+LIVE_CAMERA_WORDS = {
+    "about": "Start the camera: its maps appear here, and every control acts on the running picture. The rows of both "
+    "views must match: calibrate the cameras, or freeze a frame and let the input doctor rectify it.",
+    "first": "Take the left picture",
+    "again": "Take the left picture again",
+    "skew": "Taken apart by",
+    "oneCamera": "Both views come from the same camera. Choose another one for the right view.",
+}

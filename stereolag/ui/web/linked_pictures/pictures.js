@@ -85,7 +85,11 @@ export class LinkedPictures extends Panel {
   preview(item) {
     const index = this.pictures?.findIndex((one) => one.title === item.title) ?? -1;
     const one = this.pictures?.[index];
-    if (one) this.show(index, item.parts.length ? picture({ ...one, digest: item.digest }, contentOf(item), one.colours) : one);
+    if (!one) return;
+    const shown = item.parts.length ? picture({ ...one, digest: item.digest }, contentOf(item), one.colours) : one;
+    if (item.live) this.pictures[index] = shown; // its values are read under the pointer
+    this.show(index, shown);
+    if (item.live) this.draw();
   }
 
   setMarks(marks) {

@@ -5,12 +5,8 @@ import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
-const LOOK_MS = 5;
-const IDLE_MS = 100;
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
-
-const sleep = (ms) => new Promise((wake) => setTimeout(wake, ms));
 
 // A camera at its full size: without `resizeMode` the browser would scale it down. `key` is the chosen device, if any.
 export async function camera(deviceId = "") {
@@ -45,9 +41,9 @@ export async function devices(kind) {
   }));
 }
 
-// The bytes of a canvas as a JPEG.
+// The bytes of an OffscreenCanvas as a JPEG.
 export async function jpeg(canvas, quality = QUALITY) {
-  const blob = await new Promise((done) => canvas.toBlob(done, "image/jpeg", quality));
+  const blob = await canvas.convertToBlob({ type: "image/jpeg", quality });
   return new Uint8Array(await blob.arrayBuffer());
 }
 
@@ -61,13 +57,13 @@ export class LivePanel extends Panel {
     this.rates = element("span", "rates");
     this.find(".live-bar").prepend(this.toggle, this.light, this.state, this.rates);
     this.gone.signal.addEventListener("abort", () => this.stop());
+    this.wake = () => {}; // has the panel look at once whether there is something to send
     document.addEventListener("visibilitychange", () => this.running && this.showState(), { signal: this.gone.signal });
   }
 
   // To be overridden. Opens the media and returns them with `ended` and `close()`, as camera() does.
-  async open() {
-    return camera();
-  }
+  /** @returns {Promise<any>} */
+  async open() {}
 
   // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new.
   /** @returns {Promise<any>} */
@@ -112,6 +108,7 @@ export class LivePanel extends Panel {
     this.answers = [];
     socket.onopen = () => {
       socket.send(this.data.token);
+      this.showState();
       this.send(run);
     };
     socket.onmessage = ({ data }) => {
@@ -123,6 +120,7 @@ export class LivePanel extends Panel {
       }
       const item = unpacked(new Uint8Array(data));
       this.note(this.sent.shift());
+      this.wake();
       this.fault = item.error;
       this.showState();
       if (!item.error) this.answered(item);
@@ -130,16 +128,22 @@ export class LivePanel extends Panel {
     socket.onclose = ({ code }) => this.running === run && this.stop(String(code) in this.words ? String(code) : "lost");
   }
 
-  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones.
+  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones. It looks for new ones before the
+  // screen is drawn, and so not in a hidden tab.
   async send(run) {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
       if (this.media.ended) return this.stop("unplugged");
-      const message = document.hidden || this.sent.length >= IN_FLIGHT ? null : await this.grab();
+      const message = this.sent.length >= IN_FLIGHT ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
         this.sent.push(message.at ?? performance.now());
         socket.send(packed(message.header ?? {}, message.parts));
-      } else await sleep(document.hidden ? IDLE_MS : LOOK_MS);
+      } else {
+        await new Promise((done) => {
+          this.wake = () => done(0);
+          requestAnimationFrame(done);
+        });
+      }
     }
   }
 

@@ -1,0 +1,84 @@
+"""Cameras that a test plays in the browser, in place of those of the machine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from playwright.sync_api import Page
+
+from stereolag.core.arrays import Rgb
+from stereolag.figures.pictures import data_url, png
+
+SCRIPT = """
+(() => {
+  const cameras = %s;
+  window.fakeMedia = { open: [], refuse: "", frame: 0 };
+  const devices = Object.keys(cameras).map((name) => ({ deviceId: name, kind: "videoinput", label: name }));
+  navigator.mediaDevices.enumerateDevices = async () => devices;
+  const images = new Map();
+  const loaded = async (url) => {
+    if (!images.has(url)) {
+      const image = new Image();
+      image.src = url;
+      await image.decode();
+      images.set(url, image);
+    }
+    return images.get(url);
+  };
+  navigator.mediaDevices.getUserMedia = async ({ video }) => {
+    const media = window.fakeMedia;
+    if (media.refuse) throw new DOMException("refused", media.refuse);
+    const name = video.deviceId?.exact ?? devices[0].deviceId;
+    const frames = await Promise.all(cameras[name].map(loaded));
+    const canvas = document.createElement("canvas");
+    Object.assign(canvas, { width: frames[0].width, height: frames[0].height });
+    const context = canvas.getContext("2d");
+    const stream = canvas.captureStream(30);
+    const [track] = stream.getVideoTracks();
+    track.getSettings = () => ({ deviceId: name, width: canvas.width, height: canvas.height });
+    media.open.push({ name, track });
+    const draw = () => {
+      if (track.readyState === "ended") return;
+      context.drawImage(frames[Math.min(media.frame, frames.length - 1)], 0, 0);
+      requestAnimationFrame(draw);
+    };
+    draw();
+    return stream;
+  };
+})();
+"""
+
+
+def play_cameras(page: Page, **cameras: Sequence[Rgb]) -> None:
+    """Give a page cameras before it is opened: by name, the frames that each shows, number ``fakeMedia.frame`` now."""
+    frames = {name: [data_url(png(one)) for one in shown] for name, shown in cameras.items()}
+    page.add_init_script(SCRIPT % json.dumps(frames))
+
+
+def refuse_cameras(page: Page, error: str) -> None:
+    """Have the browser refuse cameras with an error of this name from now on; "" allows them again."""
+    page.evaluate("(error) => (window.fakeMedia.refuse = error)", error)
+
+
+def unplug_cameras(page: Page) -> None:
+    """End all running cameras, as when they are unplugged."""
+    page.evaluate("window.fakeMedia.open.forEach(({ track }) => track.stop())")
+
+
+def stereo_scene(
+    seed: int, *, near: int, far: int, shape: tuple[int, int] = (240, 320)
+) -> tuple[Rgb, Rgb, npt.NDArray[np.int_]]:
+    """Return both views of a near square before a far wall, and the disparities of the left one, px."""
+    rows, cols = shape
+    generator = np.random.default_rng(seed)
+    wall, square = (generator.integers(0, 256, (rows, cols + 128, 3), dtype=np.uint8).repeat(1, 1) for _ in range(2))
+    truth = np.full(shape, far)
+    inside = slice(rows // 4, 3 * rows // 4), slice(cols // 3, 2 * cols // 3)
+    truth[inside] = near
+    left, right = wall[:, :cols].copy(), wall[:, far : far + cols].copy()
+    left[inside] = square[inside]
+    right[inside[0], inside[1].start - near : inside[1].stop - near] = square[inside]
+    return left, right, truth

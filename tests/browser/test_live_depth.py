@@ -1,0 +1,130 @@
+"""Depth maps of a live camera, played by the test: maps, controls, a frozen frame, and what goes wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereolag.core.arrays import Rgb
+from tests.browser.fake_media import play_cameras, refuse_cameras, stereo_scene, unplug_cameras
+from tests.browser.visits import OpenPage, settled
+
+NEAR, FAR = 30, 9
+LEFT, RIGHT, TRUTH = stereo_scene(7, near=NEAR, far=FAR)
+
+
+@pytest.fixture
+def camera_page(open_page: OpenPage) -> Page:
+    """Open the depth page with a live camera whose views stand beside each other; two others show one view each."""
+    return opened_with(open_page, both=[np.hstack([LEFT, RIGHT])], one=[LEFT], two=[RIGHT])
+
+
+def opened_with(open_page: OpenPage, **cameras: Sequence[Rgb]) -> Page:
+    page = open_page()
+    play_cameras(page, **cameras)
+    page.goto(page.url + "Depth_maps")
+    settled(page)
+    page.locator("summary").filter(has_text="Choose a pair").click()
+    settled(page)
+    page.get_by_role("radio", name="Live camera").click()
+    settled(page)
+    return page
+
+
+def start(page: Page) -> None:
+    page.get_by_role("button", name="Start").click()
+    expect(page.locator(".live .state")).to_have_text("Live")
+
+
+def values_at(page: Page, share: tuple[float, float]) -> list[float]:
+    """Return the disparities of all maps under a point, given as shares of their height and width."""
+    viewport = page.locator(".viewport").first
+    box = viewport.bounding_box()
+    assert box is not None
+    viewport.hover(position={"x": share[1] * box["width"], "y": share[0] * box["height"]})
+    expect(page.locator(".reading").first).to_contain_text("px")
+    texts = page.locator(".reading").all_inner_texts()
+    return [float(found[1]) for text in texts if (found := re.search(r"([\d.]+)\s*px", text))]
+
+
+def choose_camera(page: Page, name: str) -> None:
+    page.locator("[class*=depth-camera-arrangement]").get_by_role("combobox").click()
+    page.get_by_role("option", name=name).click()
+    settled(page)
+
+
+def assert_maps_are_right(page: Page) -> None:
+    expect(page.locator(".viewport")).to_have_count(2)
+    for share, disparity in (((0.5, 0.5), NEAR), ((0.1, 0.8), FAR)):
+        values = values_at(page, share)
+        assert len(values) == 2
+        assert all(abs(value - disparity) < 1 for value in values)
+
+
+def test_a_live_camera_has_maps_that_follow_the_controls_and_becomes_a_pair(camera_page: Page) -> None:
+    page = camera_page
+    start(page)
+    assert_maps_are_right(page)
+    page.get_by_role("spinbutton", name="Disparities searched").fill("16")
+    page.get_by_role("spinbutton", name="Disparities searched").press("Enter")
+    viewport = page.locator(".viewport").first
+    viewport.hover(position={"x": 200, "y": 150})
+    # The square lies beyond the range now: nothing near 30 px is found there any more.
+    expect(page.locator(".reading").first).not_to_contain_text(re.compile(r"(29|30|31)\.\d"))
+    page.get_by_role("button", name="Freeze").click()
+    expect(page.get_by_text("In use: a frame of the camera")).to_be_attached()
+    settled(page)
+    expect(page.get_by_role("heading", name="Look closer")).to_be_attached()
+    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+
+
+def test_two_webcams_are_one_stereo_camera_and_can_be_swapped(camera_page: Page) -> None:
+    page = camera_page
+    choose_camera(page, "Two webcams")
+    start(page)
+    for label, device in (("Camera", "one"), ("Right camera", "two")):
+        page.locator(".live").get_by_role("combobox", name=label, exact=True).select_option(label=device)
+    expect(page.locator(".skew")).to_contain_text("ms")
+    expect(page.locator(".live .state")).to_have_text("Live")
+    assert_maps_are_right(page)
+    page.get_by_role("button", name="Swap left and right").click()
+    expect(page.locator(".live .state")).to_have_text("Live")
+    opened = page.evaluate("fakeMedia.open.filter(({ track }) => track.readyState === 'live').map(({ name }) => name)")
+    assert opened == ["two", "one"]
+
+
+def test_one_webcam_moved_by_hand_makes_a_pair(open_page: OpenPage) -> None:
+    page = opened_with(open_page, hand=[LEFT, RIGHT])
+    choose_camera(page, "One webcam, moved by hand")
+    start(page)
+    page.get_by_role("button", name="Take the left picture").click()
+    page.evaluate("fakeMedia.frame = 1")
+    assert_maps_are_right(page)
+    page.get_by_role("button", name="Freeze").click()
+    expect(page.get_by_text("In use: a frame of the camera")).to_be_attached()
+    settled(page)
+
+
+def test_every_failure_of_a_camera_has_its_own_sentence(camera_page: Page) -> None:
+    page = camera_page
+    state = page.locator(".live .state")
+    sentences = set()
+    for error in ("NotAllowedError", "NotFoundError", "NotReadableError", "OverconstrainedError", "AbortError"):
+        refuse_cameras(page, error)
+        page.get_by_role("button", name="Start").click()
+        expect(state).not_to_contain_text("before you start")
+        sentences.add(state.inner_text())
+        expect(page.locator(".live.on")).to_have_count(0)
+    assert len(sentences) == 5
+    refuse_cameras(page, "")
+    start(page)
+    unplug_cameras(page)
+    expect(state).to_contain_text("was unplugged")
+    page.get_by_role("button", name="Start").click()
+    expect(state).to_have_text("Live")
+    page.get_by_role("button", name="Stop").click()
+    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
