@@ -1,0 +1,67 @@
+"""The lag of two channels while they are heard: found, followed when the source moves, and silence is no lag."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from benchmarks.verdict import drifting
+from stereolag.signals.listening import Listening
+
+RATE = 16_000
+PIECE = RATE // 5
+
+
+def heard(lags: npt.NDArray[np.int_], *, noise: float = 0.3, seed: int = 1) -> npt.NDArray[np.int16]:
+    """Return (2, N) samples of one sound, in channel 2 later by the lag of each sample, in noise of each channel."""
+    random = np.random.default_rng(seed)
+    sound = random.standard_normal(lags.size + 200)
+    places = 100 + np.arange(lags.size)
+    both = np.stack([sound[places], sound[places - lags]]) + noise * random.standard_normal((2, lags.size))
+    return (3000 * both).clip(-32_768, 32_767).astype(np.int16)
+
+
+def test_a_lag_is_found_and_followed_when_the_source_moves() -> None:
+    both = heard(np.repeat([37, -21], 3 * RATE))
+    listening = Listening(RATE)
+    found = []
+    for start in range(0, both.shape[1], PIECE):
+        listening.add(both[:, start : start + PIECE])
+        one = listening.measured(speed=333.0, max_lag=400)
+        found.append(one.lag_now)
+        assert one.result is not None
+        assert one.silent == ()
+    assert listening.samples.shape == (2, 2 * RATE)
+    np.testing.assert_allclose(found[:15], 37, atol=0.1)
+    # While the seconds kept hold little of the new lag, the old one may stand; any other is never called sure.
+    assert all(np.isnan(lag) or min(abs(lag - 37), abs(lag + 21)) < 0.1 for lag in found)
+    np.testing.assert_allclose(found[19:], -21, atol=0.1)  # four pieces, 0.8 s later
+
+
+def test_two_clocks_are_told_from_one() -> None:
+    listening = Listening(RATE)
+    listening.add((1000 * np.stack(drifting(2 * RATE, 40, 150, 0.2, 3))[:, : 2 * RATE]).astype(np.int16))
+    one = listening.measured(speed=333.0)
+    assert one.result is not None
+    assert one.result.judgement.reason == "drift"
+    assert one.result.drift_ppm == pytest.approx(150, abs=15)
+    assert one.lag_now == pytest.approx(one.result.lag_at(2.0), abs=0.5)
+
+
+def test_silence_one_channel_alone_and_unrelated_noise_are_no_lag() -> None:
+    listening = Listening(RATE)
+    assert listening.measured(speed=333.0).silent == (1, 2)
+    both = heard(np.full(PIECE, 5))
+    quiet = both // 3000
+    for piece, silent, alike in (
+        (quiet, (1, 2), False),
+        (np.stack([both[0], quiet[0]]), (2,), False),
+        (np.stack([both[0], both[0]]), (), True),
+        (np.stack([both[0], heard(np.full(PIECE, 5), seed=2)[1]]), (), False),
+    ):
+        listening = Listening(RATE)
+        listening.add(piece.astype(np.int16))
+        one = listening.measured(speed=333.0)
+        assert (one.silent, one.alike) == (silent, alike)
+        assert np.isnan(one.lag_now)
