@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from stereolag.signals.lag import SignalLag, signal_lag
 KEPT_S = 2.0
 """Seconds of sound that are kept and measured."""
 
-SILENT_DB = -60.0
+SILENT_DB = -70.0
 """Level below which a channel is silent, decibels of full scale: a quiet room through a microphone without gain."""
 
 FULL_SCALE = 32_768.0
@@ -67,7 +68,7 @@ class Listening:
     """
 
     def __init__(self, sampling_rate: float) -> None:
-        self.sampling_rate = sampling_rate
+        self.sampling_rate = float(sampling_rate)
         self.most = round(KEPT_S * sampling_rate)
         self.samples: npt.NDArray[np.int16] = np.zeros((2, 0), dtype=np.int16)
         """(2, N) the samples kept, the newest last."""
@@ -104,4 +105,4 @@ class Listening:
 
 def _level(signal: Vector) -> float:
     power = float(np.var(signal)) if signal.size else 0.0
-    return 10 * np.log10(max(power, 1 / FULL_SCALE**2 / 100))
+    return 10 * math.log10(max(power, 0.01 / FULL_SCALE**2))

@@ -145,12 +145,12 @@ class Choice(NamedTuple):
     allowed: list[str]
 
 
-def example_choice(key: str, examples: Mapping[str, object]) -> Choice:
-    """Return the choice of an example or of own files.
+def example_choice(key: str, examples: Mapping[str, object], *others: str) -> Choice:
+    """Return the choice of an example, of own files or of `others`.
 
     An address does not include the files, but it must not apply their settings to an example.
     """
-    return Choice(key, [*examples, OWN])
+    return Choice(key, [*examples, OWN, *others])
 
 
 def new_parameters(written: str) -> dict[str, str] | None:
@@ -277,3 +277,7 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     def write(self, settings: SettingsT, inputs: InputsT) -> None:
         """Write the choices and settings that differ from their initial values into the address."""
         write_parameters(self.written, chosen(self.choices()) | parameters_of(settings, self.first(inputs)))
+
+    def write_choices(self) -> None:
+        """Write the choices alone, while there are no inputs yet."""
+        write_parameters(self.written, chosen(self.choices()))

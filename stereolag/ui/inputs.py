@@ -22,10 +22,12 @@ from stereolag.ui import prose
 from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import show_player
-from stereolag.ui.lag.sentences import own_facts, upload_limits
-from stereolag.ui.navigation import head
+from stereolag.ui.lag.live import listen
+from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_RECORDINGS, own_facts, upload_limits
+from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import (
+    LIVE,
     OWN,
     Upload,
     choose,
@@ -63,11 +65,24 @@ class RecordingPair:
 def choose_recordings() -> RecordingPair:
     """Ask which recordings to compare."""
     examples = samples.recordings()
-    with head("Sensor lag", "drag the cut to where it fits; then take the harbour, or *Fool it*."):
-        chosen = choose(examples, key=RECORDINGS)
+    with head("Sensor lag"):
+        chosen = choose(examples, key=RECORDINGS, live="Live microphones")
+        show_try_first(TRY_LISTENING if chosen == LIVE else TRY_RECORDINGS)
+    if chosen == LIVE:
+        return _live_recordings()
     return own_or_example(
         chosen, _own_recordings, example_recordings, examples, key=RECORDINGS, awaited="your recordings are"
     )
+
+
+def _live_recordings() -> RecordingPair:
+    """Listen to the visitor's microphones; return what was frozen, and stop the page here while nothing was."""
+    frozen = listen()
+    if frozen is None:
+        LAG_ADDRESS.write_choices()
+        st.stop()
+    digest = f"{frozen.digest} 1 {frozen.digest} 2"  # as of a file of two channels
+    return _pair(frozen, 1, frozen, 2, digest)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -363,7 +378,7 @@ def _check_search(search: LagSearch, pair: RecordingPair) -> None:
 
 LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
     "lag.address",
-    lambda: {"recordings": example_choice(RECORDINGS, samples.recordings())},
+    lambda: {"recordings": example_choice(RECORDINGS, samples.recordings(), LIVE)},
     _first_search,
     _lag_key,
     _check_search,

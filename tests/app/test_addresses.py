@@ -16,7 +16,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.inputs import LAG_ADDRESS, TEMPLATE_ADDRESS
-from stereolag.ui.uploads import OWN
+from stereolag.ui.uploads import LIVE, OWN
 
 FIRST = CorrelationMatcher(search=SearchArea.rectified(64))
 
@@ -101,5 +101,5 @@ def test_no_address_does_harm(kind: type[StereoMatcher], parameters: dict[str, s
 
 
 def test_an_address_names_every_example() -> None:
-    assert LAG_ADDRESS.choices()["recordings"].allowed == [*samples.recordings(), OWN]
+    assert LAG_ADDRESS.choices()["recordings"].allowed == [*samples.recordings(), OWN, LIVE]
     assert TEMPLATE_ADDRESS.choices()["picture"].allowed == [*samples.mazes(), OWN]

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
-import { branch } from "../../stereolag/ui/web/plan/plan.js";
+import { branch } from "../../stereolag/ui/web/shared/hyperbola.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { gapped, runsOf } from "../../stereolag/ui/web/shared/dom.js";
 import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";

@@ -17,12 +17,12 @@ from stereolag import samples
 from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch
 from stereolag.core.settings import Bounds
-from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.signals import SignalLag, by_hand, phasors, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.inputs import RecordingPair, example_recordings
+from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.result import show_curve
 from stereolag.ui.lag.sentences import (
     DISTURBANCE_EXAMPLES,
@@ -41,8 +41,6 @@ from stereolag.ui.lag.sentences import (
 )
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import remembered
-
-COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
 
 _sliding, _disturbances, _phasors, _plan = map(component, ("sliding", "disturbances", "phasors", "plan"))
 

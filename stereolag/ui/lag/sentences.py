@@ -14,11 +14,12 @@ from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
 from stereolag.figures.recordings import band_of_chance
-from stereolag.figures.verdicts import MOST_NAMED, together
+from stereolag.figures.verdicts import MOST_NAMED, together, verdict_in_words
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances, Slide
+from stereolag.signals.listening import Heard
 from stereolag.signals.over_time import LagOverTime
 from stereolag.ui.sentences import duration
 
@@ -526,3 +527,55 @@ def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
     peak = min(lags[heights > heights.max() - _EQUAL], key=abs)
     said = _FOUND if abs(peak - phasors.LAG) <= 0.5 else _MISSED
     return said.format(typeset(f"{peak:g}"))
+
+
+# Microphones heard live
+
+TRY_RECORDINGS: Final = "drag the cut to where it fits; then take the harbour, or *Fool it*."
+TRY_LISTENING: Final = "clap your hands on the left, then on the right, and watch the needle."
+
+LISTENING_WORDS: Final[dict[str, str]] = {
+    "start": "Listen",
+    "off": "Two microphones, or one with two channels: nothing is recorded or sent before you start.",
+    "freeze": "Freeze these 2 s",
+    "frozen": "Frozen, see below: freeze again",
+    "sensor": "Sensor {number}",
+    "same": "Channel 2 of the same device",
+    "samples": "samples",
+    "apart": "Sensors apart",
+}
+
+_HEARD: Final = {
+    "silent": "It is quiet: clap your hands.",
+    "one silent": "Only sensor {other} hears something: sensor {silent} is silent.",
+    "alike": "One channel only: both have the same samples, so there is one microphone behind them. Choose a second "
+    "device for sensor 2.",
+    "few": "Listening …",
+    "moved": "The source moves: the lag was {before:,.0f} samples and is {now:,.0f} now.",
+}
+
+_TWO_CLOCKS = {
+    False: "Two devices start at different moments, so the lag holds their delays too: no metres.",
+    True: "Two devices have two clocks, and these run apart.",
+}
+
+
+@typesets
+def heard_now_in_words(heard: Heard, devices: int) -> str:
+    """Return what is heard live by two channels of one device, or of two: which sensor is later, or why none is."""
+    result = heard.result
+    if result is None:
+        if len(heard.silent) == 1:
+            (silent,) = heard.silent
+            return _HEARD["one silent"].format(silent=silent, other=3 - silent)
+        return _HEARD["alike" if heard.alike else "silent" if heard.silent else "few"]
+    said = verdict_in_words(result).replace("**", "")
+    if result.verdict != "sure":
+        return said
+    over_time = result.over_time if result.over_time is not None and result.over_time.shows else None
+    if devices == 1:
+        return said if over_time is None else _HEARD["moved"].format(before=over_time.start, now=over_time.end)
+    if over_time is None:
+        sensor = 2 if heard.lag_now >= 0 else 1
+        said = f"Sensor {sensor} hears it {abs(heard.lag_now):,.1f} samples later."
+    return f"{said} {_TWO_CLOCKS[over_time is not None]}"

@@ -1,6 +1,7 @@
 // A plan of both sensors and a draggable source, which shows the places that give the same lag.
 
 import { button, line, say, shareOf, sized } from "../shared/dom.js";
+import { branch, pathDifference, pathTo } from "../shared/hyperbola.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, onDrag, onKey, Panel, show } from "../shared/panel.js";
 
@@ -111,22 +112,4 @@ class Plan extends Panel {
     const same = data.difference !== null && Math.abs(difference - data.difference) < 0.02 * apart;
     say(this.find(".said"), same ? `${words} This is your lag.` : words);
   }
-}
-
-// Two sensors on the line y = 0, `apart` metres apart and centred on 0, and a source anywhere.
-
-/** @type {(source: number[], sensor: number) => number} */
-const pathTo = ([x, y], sensor) => Math.hypot(x - sensor, y);
-
-// How much longer the path to sensor 2 is than the path to sensor 1, metres.
-const pathDifference = (source, apart) => pathTo(source, apart / 2) - pathTo(source, -apart / 2);
-
-// Points of the branch of the hyperbola of all sources with this path difference, up to `reach` from the middle.
-export function branch(difference, apart, reach) {
-  const a = Math.min(Math.abs(difference), apart) / 2;
-  const b = Math.sqrt(Math.max(0, (apart / 2) ** 2 - a ** 2));
-  const side = difference > 0 ? -1 : 1; // nearer to sensor 1 if the path to sensor 2 is longer
-  const far = Math.acosh(Math.max(1, (2 * reach) / apart)) + 2;
-  const along = Array.from({ length: 121 }, (_, step) => (far * (step - 60)) / 60);
-  return along.map((t) => [side * a * Math.cosh(t), b * Math.sinh(t)]);
 }

@@ -1,0 +1,134 @@
+"""Live microphones in Chromium, their media made on the page from a seed: found, followed, frozen, and every end."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import Page, expect
+
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
+
+FAKE_MICROPHONES = """
+() => {
+  const SECONDS = 4;
+  const fake = (window.fake = { lag: 37, level: 0.2, channels: 2, asked: [], streams: [] });
+  const noise = (size) => {
+    let state = 7;
+    return Float32Array.from({ length: size }, () => (state = (Math.imul(state, 1664525) + 1013904223) | 0) / 2 ** 31);
+  };
+  fake.play = (one) => {
+    const { context, destination } = one;
+    const size = SECONDS * context.sampleRate;
+    const buffer = context.createBuffer(2, size, context.sampleRate);
+    const sound = noise(size);
+    for (let at = 0; at < size; at++) {
+      buffer.getChannelData(0)[at] = fake.level * sound[at];
+      buffer.getChannelData(1)[at] = fake.level * sound[(at - fake.lag + size) % size];
+    }
+    one.playing?.stop();
+    one.playing = Object.assign(context.createBufferSource(), { buffer, loop: true });
+    one.playing.connect(destination);
+    one.playing.start();
+  };
+  fake.change = (changes) => {
+    Object.assign(fake, changes);
+    fake.streams.forEach(fake.play);
+  };
+  navigator.mediaDevices.getUserMedia = async ({ audio }) => {
+    fake.asked.push(audio);
+    if (fake.refused) throw new DOMException("refused", fake.refused);
+    const context = new AudioContext();
+    const destination = new MediaStreamAudioDestinationNode(context, { channelCount: fake.channels });
+    const one = { context, destination };
+    fake.streams.push(one);
+    fake.play(one);
+    return destination.stream;
+  };
+  navigator.mediaDevices.enumerateDevices = async () =>
+    ["One", "Two"].map((label) => ({ kind: "audioinput", deviceId: label.toLowerCase(), label, groupId: "" }));
+}
+"""
+
+
+def listening_page(open_page: OpenPage) -> Page:
+    """Return the page with the live microphones, which are not switched on yet."""
+    page = open_page("Sensor_lag?recordings=live")
+    expect(page.locator(".listening .live-bar .state")).to_contain_text("nothing is recorded or sent")
+    page.evaluate(FAKE_MICROPHONES)
+    return page
+
+
+def change(page: Page, **changes: object) -> None:
+    page.evaluate("changes => fake.change(changes)", changes)
+
+
+def test_a_lag_is_found_followed_and_frozen(open_page: OpenPage) -> None:
+    page = listening_page(open_page)
+    lag, said = page.locator(".listening .lag"), page.locator(".listening .said")
+    freeze = page.get_by_role("button", name="Freeze")
+    expect(freeze).to_be_hidden()
+    expect(page.locator("h2")).to_have_count(0)
+    page.get_by_role("button", name="Listen", exact=True).click()
+    expect(lag).to_have_text("37 samples")
+    expect(said).to_contain_text("after sensor 1: its path is")
+    expect(page.locator(".listening")).to_have_class(re.compile(r"\bon\b"))
+    asked = page.evaluate("fake.asked")
+    off = {"echoCancellation": False, "noiseSuppression": False, "autoGainControl": False}
+    assert asked == [off | {"channelCount": {"ideal": 2}}]
+    needle = page.locator(".listening .needle")
+    before = needle.get_attribute("d")
+
+    change(page, lag=-21)
+    expect(lag).to_have_text("−21 samples")
+    expect(said).to_contain_text("Sensor 1 hears it")  # and the old lag is forgotten
+    assert needle.get_attribute("d") != before
+
+    page.get_by_role("spinbutton", name="Speed of the wave").fill("666")
+    page.keyboard.press("Enter")
+    expect(said).to_contain_text(re.compile(r"path is 0\.(32|29)\sm longer"))  # at 44.1 or 48 kHz
+    assert len(page.evaluate("fake.asked")) == 1
+
+    freeze.click()
+    expect_visible(page.get_by_role("heading", name=re.compile(r"21\.00 ± 0\.01 samples\) after sensor 2")))
+    expect_visible(page.get_by_role("tab", name="Take away"))
+    expect(page.get_by_text("channel 2 of 2")).to_have_count(1)
+    expect(page.locator(".listening")).to_have_class(re.compile(r"\bon\b"))  # still listening
+    page.locator(".listening").get_by_role("button", name="Stop").click()
+    expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))
+    assert page.evaluate(
+        "fake.streams.every(({ destination }) => destination.stream.getTracks()[0].readyState === 'ended')"
+    )
+    settled(page)
+    screenshot(page, "sensor-lag-live")
+    turned_dark(page, width=390)
+    expect_fitting(page, 390)
+    screenshot(page, "sensor-lag-live-phone")
+
+
+def test_what_cannot_be_heard_has_its_own_sentence(open_page: OpenPage) -> None:
+    page = listening_page(open_page)
+    state, said = page.locator(".listening .state"), page.locator(".listening .said")
+    listen = page.get_by_role("button", name="Listen", exact=True)
+    for refused, sentence in (
+        ("NotAllowedError", "does not allow it"),
+        ("NotReadableError", "in use by another program"),
+    ):
+        page.evaluate("refused => { fake.refused = refused; }", refused)
+        listen.click()
+        expect(state).to_contain_text(sentence)
+    page.evaluate("fake.refused = ''; fake.channels = 1")
+    listen.click()
+    expect(said).to_contain_text("One channel only")
+    change(page, level=0)
+    expect(said).to_contain_text("It is quiet")
+
+    page.evaluate("fake.channels = 2")
+    change(page, level=0.2)
+    page.get_by_label("Sensor 2").select_option("two")
+    expect(said).to_contain_text("Two devices")
+    expect(page.locator(".listening svg")).to_be_hidden()
+    assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
+
+    page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
+    expect(state).to_contain_text("unplugged")
+    expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))
