@@ -81,8 +81,9 @@ def _live_recordings() -> RecordingPair:
     if frozen is None:
         LAG_ADDRESS.write_choices()
         st.stop()
-    digest = f"{frozen.digest} 1 {frozen.digest} 2"  # as of a file of two channels
-    return _pair(frozen, 1, frozen, 2, digest)
+    file = frozen.file
+    pair = _pair(file, 1, file, 2, f"{file.digest} 1 {file.digest} 2")
+    return pair if frozen.speed == LagSearch().speed else replace(pair, speed=frozen.speed)
 
 
 @st.cache_resource(show_spinner="Loading the example …")

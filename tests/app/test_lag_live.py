@@ -11,8 +11,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from benchmarks.verdict import drifting, unrelated
-from stereolag.signals.listening import Listening
-from stereolag.ui.lag.live import FROZEN, Ear, answer, frozen
+from stereolag.ui.lag.live import Ear, answer
 from stereolag.ui.streams import Message
 from tests.app.pages import LAG, address, lag_found
 from tests.packed import unpacked
@@ -91,14 +90,18 @@ def test_what_is_frozen_becomes_the_recordings_of_the_page(open_page: Callable[.
     app = open_page(LAG, {"recordings": "live"})
     assert not app.header
     assert address(app) == {"recordings": "live"}
-    listening = Listening(RATE)
-    listening.add(STEADY)
-    app.session_state[FROZEN] = frozen(listening)
+    ear = app.session_state["lag.live.ear"]
+    assert "frozen" not in told(STEADY, ear=ear)
+    assert ear.frozen is None
+    assert told(STEADY, ear=ear, freeze=7)["frozen"] == 7
+    told(STEADY[:, ::-1], ear=ear)  # what is heard before the page runs again is no part of it
     app.run()
     assert lag_found(app) == 40
     assert app.tabs[-1].label == "Take away"
     assert "32,000 samples, 16,000 Hz, channel 2 of 2" in "\n".join(one.value for one in app.caption).replace(
         "\xa0", " "
     )
-    app.number_input(key=f"lag.max.{frozen(listening).digest} 1 {frozen(listening).digest} 2").set_value(100).run()
+    digest = ear.frozen.file.digest
+    assert app.number_input(key=f"lag.speed.{digest} 1 {digest} 2").value == 340
+    app.number_input(key=f"lag.max.{digest} 1 {digest} 2").set_value(100).run()
     assert address(app) == {"recordings": "live", "max_lag": "100"}

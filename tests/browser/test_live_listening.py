@@ -6,6 +6,7 @@ import re
 
 from playwright.sync_api import Page, expect
 
+from tests.browser.axe import check
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
 
 FAKE_MICROPHONES = """
@@ -129,6 +130,7 @@ def test_what_cannot_be_heard_has_its_own_sentence(open_page: OpenPage) -> None:
     expect(page.locator(".listening svg")).to_be_hidden()
     assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
 
+    check(page, "sensor-lag-live", only="[data-testid=stMain]")
     page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
     expect(state).to_contain_text("unplugged")
     expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,25 +23,46 @@ from stereolag.ui.uploads import Upload
 RATES = (3_000, 384_000)
 """Lowest and highest sampling rate of a browser's audio, samples per second."""
 
-FROZEN = "lag.live.frozen"
-"""Session-state key of what was frozen last."""
-
 _listening = component("listening")
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """A recording of two channels as if from a file, and the speed of the wave that the visitor set, m/s."""
+
+    file: Upload[Recording]
+    speed: float
 
 
 @dataclass
 class Ear:
-    """What is heard of one visitor's microphones; `begun` identifies the time they were switched on."""
+    """What is heard of one visitor's microphones.
 
-    begun: object = None
+    Attributes
+    ----------
+    listening
+        The last seconds.
+    begun
+        Identifies when the microphones were switched on.
+    frozen
+        What was heard when the visitor asked for it to be kept, and the speed of the wave then.
+    """
+
     listening: Listening | None = None
+    begun: object = None
+    frozen: Frozen | None = None
 
 
-def listen() -> Upload[Recording] | None:
+def listen() -> Frozen | None:
     """Draw the panel that listens, and return the two seconds that were frozen last, if any."""
     _panel()
-    frozen: Upload[Recording] | None = st.session_state.get(FROZEN)
-    return frozen
+    return ear_of_visitor().frozen
+
+
+def ear_of_visitor() -> Ear:
+    """Return what is heard of the microphones of this session."""
+    ear: Ear = st.session_state.setdefault("lag.live.ear", Ear())
+    return ear
 
 
 @fragment
@@ -53,7 +73,7 @@ def _panel() -> None:
         speed = control(LagSearch, "speed", key="lag.live.speed")
     with settings.container(width=HALF_WIDTH):
         max_lag = control(LagSearch, "max_lag", key="lag.live.max", when_empty="every lag")
-    ear: Ear = st.session_state.setdefault("lag.live.ear", Ear())
+    ear = ear_of_visitor()
     stream = open_stream("lag", lambda message: answer(ear, message, speed=speed, max_lag=max_lag))
     address = stream.address()
     with panel:
@@ -62,9 +82,8 @@ def _panel() -> None:
             data=address | {"words": address["words"] | LISTENING_WORDS, "colours": COLOURS},
             on_freeze_change=lambda: None,
         )
-    if found.freeze and ear.listening is not None and ear.listening.samples.size:
-        st.session_state[FROZEN] = frozen(ear.listening)
-        st.rerun()
+    if found.freeze:
+        st.rerun()  # the page now has the recording that the ear keeps
 
 
 def answer(ear: Ear, message: Message, *, speed: float, max_lag: int | None) -> bytes:
@@ -75,7 +94,7 @@ def answer(ear: Ear, message: Message, *, speed: float, max_lag: int | None) -> 
     ValueError
         A message without a piece of two channels.
     """
-    rate, devices, begun = (message.header.get(name) for name in ("rate", "devices", "begun"))
+    rate, devices, begun, freeze = (message.header.get(name) for name in ("rate", "devices", "begun", "freeze"))
     sizes = {len(part) for part in message.parts}
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not RATES[0] <= rate <= RATES[1]:
         raise ValueError(f"The sampling rate is {rate!r} Hz; it must be from {RATES[0]:,} to {RATES[1]:,} Hz.")
@@ -86,11 +105,14 @@ def answer(ear: Ear, message: Message, *, speed: float, max_lag: int | None) -> 
         listening = Listening(rate)
     listening.add(np.stack([np.frombuffer(part, "<i2") for part in message.parts]))
     ear.listening, ear.begun = listening, begun
+    if freeze:
+        ear.frozen = Frozen(frozen(listening), speed)
     heard = listening.measured(speed=speed, max_lag=max_lag)
-    return packed_item(_shown(heard, rate, speed, 2 if devices == 2 else 1)).data
+    shown = _shown(heard, rate, speed, 2 if devices == 2 else 1)
+    return packed_item(shown | ({"frozen": freeze} if freeze else {})).data
 
 
-def _shown(heard: Heard, rate: float, speed: float, devices: int) -> Mapping[str, Any]:
+def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
     lag = heard.lag_now
     sure = not np.isnan(lag)
     return {

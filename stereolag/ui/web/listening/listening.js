@@ -44,7 +44,8 @@ class Listening extends LivePanel {
       this.choices[number - 1].setAttribute("aria-label", name);
       const level = element("i");
       level.style.background = colours[`sensor-${number}`];
-      return [element("span", "", name), element("div", "level", level), element("canvas")];
+      const canvas = described(element("canvas"), { "aria-hidden": true });
+      return [element("span", "", name), element("div", "level", level), canvas];
     });
     this.find(".heard").replaceChildren(...rows);
     this.canvases = this.findAll("canvas");
@@ -66,10 +67,10 @@ class Listening extends LivePanel {
     });
   }
 
-  // Asks the server for what it has heard as a recording of the page.
+  // Asks the server to keep what is heard now; once it has, the page takes it as its recordings.
   keep() {
     this.freeze.textContent = this.data.words.frozen;
-    this.trigger("freeze", Date.now());
+    this.asked = Date.now();
   }
 
   changed() {
@@ -118,7 +119,7 @@ class Listening extends LivePanel {
     this.most = Math.ceil(kept / COLUMN);
     this.columns.splice(0, this.columns.length - this.most);
     block.forEach((samples, at) => {
-      const decibels = 10 * Math.log10(samples.reduce((sum, one) => sum + one * one, 1) / length / 32768 ** 2);
+      const decibels = 10 * Math.log10(samples.reduce((sum, one) => sum + one ** 2, 1) / length / 32768 ** 2);
       this.levels[at].style.width = `${100 * clamp(1 - decibels / LOWEST_DB, 0, 1)}%`;
     });
     this.schedule();
@@ -130,17 +131,20 @@ class Listening extends LivePanel {
     if (count < PIECE_S * rate) return null;
     const parts = joined(this.collected, Math.round(KEPT_S * rate));
     this.collected = [];
-    return { header: { rate, devices: this.devices, begun: this.begun }, parts };
+    const header = { rate, devices: this.devices, begun: this.begun, freeze: this.asked };
+    this.asked = undefined;
+    return { header, parts };
   }
 
   // Shows a lag and where it points; one that is no longer heard stays, faint.
-  answered({ sure, lag, difference, said }) {
+  answered({ sure, lag, difference, said, frozen }) {
     this.freeze.hidden = false;
+    if (frozen) this.trigger("freeze", frozen);
     say(this.find(".said"), said);
     this.find(".place").hidden = this.devices > 1;
     if (!sure) return this.showOld();
-    this.find(".lag output").textContent = lag;
-    this.find(".lag span").textContent = this.data.words.samples;
+    this.find(".lag .number").textContent = lag;
+    this.find(".lag .number + span").textContent = this.data.words.samples;
     this.difference = difference;
     this.showOld(false);
     this.point();
