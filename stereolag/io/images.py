@@ -31,7 +31,6 @@ from PIL.PngImagePlugin import PngImageFile
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from PIL.WebPImagePlugin import WebPImageFile
 
-from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.core.jobs import limits
 from stereolag.io.sources import (
@@ -135,8 +134,8 @@ def read_frame(source: Source, number: int = 1) -> Frame:
     return Frame(np.ascontiguousarray(pixels), number, count)
 
 
-def read_camera_frame(data: bytes, most_pixels: int) -> Rgb:
-    """Read a JPEG that a browser made of a camera's frame, (rows, cols, 3) uint8; ValueError for anything else."""
+def read_camera_frame(data: bytes, most_pixels: int, *, grey: bool = False) -> Image:
+    """Read a JPEG that a browser made of a camera's frame, uint8 RGB or grey; ValueError for anything else."""
     if not data.startswith(_DECODERS["JPEG"][0]):
         raise ValueError("The frame is not a JPEG.")
     try:
@@ -145,10 +144,11 @@ def read_camera_frame(data: bytes, most_pixels: int) -> Rgb:
         raise ValueError("The frame is damaged.") from error
     if rows * cols > most_pixels:
         raise ValueError(f"The frame has {rows * cols:,} pixels; live frames may have {most_pixels:,}.")
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+    colours = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), colours | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise ValueError("The frame is damaged.")
-    return pixels.astype(np.uint8, copy=False)
+    return pixels
 
 
 def _check_frame(number: int, count: int) -> None:

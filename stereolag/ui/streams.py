@@ -25,7 +25,7 @@ import streamlit as st
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_camera_frame
@@ -120,15 +120,15 @@ def routes() -> list[BaseRoute]:
     return _mounted
 
 
-def frame(jpeg: bytes) -> Rgb:
-    """Return a frame that a camera's browser sent: (rows, cols, 3) uint8.
+def frame(jpeg: bytes, *, grey: bool = False) -> Image:
+    """Return a frame that a camera's browser sent: (rows, cols, 3) uint8, or (rows, cols) if `grey`, which is faster.
 
     Raises
     ------
     ValueError
         Not a JPEG, or one of more pixels than a live frame may have.
     """
-    return guarded(read_camera_frame)(jpeg, limits().max_live_megapixels * 1_000_000)
+    return guarded(read_camera_frame)(jpeg, limits().max_live_megapixels * 1_000_000, grey=grey)
 
 
 class Places:

@@ -118,6 +118,10 @@ def choose_pair() -> Pair | LiveCamera:
     awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
         st.session_state[FOLD] = awaited
+    live = st.session_state.get(PAIR) == LIVE
+    if live and st.session_state.get(f"{PAIR}.live") is False:  # it needs no files: its maps have the room
+        st.session_state[FOLD] = False
+    st.session_state[f"{PAIR}.live"] = live
     with head("Depth maps") as line:
         place = st.empty()
         # Changing the label would redraw the expander and take the keyboard focus from the controls inside.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import streamlit as st
@@ -41,7 +41,48 @@ CAMERA = "depth.camera"
 WIDTHS = {"320 px": 320, "480 px": 480, "640 px": 640, "Full": 100_000}
 FIRST_WIDTH = "640 px"
 
+
+class Camera(NamedTuple):
+    """How both views come: one of `CAMERAS`, whether the right one is first, and the largest width of each, px."""
+
+    arrangement: str
+    crossed: bool
+    width: int
+
+    def views(self, picture: Image) -> tuple[Image, Image]:
+        """Return both views in a picture that the browser sent."""
+        # Two cameras are sent beside each other, as both pictures of one moved by hand are.
+        layout = Layout.BESIDE if self.arrangement in ("two", "moved") else Layout(self.arrangement)
+        return views(picture, layout, crossed=self.crossed)
+
+
+def ask_camera(key: str) -> Camera:
+    """Ask how both views come from a camera or two; `key` is the prefix of the controls' keys."""
+    arrangement = st.selectbox(
+        "Camera", [*CAMERAS], format_func=CAMERAS.__getitem__, **persistent(f"{key}.arrangement")
+    )
+    crossed = st.toggle("The right view comes first", **persistent(f"{key}.crossed"))
+    width = st.segmented_control(
+        "Width of a view", [*WIDTHS], default=FIRST_WIDTH, required=True, **persistent(f"{key}.width")
+    )
+    return Camera(arrangement, crossed, WIDTHS[width])
+
+
 _stereo_camera = component("stereo_camera")
+
+
+def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
+    """Draw the component of a stereo camera, which sends its frames to a stream: all of them, or those it records."""
+    address = stream.address()
+    data = {
+        **address,
+        "words": address["words"] | LIVE_CAMERA_WORDS,
+        "arrangement": camera.arrangement,
+        "width": camera.width,
+        "crossed": camera.crossed,
+        "record": record,
+    }
+    _stereo_camera(key=key, data=data, **callbacks)
 
 
 @dataclass(frozen=True)
@@ -52,40 +93,27 @@ class LiveCamera:
 
 
 @fragment
-def show_live(camera: LiveCamera) -> None:
+def show_live(live: LiveCamera) -> None:
     """Draw the camera, the controls, and the maps of its latest frame; a moved control acts on the next frame."""
     if st.session_state.get(keys.HANDED) is not None:  # a frozen frame: the page goes on with it
         st.rerun()
-    calibration = camera.calibration
+    calibration = live.calibration
     stream = open_stream("depth")
     pair: Pair = stream.kept.get("pair") or _stand_in()
     as_set = {method: matcher_as_set(method, pair) for method in METHODS}
     matchers = [one for method in shown_methods() if (one := as_set[method].matcher) is not None]
     controls, result_place = bench()
     with controls:
-        arrangement = st.selectbox(
-            "Camera", [*CAMERAS], format_func=CAMERAS.__getitem__, **persistent(f"{CAMERA}.arrangement")
-        )
-        crossed = st.toggle("The right view comes first", **persistent(f"{CAMERA}.crossed"))
-        width = st.segmented_control(
-            "Width of a view, px", [*WIDTHS], default=FIRST_WIDTH, required=True, **persistent(f"{CAMERA}.width")
-        )
+        camera = ask_camera(CAMERA)
         show_presets(pair)
         show_controls(as_set)
     with result_place:
         choose_maps()
-        stream.answer = _Answering(
-            stream, matchers, Layout(LAYOUTS.get(arrangement, arrangement)), crossed, calibration
-        )
-        address = stream.address()
-        _stereo_camera(
+        stream.answer = _Answering(stream.kept, matchers, camera, calibration)
+        stereo_camera(
+            stream,
+            camera,
             key=CAMERA,
-            data={
-                **address,
-                "words": address["words"] | LIVE_CAMERA_WORDS,
-                "arrangement": arrangement,
-                "width": WIDTHS[width],
-            },
             on_shape_change=lambda: None,
             on_frozen_change=lambda: _freeze(stream, calibration),
         )
@@ -103,10 +131,6 @@ def show_live(camera: LiveCamera) -> None:
         )
 
 
-LAYOUTS = {"two": Layout.BESIDE, "moved": Layout.BESIDE}
-"""Two cameras are sent beside each other, as both pictures of one moved by hand are."""
-
-
 def _stand_in() -> Pair:
     """Return a pair for the controls until the first frame is there."""
     blank = np.zeros((480, 640), np.uint8)
@@ -118,11 +142,11 @@ class _Answering:
 
     Parameters
     ----------
-    stream
-        Keeps the latest pair and its maps, which the page shows when it is drawn again.
+    kept
+        Gets the latest pair and its maps, which the page shows when it is drawn again.
     matchers
         Those of the methods shown.
-    layout, crossed
+    camera
         How both views stand in a frame.
     calibration
         That of the camera, at any size; with a rig, each frame is rectified.
@@ -130,19 +154,17 @@ class _Answering:
 
     def __init__(
         self,
-        stream: Stream,
+        kept: dict[str, Any],
         matchers: Sequence[StereoMatcher],
-        layout: Layout,
-        crossed: bool,
+        camera: Camera,
         calibration: Calibration | None,
     ) -> None:
-        self._kept = stream.kept
-        self._matchers = matchers
-        self._layout, self._crossed, self._calibration = layout, crossed, calibration
+        self._kept, self._matchers, self._camera, self._calibration = kept, matchers, camera, calibration
 
     def __call__(self, message: Message) -> bytes:
-        left, right = views(frame(message.parts[0]), self._layout, crossed=self._crossed)
-        if message.header.get("freeze"):
+        frozen = bool(message.header.get("freeze"))
+        left, right = self._camera.views(frame(message.parts[0], grey=not frozen))
+        if frozen:
             self._kept["frozen"] = left, right
             return packed_item({"frozen": time.monotonic()}).data
         pair = self._pair(left, right)

@@ -509,6 +509,9 @@ LIVE_CAMERA_WORDS = {
     "views must match: calibrate the cameras, or freeze a frame and let the input doctor rectify it.",
     "first": "Take the left picture",
     "again": "Take the left picture again",
+    "record": "Record",
+    "finish": "Finish",
+    "recorded": "Frames recorded:",
     "skew": "Taken apart by",
     "oneCamera": "Both views come from the same camera. Choose another one for the right view.",
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +19,7 @@ from stereolag.core.settings import SettingsError
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.sources import is_archive
+from stereolag.io.sources import bundle, is_archive
 from stereolag.io.videos import VIDEO_ENDINGS, GuardedVideo
 from stereolag.pair import Pair, PairId, upright
 from stereolag.samples import drives
@@ -37,6 +38,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
+from stereolag.ui.components import packed_item
 from stereolag.ui.controls import matchers_in_use, persistent
 from stereolag.ui.depth.inputs import (
     ask_calibration,
@@ -46,6 +48,7 @@ from stereolag.ui.depth.inputs import (
     prepared,
     show_decision,
 )
+from stereolag.ui.depth.live import ask_camera, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import (
     show_refused,
@@ -53,7 +56,9 @@ from stereolag.ui.elements import (
 )
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
+from stereolag.ui.streams import Message, open_stream
 from stereolag.ui.uploads import (
+    LIVE,
     OWN,
     Upload,
     forget_together,
@@ -68,7 +73,12 @@ from stereolag.ui.uploads import (
 
 KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
-ORIGINS = {EXAMPLE: "Example", ONE: "Your ZIP, or side-by-side video", TWO: "Your two videos"}
+ORIGINS = {
+    EXAMPLE: "Example",
+    ONE: "Your ZIP, or side-by-side video",
+    TWO: "Your two videos",
+    LIVE: "Your camera",
+}
 LOOKED_AT = 10
 """Number of frames at the beginning, one of which must be readable."""
 
@@ -208,7 +218,7 @@ def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
 
 @in_fold(KEY)
 def _ask_frames() -> Upload[_Frames] | None:
-    found = _ask_one() if st.session_state[f"{KEY}.origin"] == ONE else _ask_two()
+    found = {ONE: _ask_one, TWO: _ask_two, LIVE: _record}[st.session_state[f"{KEY}.origin"]]()
     most = limits()
     show_limits(
         f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
@@ -249,6 +259,55 @@ def _ask_two() -> Upload[_Frames] | None:
     return put_together(lambda: Upload(digest, _opened(left.content, right.content)), f"{KEY}.two", digest)
 
 
+class Recording:
+    """The frames that a live camera has recorded, each as the JPEGs of both views, within the limits of an upload."""
+
+    def __init__(self) -> None:
+        self._views: list[tuple[bytes, bytes]] = []
+        self._times: list[float] = []
+        self._size = 0
+
+    def add(self, message: Message) -> bytes:
+        """Add a frame: both views, and the time of its capture, `at`, ms."""
+        left, right = message.parts
+        if self._size + len(left) + len(right) > st.get_option("server.maxUploadSize") * 2**20:
+            raise ValueError(RECORDING_FULL)
+        if len(self._views) >= limits().max_frames:
+            raise ValueError(RECORDING_FULL)
+        self._views.append((left, right))
+        self._times.append(float(message.header["at"]))
+        self._size += len(left) + len(right)
+        return packed_item({"count": len(self._views)}).data
+
+    def finished(self) -> Upload[_Frames] | None:
+        """Return the drive that was recorded, None if it has no frame."""
+        if not self._views:
+            return None
+        sides = ("left", "right")
+        packed = bundle(
+            {f"{number:06d}_{sides[side]}.jpg": one[side] for number, one in enumerate(self._views) for side in (0, 1)}
+        )
+        sequence, first = _opened(packed)
+        lasted_s = (self._times[-1] - self._times[0]) / 1000
+        rate = (len(self._times) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
+        return Upload(f"recorded {time.time_ns()}", (replace(sequence, frame_rate=rate), first))
+
+
+def _record() -> Upload[_Frames] | None:
+    """Ask for a camera, and return the last drive recorded with it."""
+    camera = ask_camera(f"{KEY}.camera")
+    stream = open_stream(KEY)
+    recording: Recording = stream.kept.setdefault("recording", Recording())
+    stream.answer = recording.add
+
+    def finish() -> None:
+        stream.kept["drive"] = recording.finished() or stream.kept.get("drive")
+        stream.kept["recording"] = Recording()
+
+    stereo_camera(stream, camera, key=f"{KEY}.live", record=True, on_recorded_change=finish)
+    return stream.kept.get("drive")
+
+
 def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
     """Show what is wrong with the drive, and offer to turn the frames of cameras above each other.
 
@@ -269,6 +328,7 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
             show_remedy(f":blue[:material/healing:] {FRAMES_TURNED}", "Undo", f"{KEY}.turn.undo", undo)
 
 
+RECORDING_FULL = "The recording is as large as a file may be here. Finish it."
 TURN_FRAMES = "Turn all frames to match them (distances become relative)"
 FRAMES_TURNED = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
 

@@ -22,6 +22,7 @@ class StereoCamera extends LivePanel {
     this.find(".swap").addEventListener("click", () => this.choose(0, this.names[1]));
     this.find(".first").addEventListener("click", () => (this.first = this.picture(this.videos, 1)));
     this.find(".freeze").addEventListener("click", () => (this.freezing = true));
+    this.find(".record").addEventListener("click", () => (this.recording ? this.finish() : this.record()));
   }
 
   begin(data) {
@@ -50,7 +51,9 @@ class StereoCamera extends LivePanel {
     const on = Boolean(this.media);
     this.find(".two").hidden = this.find(".swap").hidden = this.find(".skew").hidden = this.arrangement !== TWO;
     this.find(".first").hidden = !on || this.arrangement !== MOVED;
-    this.find(".freeze").hidden = !on || (this.arrangement === MOVED && !this.first);
+    this.find(".freeze").hidden = !on || this.data.record || (this.arrangement === MOVED && !this.first);
+    this.find(".record").hidden = !on || !this.data.record;
+    this.find(".record").textContent = this.data.words[this.recording ? "finish" : "record"];
     this.find(".first").textContent = this.data.words[this.first ? "again" : "first"];
   }
 
@@ -87,7 +90,21 @@ class StereoCamera extends LivePanel {
     };
   }
 
+  record() {
+    this.recording = true;
+    this.offer();
+  }
+
+  // Ends the recording; Python then makes a drive of it.
+  finish() {
+    this.recording = false;
+    this.find(".count").textContent = "";
+    this.trigger("recorded", performance.now());
+    this.stop();
+  }
+
   stopped() {
+    if (this.recording) this.finish();
     this.first = null;
     this.shape = null;
     if (this.data) this.offer();
@@ -107,6 +124,7 @@ class StereoCamera extends LivePanel {
     this.draw(picture);
     this.offer();
     if (this.arrangement === MOVED && !this.first) return null;
+    if (this.data.record) return this.recording ? { at, header: { at }, parts: await this.viewsOf(picture) } : null;
     this.freezing = false;
     return { at, header: { freeze: Boolean(freezing) }, parts: [await jpeg(picture, freezing ? FROZEN_QUALITY : undefined)] };
   }
@@ -125,6 +143,21 @@ class StereoCamera extends LivePanel {
     return canvas;
   }
 
+  // The JPEGs of both views, the left one first; squeezed ones at the shape they were taken in.
+  async viewsOf(picture) {
+    const [across, squeezed] = [!this.arrangement.endsWith("over-under"), this.arrangement.startsWith("half-")];
+    const wide = Math.floor(picture.width / (across ? 2 : 1));
+    const high = Math.floor(picture.height / (across ? 1 : 2));
+    const both = [];
+    for (const at of [0, 1]) {
+      const view = new OffscreenCanvas(wide * (squeezed && across ? 2 : 1), high * (squeezed && !across ? 2 : 1));
+      const [x, y] = across ? [at * wide, 0] : [0, at * high];
+      view.getContext("2d").drawImage(picture, x, y, wide, high, 0, 0, view.width, view.height);
+      both.push(await jpeg(view, FROZEN_QUALITY));
+    }
+    return this.data.crossed ? both.reverse() : both;
+  }
+
   // The picture as it is sent; of a camera moved by hand the first one, half transparent over the second.
   draw(picture) {
     const { canvas, first } = this;
@@ -137,7 +170,9 @@ class StereoCamera extends LivePanel {
     context.drawImage(picture, 0, 0);
   }
 
-  answered({ shape, frozen, parts }) {
+  answered({ shape, frozen, count, parts }) {
+    if (count) this.find(".count").textContent = `${this.data.words.recorded} ${count}`;
+    if (this.data.record) return undefined;
     if (frozen) return this.trigger("frozen", frozen);
     for (const part of parts) tell("preview", unpacked(part));
     if (String(shape) === this.shape) return;
