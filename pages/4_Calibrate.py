@@ -17,6 +17,7 @@ from stereolag.ui.calibrate import (
     show_pair,
     show_rectified,
 )
+from stereolag.ui.calibrate_live import show_live
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 
 PARTS = {
@@ -57,7 +58,11 @@ def workspace(pictures: BoardPictures) -> None:
 
 
 with page("Calibrate"):
-    workspace(choose_board_pictures())
+    pictures = choose_board_pictures()
+    if pictures is None:
+        show_live()
+    else:
+        workspace(pictures)
     with st.expander("How it works, and how to get a good result"):
         prose.markdown(
             "- Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and "

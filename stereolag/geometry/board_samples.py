@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.geometry.boards import Board, Corners
@@ -23,14 +24,18 @@ STILL = 0.0015
 LEAST_DIFFERENCE = 0.2
 """Least sum of the differences of all figures to those of any other pose that is kept: ROS's value."""
 
+EDGE = 0.25
+"""A board is at a border if its figure of place is within so much of it."""
+
 NEAR = 0.4
 """Size of a board that is near: ROS's value."""
 
 TILTED = 0.34
 """Sine of a tilt that counts: 20°. Without tilt, any focal length would fit."""
 
-ENOUGH_COVERAGE = 0.6
-"""Share of each picture that boards must have covered, for its lens to be known everywhere."""
+ENOUGH_COVERAGE = 0.5
+"""Share of each picture that boards should have covered, for its lens to be known everywhere. A board that has been in
+all nine parts of the pictures is enough: its own border keeps its corners away from those of the pictures."""
 
 FEWEST_SAMPLES, MOST_SAMPLES = 10, 40
 """Number of poses below which there are never enough, and from which there always are."""
@@ -159,7 +164,7 @@ class Collected:
         least, most = np.min(self.poses, axis=0), np.max(self.poses, axis=0)
         tilts = np.clip(np.concatenate((-least[3:], most[3:])) / TILTED, 0, 1)
         return {
-            "picture": min(1.0, self._covered() / ENOUGH_COVERAGE),
+            "picture": min(1.0, max(self._covered() / ENOUGH_COVERAGE, 1 - self._empty_parts().size / len(PARTS))),
             "size": min(1.0, float(most[2]) / NEAR),
             "tilt": float(tilts.mean()),
         }
@@ -168,9 +173,10 @@ class Collected:
         """Return what there is too little of, what to do next first; nothing if there is enough."""
         if len(self.poses) >= MOST_SAMPLES:
             return []
+        parts = self._empty_parts()
         lacks = {
             Missing.NEARER: not any(pose.size >= NEAR for pose in self.poses),
-            self._emptiest(): self._covered() < ENOUGH_COVERAGE,
+            **dict.fromkeys((PARTS[number] for number in parts), self._covered() < ENOUGH_COVERAGE),
             Missing.LEFT_NEARER: not any(pose.to_right <= -TILTED for pose in self.poses),
             Missing.RIGHT_NEARER: not any(pose.to_right >= TILTED for pose in self.poses),
             Missing.TOP_NEARER: not any(pose.to_bottom <= -TILTED for pose in self.poses),
@@ -182,8 +188,10 @@ class Collected:
     def _covered(self) -> float:
         return float(self.cells.mean(axis=(1, 2)).min())
 
-    def _emptiest(self) -> Missing:
-        """Return the ninth of the pictures that boards have covered least."""
+    def _empty_parts(self) -> npt.NDArray[np.intp]:
+        """Return the numbers of the parts in which no board has been held, the least covered one first."""
+        places = np.digitize([pose[:2] for pose in self.poses] or np.empty((0, 2)), (EDGE, 1 - EDGE))
         rows = np.array_split(self.cells.mean(axis=0), 3)
-        ninths = [part.mean() for row in rows for part in np.array_split(row, 3, axis=1)]
-        return PARTS[int(np.argmin(ninths))]
+        covered = np.array([part.mean() for row in rows for part in np.array_split(row, 3, axis=1)])
+        order = np.argsort(covered, kind="stable")
+        return order[~np.isin(order, 3 * places[:, 1] + places[:, 0])]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
@@ -181,6 +181,13 @@ _QUICK = cv2.CALIB_CB_NORMALIZE_IMAGE
 _THOROUGH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 _QUADS = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
 
+Detector = tuple[Callable[..., Any], int]
+"""One of OpenCV's, with its flags."""
+
+BY_CORNERS: Detector = cv2.findChessboardCornersSB, _QUICK
+BY_SQUARES: Detector = cv2.findChessboardCorners, _QUADS
+AT_LEISURE: Detector = cv2.findChessboardCornersSB, _THOROUGH
+
 
 def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
     """Return all corners of a chessboard in a picture, None if it is not seen as a whole.
@@ -190,7 +197,7 @@ def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
     between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
     """
     picture, factor = reduced(grey, LARGEST_SIDE)
-    found = _detected(picture, (board.columns, board.rows))
+    found = _detected(picture, (board.columns, board.rows), (BY_CORNERS, BY_SQUARES, AT_LEISURE))
     if found is None:
         return None
     points = (found + 0.5) / factor - 0.5
@@ -198,6 +205,22 @@ def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
     moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
     too_far = (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any()
     return None if too_far else Corners(np.arange(board.corners), moved)
+
+
+RUNNING_SIDE = 480
+"""Largest side of a running picture that is searched for a chessboard, px."""
+
+
+def find_in_running_picture(grey: Grey8, board: Board) -> Corners | None:
+    """Return the corners of a board to a fraction of a pixel, None if it is not found at once.
+
+    It takes a tenth of the time of :func:`find_chessboard`, and less for a picture without a board.
+    """
+    if board.markers is not None:
+        return find_charuco(grey, board)
+    picture, factor = reduced(grey, RUNNING_SIDE)
+    found = _detected(picture, (board.columns, board.rows), (BY_SQUARES,))
+    return None if found is None else Corners(np.arange(board.corners), (found + 0.5) / factor - 0.5)
 
 
 def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
@@ -219,7 +242,7 @@ def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.fl
     return result
 
 
-def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
+def guess_chessboard(pictures: Iterable[Grey8], *, at_leisure: bool = True) -> Board | None:
     """Return the chessboard that most of the pictures show; None if none shows one. No more are read than needed.
 
     In each, the largest full grid is detected. A grid with a row too many, formed by something beside the board, or
@@ -232,7 +255,7 @@ def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
         votes.update(_grid(seen[-1], _QUICK))
         if votes and max(votes.values()) >= ENOUGH_VOTES:
             break
-    if not votes:
+    if not votes and at_leisure:
         votes.update(size for picture in seen for size in _grid(picture, _THOROUGH))
     if not votes:
         return None
@@ -247,13 +270,9 @@ def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
     return ((max(grid.shape), min(grid.shape)),)
 
 
-def _detected(picture: Grey8, size: tuple[int, int]) -> DoubleMap | None:
-    """Return (n, 2) corners from the first detector that finds them, the quick ones tried first."""
-    for detect, flags in (
-        (cv2.findChessboardCornersSB, _QUICK),
-        (cv2.findChessboardCorners, _QUADS),
-        (cv2.findChessboardCornersSB, _THOROUGH),
-    ):
+def _detected(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
+    """Return (n, 2) corners from the first detector that finds them."""
+    for detect, flags in detectors:
         found, points = detect(picture, size, flags=flags)
         if found:
             return np.asarray(points, dtype=np.float64).reshape(-1, 2)

@@ -58,6 +58,7 @@ from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
 from stereolag.ui.uploads import (
+    LIVE,
     OWN,
     Upload,
     choose,
@@ -69,6 +70,7 @@ from stereolag.ui.uploads import (
 )
 
 KEY = "calibrate"
+FILES = f"{KEY}.files"
 
 PAIRS = 11
 WRONG_PAIR = 6
@@ -148,10 +150,12 @@ class BoardPictures:
         return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
 
 
-def choose_board_pictures() -> BoardPictures:
-    """Ask which pictures to calibrate from."""
+def choose_board_pictures() -> BoardPictures | None:
+    """Ask which pictures to calibrate from; None if a live camera is to take them."""
     with head("Calibrate", "leave out a pair with a click, and see how the errors change."):
-        chosen = choose(EXAMPLES, key=KEY)
+        chosen = choose(EXAMPLES, key=KEY, live="Live camera")
+    if chosen == LIVE:
+        return None
     return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
 
 
@@ -173,8 +177,8 @@ def _example(name: str) -> BoardPictures:
 def _own() -> BoardPictures | None:
     given = upload_named(
         "Pairs of pictures of a chessboard or ChArUco board, or a ZIP of them",
-        _matched,
-        key=f"{KEY}.files",
+        matched,
+        key=FILES,
         types=(*IMAGE_SUFFIXES, "zip"),
         note="8 to 40 pairs, both pictures of each taken at the same moment. They are matched by name: left01 and "
         "right01, L_3 and R_3, or equal names in folders left and right of a ZIP.",
@@ -196,7 +200,7 @@ MOST_NAMED = 4
 """Most files named that are not used."""
 
 
-def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, list[str]]:
+def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, list[str]]:
     """Return the names of the pairs, the pairs, the pixels of a picture, and the files that are not used."""
     readers: dict[str, Callable[[], bytes]] = {}
     for name, data in files:

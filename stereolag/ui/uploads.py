@@ -53,6 +53,7 @@ class _Kept(Generic[T]):
     upload: Upload[T]
     source: tuple[tuple[str, ...], str | None]
     contents: list[bytes]
+    said: str = "The file you uploaded here before is still in use."
 
 
 @dataclass
@@ -272,8 +273,7 @@ def _read_once(
         if state.kept is None or not lasting:
             state.forget()
             return None
-        said = "The file you uploaded here before is still in use."
-        show_offer(said, "Remove", f"{key}.remove", state.forget)
+        show_offer(state.kept.said, "Remove", f"{key}.remove", state.forget)
         source, contents = (state.kept.source[0], variant), state.kept.contents
     else:
         state.emptied = False
@@ -285,7 +285,7 @@ def _read_once(
         state.set_aside = -math.inf, None
         state.kept = before if time.monotonic() - moment <= SET_ASIDE_S else None
     if state.refused != source:
-        digest = " ".join(hashlib.sha256(content).hexdigest() for content in contents) + (variant or "")
+        digest = _digest(contents) + (variant or "")
         try:
             with st.spinner("Reading the file …"):
                 read_now = Upload(digest, read(contents))
@@ -300,6 +300,20 @@ def _read_once(
         return None
     show_refused(f"{state.sentence} The previous file stays in use.")
     return state.kept.upload
+
+
+def hand_in(
+    files: Sequence[tuple[str, bytes]], read: Callable[[Sequence[tuple[str, bytes]]], T], said: str, *, key: str
+) -> None:
+    """Take files for those of the uploader `key`, as :func:`upload_named` would, and say in the page what they are."""
+    state = _state(key)
+    state.forget()
+    digest = _digest([content for _, content in files])
+    state.kept = _Kept(Upload(digest, read(files)), ((digest,), None), [], said)
+
+
+def _digest(contents: Sequence[bytes]) -> str:
+    return " ".join(hashlib.sha256(content).hexdigest() for content in contents)
 
 
 def _state(key: str) -> _State[Any]:

@@ -1,0 +1,238 @@
+"""Calibration with a live camera: it takes a picture whenever the board is held still in a new way, and says which."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import streamlit as st
+
+from stereolag.assess.layout import Layout, views
+from stereolag.core.arrays import DoubleMap
+from stereolag.core.inputs import as_grey
+from stereolag.geometry.board_samples import Collected, Missing, board_pose, is_still
+from stereolag.geometry.boards import (
+    Board,
+    Corners,
+    Grey8,
+    find_boards,
+    find_in_running_picture,
+    guess_charuco,
+    guess_chessboard,
+)
+from stereolag.geometry.calibrating import FEWEST_PAIRS
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.io.sources import MAX_BYTES
+from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
+from stereolag.ui.components import component, packed_item
+from stereolag.ui.navigation import fragment
+from stereolag.ui.streams import Message, frame, open_stream
+from stereolag.ui.uploads import OWN, hand_in
+
+ALIKE = 3
+"""Number of frames in a row that must show the same board for it to be known."""
+
+DECIMALS = 4
+"""Of places in a picture, as shares of its sides."""
+
+LIVE_WORDS = {
+    "start": "Start the camera",
+    "off": "A stereo camera that shows both views side by side. Nothing is recorded or sent before you start.",
+    "finish": "Calibrate with these",
+    "again": "Start over",
+    "picture": "Picture covered",
+    "size": "Near enough",
+    "tilt": "Tilted",
+    "none": "No picture taken yet",
+    "one": "1 pair taken",
+    "several": "{count} pairs taken",
+    "shown": "Both views, with the corners of the board, and the parts where it has been",
+}
+
+UNKNOWN = "Show a whole chessboard or ChArUco board, in both views."
+NOT_SEEN = {
+    (False, False): "The board is seen in neither view.",
+    (False, True): "The board is not seen in the left view.",
+    (True, False): "The board is not seen in the right view.",
+}
+HOLD_STILL = "Hold it still …"
+NEXT = {
+    Missing.UPPER_LEFT: "Hold the board at the upper left of the picture.",
+    Missing.TOP: "Hold the board at the upper border of the picture.",
+    Missing.UPPER_RIGHT: "Hold the board at the upper right of the picture.",
+    Missing.LEFT: "Hold the board at the left border of the picture.",
+    Missing.MIDDLE: "Hold the board in the middle of the picture.",
+    Missing.RIGHT: "Hold the board at the right border of the picture.",
+    Missing.LOWER_LEFT: "Hold the board at the lower left of the picture.",
+    Missing.BOTTOM: "Hold the board at the lower border of the picture.",
+    Missing.LOWER_RIGHT: "Hold the board at the lower right of the picture.",
+    Missing.NEARER: "Hold the board nearer.",
+    Missing.LEFT_NEARER: "Tilt the board: bring the side on the left nearer.",
+    Missing.RIGHT_NEARER: "Tilt the board: bring the side on the right nearer.",
+    Missing.TOP_NEARER: "Tilt the board: bring its upper side nearer.",
+    Missing.BOTTOM_NEARER: "Tilt the board: bring its lower side nearer.",
+    Missing.MORE: "A few more, each held in another way.",
+}
+ENOUGH = "Enough: calibrating …"
+OTHER_SIZE = "These pictures have another size than those taken before: start over, or choose the camera of before."
+
+_boards = component("boards")
+
+Places: TypeAlias = list[list[float]]
+"""Places in a picture: column and row, as shares of its sides."""
+
+
+@dataclass(eq=False)
+class Taking:
+    """What is known of a visitor's board and of the pairs taken of it.
+
+    Attributes
+    ----------
+    board
+        The board, once enough frames have shown the same one.
+    guesses
+        The boards that the last frames seem to show.
+    last
+        The corners in both views of the last frame, as far as found.
+    collected
+        The poses taken.
+    files
+        Both pictures of each pair, named as files to be uploaded.
+    outlines
+        Where the board was in each, in both views: places as shares of the sides.
+    size
+        Width and height of these pictures, px.
+    full
+        Whether they are as large together as an upload may be.
+    """
+
+    board: Board | None = None
+    guesses: list[Board] = field(default_factory=list)
+    last: tuple[Corners | None, Corners | None] = (None, None)
+    collected: Collected = field(default_factory=Collected)
+    files: list[tuple[str, bytes]] = field(default_factory=list)
+    outlines: list[list[Places]] = field(default_factory=list)
+    size: tuple[int, int] | None = None
+    full: bool = False
+
+    @property
+    def missing(self) -> list[Missing]:
+        """Return what is still missing; nothing if no more may be taken."""
+        return [] if self.full else self.collected.missing()
+
+    def answer(self, message: Message) -> bytes:
+        """Return what the panel shows of a frame, or of a pair in full size."""
+        if "wanted" in message.header:
+            self._take(message.parts)
+            return self._shown(message)
+        left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
+        board = self.board = self.board or self._guessed(left, right)
+        if board is None:
+            return self._shown(message, UNKNOWN)
+        size, before = (left.shape[1], left.shape[0]), self.last
+        first, second = self.last = find_in_running_picture(left, board), find_in_running_picture(right, board)
+        corners = [[] if one is None else _shares(one.points, size) for one in self.last]
+        if first is None or second is None:
+            return self._shown(message, NOT_SEEN[first is not None, second is not None], corners)
+        if not self.missing or not self.collected.adds(board_pose(first, second, board, size)):
+            return self._shown(message, "", corners)
+        if all(is_still(*now, board, size[0]) for now in zip((first, second), before, strict=True)):
+            return self._shown(message, "", corners, want=True)
+        return self._shown(message, HOLD_STILL, corners)
+
+    def _guessed(self, left: Grey8, right: Grey8) -> Board | None:
+        """Return the board, once the last frames have all shown the same one."""
+        guess = guess_charuco([left, right]) or guess_chessboard([left, right], at_leisure=False)
+        self.guesses = [] if guess is None else [*self.guesses, guess][-ALIKE:]
+        # The share of the markers is measured in each frame anew.
+        kinds = {replace(one, markers=one.markers and replace(one.markers, share=0.5)) for one in self.guesses}
+        return guess if len(self.guesses) == ALIKE and len(kinds) == 1 else None
+
+    def _take(self, pictures: Sequence[bytes]) -> None:
+        """Take both pictures of a pair, if they show the board in a new way."""
+        if self.board is None or not self.missing or len(pictures) != 2:
+            return
+        found = find_boards([tuple(map(guarded(read_image), pictures))], self.board)  # type: ignore[list-item]
+        size = self.size or found.size
+        if set(found.sizes[0]) != {size}:
+            raise ValueError(OTHER_SIZE)
+        self.full = sum(map(len, [*pictures, *(data for _, data in self.files)])) > MAX_BYTES
+        if not found.both or self.full:
+            return
+        left, right = found.both[0]
+        pose = board_pose(left, right, self.board, size)
+        if not self.collected.adds(pose):
+            return
+        self.size = size
+        self.collected.keep(pose, left, right, size)
+        number = len(self.collected.poses)
+        self.files += [(f"{side}{number:02}.jpg", data) for side, data in zip(("left", "right"), pictures, strict=True)]
+        hulls = (cv2.convexHull(one.points.astype(np.float32))[:, 0].astype(np.float64) for one in (left, right))
+        self.outlines.append([_shares(hull, size) for hull in hulls])
+
+    def taken(self) -> dict[str, Any]:
+        """Return what the panel shows of the pairs taken so far."""
+        missing = self.missing
+        count = len(self.collected.poses)
+        return {
+            "said": NEXT[missing[0]] if missing else ENOUGH,
+            "board": "" if self.board is None else board_in_words(self.board),
+            "outlines": self.outlines,
+            "progress": self.collected.progress(),
+            "count": count,
+            "ready": count >= FEWEST_PAIRS,
+            "enough": not missing,
+        }
+
+    def _shown(self, message: Message, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
+        """Return the answer to a frame: what to do next, the corners in both views, and whether it is wanted."""
+        taken, number = self.taken(), message.header.get("number")
+        header = {
+            "said": f"{said} {taken['said']}".strip(),
+            "number": number,
+            "corners": corners,
+            "wanted": number if want else None,
+        }
+        return packed_item(taken | header | {"digest": "boards"}).data
+
+
+def _shares(places: DoubleMap, size: tuple[int, int]) -> Places:
+    """Return places in a picture as shares of its sides."""
+    shares: Places = np.round((places + 0.5) / size, DECIMALS).tolist()
+    return shares
+
+
+@fragment
+def show_live() -> None:
+    """Draw the camera; what it took becomes the page's own files when there is enough, or when the visitor wants it."""
+    taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
+    stream = open_stream(KEY, taking.answer)
+    address = stream.address()
+    _boards(
+        key=f"{KEY}.boards",
+        data=address | {"words": address["words"] | LIVE_WORDS, "taken": taking.taken() | {"said": ""}},
+        on_finished_change=_calibrate_with_these,
+        on_again_change=_start_over,
+    )
+    if st.session_state[KEY] == OWN:
+        st.rerun()
+
+
+def _calibrate_with_these() -> None:
+    """Make the pairs taken the page's own files."""
+    taking: Taking = st.session_state[f"{KEY}.live"]
+    if len(taking.collected.poses) < FEWEST_PAIRS:
+        return
+    count = len(taking.files) // 2
+    hand_in([*taking.files], matched, f"The {count} pairs that the camera has taken are in use.", key=FILES)
+    st.session_state[KEY] = OWN
+    if not taking.missing:
+        _start_over()
+
+
+def _start_over() -> None:
+    st.session_state.pop(f"{KEY}.live", None)

@@ -1,0 +1,91 @@
+"""What a live camera takes of a board, without the browser: which frames it wants, and what it says meanwhile."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stereolag.core.arrays import Rgb
+from stereolag.figures.pictures import jpeg
+from stereolag.geometry.boards import find_boards
+from stereolag.geometry.calibrating import calibrate_boards
+from stereolag.ui.calibrate import matched
+from stereolag.ui.calibrate_live import UNKNOWN, Taking
+from stereolag.ui.streams import Message
+from tests.held_boards import BASELINE_M, CHESSBOARD, SQUARE_M, held, obeying, taken
+
+Pair = tuple[Rgb, Rgb]
+
+
+def answer(taking: Taking, header: dict[str, Any], *parts: Rgb) -> dict[str, Any]:
+    packed = taking.answer(Message(header, [jpeg(part) for part in parts]))
+    told: dict[str, Any] = json.loads(packed[4 : 4 + int.from_bytes(packed[:4], "little")])
+    return told
+
+
+def look(taking: Taking, pair: Pair, number: int = 1) -> dict[str, Any]:
+    return answer(taking, {"number": number}, np.hstack(pair))
+
+
+def hold(taking: Taking, pair: Pair) -> dict[str, Any]:
+    """Hold a board still for two frames, as a browser sees it, and return the last answer."""
+    told = look(taking, pair)
+    told = look(taking, pair, 2)
+    return answer(taking, {"wanted": True}, *pair) if told["wanted"] == 2 else told
+
+
+@pytest.fixture(scope="module")
+def middle() -> Pair:
+    return taken(held())
+
+
+@pytest.fixture
+def taking(middle: Pair) -> Taking:
+    """Return what is known once the board is, and the first pair was taken."""
+    one = Taking()
+    for count in range(3):
+        assert look(one, middle)["said"].startswith(UNKNOWN) is (count < 2)
+    assert hold(one, middle)["count"] == 1
+    return one
+
+
+def test_a_board_that_is_held_as_it_is_told_is_calibrated_as_well_as_from_files() -> None:
+    taking = Taking()
+    pairs = [taken(poses) for _, poses in obeying(4)]
+    for pair in pairs:
+        for _ in range(3 if taking.board is None else 0):
+            look(taking, pair)
+        told = hold(taking, pair)
+    assert told["enough"] and told["count"] == len(pairs)
+    names, pictures, _, alone = matched(taking.files)
+    assert len(names) == len(pairs) and not alone
+    result, of_files = (calibrate_boards(find_boards(given, CHESSBOARD), SQUARE_M) for given in (pictures, pairs))
+    assert len(result.used) == len(pairs)
+    assert result.rms < of_files.rms + 0.02
+    assert result.calibration.baseline_m == pytest.approx(BASELINE_M, rel=0.01)
+
+
+def test_a_pair_is_wanted_only_if_the_board_is_still_and_held_in_a_new_way(taking: Taking, middle: Pair) -> None:
+    assert look(taking, middle)["wanted"] is None
+    aside = taken(held(0.1))
+    told = look(taking, aside)
+    assert told["wanted"] is None and told["said"].startswith("Hold it still")
+    moved = tuple(np.roll(view, 3, axis=1) for view in aside)
+    assert look(taking, moved)["wanted"] is None  # type: ignore[arg-type]
+    assert look(taking, moved, 7)["wanted"] == 7  # type: ignore[arg-type]
+    assert len(told["corners"][0]) == len(told["corners"][1]) == CHESSBOARD.corners
+
+
+def test_a_view_without_the_board_is_named(taking: Taking, middle: Pair) -> None:
+    blank = np.full_like(middle[0], 110)
+    for pair, word in (((blank, middle[1]), "left"), ((middle[0], blank), "right"), ((blank, blank), "neither")):
+        assert word in look(taking, pair)["said"].split(".")[0]
+
+
+def test_another_camera_needs_another_start(taking: Taking) -> None:
+    smaller = tuple(view[::2, ::2] for view in taken(held(0.1)))
+    with pytest.raises(ValueError, match="start over"):
+        answer(taking, {"wanted": True}, *smaller)
