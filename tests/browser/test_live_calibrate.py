@@ -1,0 +1,100 @@
+"""A calibration that a live camera takes by itself, from a sequence played by the test, and what goes wrong."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereolag.core.arrays import Rgb
+from stereolag.geometry.boards import find_boards
+from stereolag.geometry.calibrating import calibrate_boards
+from tests.browser.fake_media import play_cameras, refuse_cameras, unplug_cameras
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
+from tests.held_boards import BASELINE_M, CHESSBOARD, SQUARE_M, obeying, taken
+
+
+@pytest.fixture(scope="module")
+def pairs() -> list[tuple[Rgb, Rgb]]:
+    return [taken(poses) for _, poses in obeying(4)]
+
+
+def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
+    page = open_page()
+    play_cameras(page, both=[np.hstack(pair) for pair in pairs])
+    page.goto(page.url + "Calibrate")
+    settled(page)
+    page.get_by_role("radio", name="Live camera").click()
+    settled(page)
+    return page
+
+
+def start(page: Page) -> None:
+    page.get_by_role("button", name="Start the camera").click()
+    expect(page.locator(".live .state")).to_have_text("Live")
+
+
+def show(page: Page, number: int) -> None:
+    page.evaluate("(number) => (window.fakeMedia.frame = number)", number)
+
+
+def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
+    open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]
+) -> None:
+    page = camera_page(open_page, pairs)
+    start(page)
+    count, said = page.locator(".boards .count"), page.locator(".boards .said")
+    for number in range(len(pairs) - 1):
+        show(page, number)
+        expect(count).to_contain_text(re.compile(rf"^{number + 1} pair"))
+        expect(said).not_to_be_empty()
+    expect(page.get_by_text("A chessboard of 10 × 7 squares.")).to_be_attached()
+    screenshot(page, "calibrate-live")
+    show(page, len(pairs) - 1)
+    expect(page.get_by_text(f"The {len(pairs)} pairs that the camera has taken are in use.")).to_be_attached()
+    settled(page)
+    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+    page.get_by_role("spinbutton", name="Side of a square").fill(str(1000 * SQUARE_M))
+    page.keyboard.press("Enter")
+    heading = page.get_by_role("heading", name=f"Calibrated from {len(pairs)} of {len(pairs)} pairs")
+    expect_visible(heading)
+    settled(page)
+    found = re.search(r"([\d.]+) px reprojection", heading.inner_text())
+    assert found is not None
+    of_files = calibrate_boards(find_boards(pairs, CHESSBOARD), SQUARE_M)
+    assert float(found[1]) < of_files.rms + 0.03
+    expect(page.get_by_text(re.compile(rf"Baseline {1000 * BASELINE_M - 0.6:.0f}"))).to_be_attached()
+
+
+def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
+    open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]
+) -> None:
+    page = camera_page(open_page, pairs)
+    state, count = page.locator(".live .state"), page.locator(".boards .count")
+    refuse_cameras(page, "NotAllowedError")
+    page.get_by_role("button", name="Start the camera").click()
+    expect(state).to_contain_text("does not allow it")
+    refuse_cameras(page, "")
+    start(page)
+    expect(count).to_have_text("1 pair taken")
+    unplug_cameras(page)
+    expect(state).to_contain_text("was unplugged")
+    finish = page.get_by_role("button", name="Calibrate with these")
+    expect(finish).to_be_disabled()
+    start(page)
+    for number in (1, 2):
+        show(page, number)
+        expect(count).to_have_text(f"{number + 1} pairs taken")
+    turned_dark(page, width=390)
+    expect_fitting(page, 390)
+    screenshot(page, "calibrate-live-phone")
+    page.get_by_role("button", name="Start over").click()
+    expect(count).to_have_text("1 pair taken")  # of the board as it is held now
+    for number in (3, 4):
+        show(page, number)
+        expect(count).to_have_text(f"{number - 1} pairs taken")
+    finish.click()
+    expect(page.get_by_text("The 3 pairs that the camera has taken are in use.")).to_be_attached()
+    settled(page)
