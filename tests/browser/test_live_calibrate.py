@@ -13,7 +13,7 @@ from stereolag.geometry.boards import find_boards
 from stereolag.geometry.calibrating import calibrate_boards
 from tests.browser.fake_media import play_cameras, refuse_cameras, unplug_cameras
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
-from tests.held_boards import BASELINE_M, CHESSBOARD, SQUARE_M, obeying, taken
+from tests.held_boards import CHESSBOARD, SQUARE_M, obeying, taken
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +61,10 @@ def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
     heading = page.get_by_role("heading", name=f"Calibrated from {len(pairs)} of {len(pairs)} pairs")
     expect_visible(heading)
     settled(page)
-    found = re.search(r"([\d.]+) px reprojection", heading.inner_text())
+    found = re.search(r"([\d.]+)\spx\sreprojection", heading.inner_text())
     assert found is not None
     of_files = calibrate_boards(find_boards(pairs, CHESSBOARD), SQUARE_M)
     assert float(found[1]) < of_files.rms + 0.03
-    expect(page.get_by_text(re.compile(rf"Baseline {1000 * BASELINE_M - 0.6:.0f}"))).to_be_attached()
 
 
 def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(

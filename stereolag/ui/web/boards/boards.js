@@ -56,6 +56,7 @@ class Boards extends LivePanel {
     this.video = opened.video;
     const note = () => {
       this.fresh = true;
+      this.wake();
       this.video.requestVideoFrameCallback(note);
     };
     this.video.requestVideoFrameCallback(note);
