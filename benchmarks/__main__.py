@@ -19,6 +19,7 @@ from benchmarks.browser import latency_table
 from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
+from benchmarks.live import live_table
 from benchmarks.load import load_table, short_load_table
 from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
@@ -35,7 +36,7 @@ from benchmarks.timing import Row
 from benchmarks.verdict import METHODS, TRIALS, methods_table, recordings_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "live", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -168,6 +169,8 @@ def main() -> None:
         keep("load", "Many visitors at once", *load_table())
     elif not options.tables:
         print(short_load_table(), flush=True)
+    if "live" in wanted:
+        keep("live", "Live cameras", *live_table())
     if "hostile" in wanted:
         keep("hostile", "Hostile files", *hostile_table())
 

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from email.message import Message
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
 from stereolag.ui.navigation import PAGES
 from tests.app import uploads
+from tests.browser.fake_media import play_cameras, stereo_scene
 from tests.browser.serving import PROJECT, free_port, served_app
 from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
 
@@ -197,3 +199,18 @@ def test_a_link_that_is_shared_is_shown_with_a_name_and_a_picture(proxy: Proxy) 
         assert picture == "http://localhost/share-card.png"
     status, headers = ask(proxy.address, "/share-card.png")
     assert (status, headers["Content-Type"]) == (200, "image/png")
+
+
+def test_a_live_camera_reaches_its_process_and_no_other_page_does(browser: Browser, proxy: Proxy) -> None:
+    left, right, _ = stereo_scene(3, near=20, far=8, shape=(120, 200))
+    with faultless_pages(browser, proxy.address) as open_page:
+        page = open_page()
+        play_cameras(page, both=[np.hstack([left, right])])
+        page.goto(f"{proxy.address}/Depth_maps")
+        page.locator("summary").filter(has_text="Choose a pair").click()
+        page.get_by_role("radio", name="Live camera").click()
+        settled(page)
+        page.get_by_role("button", name="Start", exact=True).click()
+        expect(page.locator(".live .rates")).to_contain_text("a second")
+        expect(page.locator(".viewport")).to_have_count(2)
+    assert ask(proxy.address, "/live", Origin="http://elsewhere.example", Upgrade="websocket")[0] == 403

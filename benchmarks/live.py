@@ -1,0 +1,148 @@
+"""Live streams of the real app, without a browser: maps a second, their latency, fair shares, and memory."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import statistics
+import time
+from collections import deque
+
+import cv2
+import numpy as np
+from websockets.asyncio.client import connect
+
+from benchmarks.load import PAIRS, WINDOW, Figures, Server, serving, windows_of
+from benchmarks.visitors import HOST, Visitor
+from stereolag import samples
+from stereolag.io.images import read_image
+from stereolag.ui.components import packed_item
+from stereolag.ui.keys import SHOWN, preset_key
+from stereolag.ui.streams import IN_FLIGHT
+
+SECONDS = 6.0
+CLIENTS = (1, 2, 4, 8)
+METHODS = {"fast": "Convolution", "StereoBM": "StereoBM"}
+LIVE = "Live camera"
+CAMERA = "stereolag.stereo_camera"
+ENVIRONMENT = {"STEREOLAG_MAX_LIVE_FPS": "240"}
+
+
+def frame() -> bytes:
+    """Return a frame of a stereo camera: both views of the example, 640 × 480 each, beside each other, as a JPEG."""
+    example = samples.stereo_pairs()["cube"]
+    both = np.hstack([read_image(example.left), read_image(example.right)])
+    return cv2.imencode(".jpg", both[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 85))[1].tobytes()
+
+
+async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
+    """Choose the live camera with the maps of one method, and return what its component was told."""
+    await visitor.press(preset_key("fast"))
+    await visitor.choose(SHOWN, maps)
+    await visitor.choose(PAIRS, LIVE)
+    parts = [one.bidi_component for _, one in visitor.elements("bidi_component")]
+    told: dict[str, str] = next(json.loads(one.json) for one in parts if one.component_name == CAMERA)
+    return told
+
+
+async def stream(
+    port: int, told: dict[str, str], seconds: float, in_flight: int = IN_FLIGHT
+) -> list[tuple[float, float]]:
+    """Send frames for a while, and return when each answer came and how long it took, s."""
+    data, answers = packed_item({}, [frame()]).data, []
+    sent: deque[float] = deque()
+    address = f"ws://{HOST}:{port}{told['address']}"
+    async with connect(address, origin=f"http://{HOST}:{port}", max_size=None) as socket:  # type: ignore[arg-type]
+        await socket.send(told["token"])
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            while len(sent) < in_flight:
+                sent.append(time.perf_counter())
+                await socket.send(data)
+            if isinstance(await socket.recv(), bytes):
+                now = time.perf_counter()
+                answers.append((now, now - sent.popleft()))
+    return answers[len(answers) // 4 :]  # the first ones find nothing in the caches
+
+
+def rate(answers: list[tuple[float, float]]) -> float:
+    """Return the answers a second."""
+    return (len(answers) - 1) / (answers[-1][0] - answers[0][0])
+
+
+async def alone(server: Server) -> Figures:
+    """Return the rates and latencies of one stream for each method, with one and with two frames in flight."""
+    figures: Figures = {}
+    for name, maps in METHODS.items():
+        async with Visitor(server.port) as visitor:
+            told = await camera_of(visitor, maps)
+            for in_flight in (1, IN_FLIGHT):
+                answers = await stream(server.port, told, SECONDS, in_flight)
+                title = f"{name}, {in_flight} in flight"
+                figures[f"{title}: maps a second"] = round(rate(answers), 1)
+                figures[f"{title}: latency, median ms"] = round(1000 * statistics.median(one for _, one in answers))
+    return figures
+
+
+async def together(server: Server, count: int) -> Figures:
+    """Return the shares of several streams, and how long a visitor of an example meanwhile waits for moved sliders."""
+    visitors, bystander = [Visitor(server.port) for _ in range(count)], Visitor(server.port)
+    try:
+        told = []
+        for visitor in visitors:
+            await visitor.arrive()
+            told.append(await camera_of(visitor, METHODS["fast"]))
+        await bystander.arrive()
+        streams = asyncio.gather(*(stream(server.port, one, SECONDS + 2) for one in told))
+        for window in windows_of(12):
+            await asyncio.sleep(0.5)
+            await bystander.move(WINDOW, window)
+        rates = [rate(one) for one in await streams]
+        await bystander.settled()
+        waits = sorted(one.latency or 0 for one in bystander.moves)
+    finally:
+        await asyncio.gather(*(visitor.leave() for visitor in [*visitors, bystander]))
+    return {
+        f"{count} streams: maps a second each, least": round(min(rates), 1),
+        f"{count} streams: maps a second each, most": round(max(rates), 1),
+        f"{count} streams: bystander p95 ms": round(1000 * waits[int(0.95 * (len(waits) - 1))]),
+        f"{count} streams: RSS MB": round(server.megabytes()),
+    }
+
+
+async def measured(minutes: float) -> Figures:
+    """Return all figures."""
+    with serving(ENVIRONMENT) as server:
+        figures = await alone(server)
+        figures["RSS before, MB"] = round(server.megabytes())
+        for count in CLIENTS:
+            figures |= await together(server, count)
+        if minutes:
+            async with Visitor(server.port) as visitor:
+                told = await camera_of(visitor, METHODS["fast"])
+                await stream(server.port, told, 30)
+                figures["long stream: RSS after 30 s, MB"] = round(server.megabytes())
+                await stream(server.port, told, 60 * minutes)
+                figures[f"long stream: RSS after {minutes:g} min more, MB"] = round(server.megabytes())
+        return figures
+
+
+def live_table(minutes: float = 10) -> tuple[str, Figures]:
+    """Return the figures of live streams as Markdown and as numbers."""
+    figures = asyncio.run(measured(minutes))
+    lines = ["| live, two views of 640 × 480 | |", "|---|---|"] + [
+        f"| {name} | {one:g} |" for name, one in figures.items()
+    ]
+    return "\n".join(lines), figures
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=0, help="length of a long stream, whose memory is looked at")
+    print(live_table(parser.parse_args().minutes)[0])
+
+
+if __name__ == "__main__":
+    main()
