@@ -22,7 +22,7 @@ from stereolag.ui import prose
 from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import show_player
-from stereolag.ui.lag.live import listen
+from stereolag.ui.lag.live import Frozen, listen
 from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_RECORDINGS, own_facts, upload_limits
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.search.hand_marks import box_in, painted_mask
@@ -78,12 +78,19 @@ def choose_recordings() -> RecordingPair:
 def _live_recordings() -> RecordingPair:
     """Listen to the visitor's microphones; return what was frozen, and stop the page here while nothing was."""
     frozen = listen()
-    if frozen is None:
+    pair = None if frozen is None else _frozen_pair(frozen)
+    if pair is None:
         LAG_ADDRESS.write_choices()
         st.stop()
+    return pair
+
+
+def _frozen_pair(frozen: Frozen) -> RecordingPair | None:
+    """Return what was frozen as a pair; if a channel cannot be used, show why and return the last one."""
     file = frozen.file
-    pair = _pair(file, 1, file, 2, f"{file.digest} 1 {file.digest} 2")
-    return pair if frozen.speed == LagSearch().speed else replace(pair, speed=frozen.speed)
+    digest = f"{file.digest} 1 {file.digest} 2"
+    speed = None if frozen.speed == LagSearch().speed else frozen.speed
+    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=speed), f"{RECORDINGS}.live", digest)
 
 
 @st.cache_resource(show_spinner="Loading the example …")

@@ -105,3 +105,7 @@ def test_what_is_frozen_becomes_the_recordings_of_the_page(open_page: Callable[.
     assert app.number_input(key=f"lag.speed.{digest} 1 {digest} 2").value == 340
     app.number_input(key=f"lag.max.{digest} 1 {digest} 2").set_value(100).run()
     assert address(app) == {"recordings": "live", "max_lag": "100"}
+    told(np.zeros_like(STEADY), ear=ear, begun=2, freeze=8)
+    app.run()
+    assert "is constant" in app.error[0].value
+    assert lag_found(app) == 40

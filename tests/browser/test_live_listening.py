@@ -12,7 +12,7 @@ from tests.browser.visits import OpenPage, expect_fitting, expect_visible, scree
 FAKE_MICROPHONES = """
 () => {
   const SECONDS = 4;
-  const fake = (window.fake = { lag: 37, level: 0.2, channels: 2, asked: [], streams: [] });
+  const fake = (window.fake = { lag: 37, level: 0.2, clock: 1, channels: 2, asked: [], streams: [] });
   const noise = (size) => {
     let state = 7;
     return Float32Array.from({ length: size }, () => (state = (Math.imul(state, 1664525) + 1013904223) | 0) / 2 ** 31);
@@ -28,6 +28,7 @@ FAKE_MICROPHONES = """
     }
     one.playing?.stop();
     one.playing = Object.assign(context.createBufferSource(), { buffer, loop: true });
+    if (one === fake.streams.at(-1)) one.playing.playbackRate.value = fake.clock;
     one.playing.connect(destination);
     one.playing.start();
   };
@@ -130,6 +131,8 @@ def test_what_cannot_be_heard_has_its_own_sentence(open_page: OpenPage) -> None:
     expect(page.locator(".listening svg")).to_be_hidden()
     assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
 
+    change(page, clock=1.0003)
+    expect(said).to_contain_text("Two devices have two clocks, and these run apart.")
     check(page, "sensor-lag-live", only="[data-testid=stMain]")
     page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
     expect(state).to_contain_text("unplugged")
