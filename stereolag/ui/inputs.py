@@ -66,7 +66,7 @@ def choose_recordings() -> RecordingPair:
     """Ask which recordings to compare."""
     examples = samples.recordings()
     with head("Sensor lag"):
-        chosen = choose(examples, key=RECORDINGS, live="Live microphones")
+        chosen = choose(examples, key=RECORDINGS, live="Live")
         show_try_first(TRY_LISTENING if chosen == LIVE else TRY_RECORDINGS)
     if chosen == LIVE:
         return _live_recordings()
