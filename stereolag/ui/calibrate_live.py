@@ -29,6 +29,8 @@ from stereolag.io.images import read_image
 from stereolag.io.sources import MAX_BYTES
 from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
 from stereolag.ui.components import component, packed_item
+from stereolag.ui.depth.live import ask_arrangement
+from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.navigation import fragment
 from stereolag.ui.streams import Message, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
@@ -41,9 +43,9 @@ DECIMALS = 4
 
 LIVE_WORDS = {
     "start": "Start the camera",
-    "off": "A stereo camera that shows both views side by side. Nothing is recorded or sent before you start.",
+    "off": "It takes a picture whenever the board is still. Nothing is recorded or sent before you start.",
     "finish": "Calibrate with these",
-    "again": "Start over",
+    "restart": "Start over",
     "picture": "Picture covered",
     "size": "Near enough",
     "tilt": "Tilted",
@@ -211,12 +213,20 @@ def show_live() -> None:
     """Draw the camera; what it took becomes the page's own files when there is enough, or when the visitor wants it."""
     taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
     stream = open_stream(KEY, taking.answer)
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
     address = stream.address()
     _boards(
         key=f"{KEY}.boards",
-        data=address | {"words": address["words"] | LIVE_WORDS, "taken": taking.taken() | {"said": ""}},
+        data={
+            **address,
+            "words": address["words"] | LIVE_CAMERA_WORDS | LIVE_WORDS,
+            "arrangement": arrangement,
+            "crossed": crossed,
+            "taken": taking.taken() | {"said": ""},
+        },
         on_finished_change=_calibrate_with_these,
-        on_again_change=_start_over,
+        on_restarted_change=_start_over,
     )
     if st.session_state[KEY] == OWN:
         st.rerun()

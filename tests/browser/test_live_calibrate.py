@@ -23,7 +23,8 @@ def pairs() -> list[tuple[Rgb, Rgb]]:
 
 def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
     page = open_page()
-    play_cameras(page, both=[np.hstack(pair) for pair in pairs])
+    left, right = zip(*pairs, strict=True)
+    play_cameras(page, both=[np.hstack(pair) for pair in pairs], one=left, two=right)
     page.goto(page.url + "Calibrate")
     settled(page)
     page.get_by_role("radio", name="Live camera").click()
@@ -82,10 +83,18 @@ def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
     expect(state).to_contain_text("was unplugged")
     finish = page.get_by_role("button", name="Calibrate with these")
     expect(finish).to_be_disabled()
+    page.locator("[class*=calibrate-camera-arrangement]").get_by_role("combobox").click()
+    page.get_by_role("option", name="Two webcams").click()
+    settled(page)
     start(page)
+    for label, device in (("Right camera", "two"), ("Camera", "one")):
+        page.locator(".boards").get_by_role("combobox", name=label, exact=True).select_option(label=device)
+        expect(state).to_have_text("Live")
+    expect(page.locator(".skew")).to_contain_text("ms")
     for number in (1, 2):
         show(page, number)
         expect(count).to_have_text(f"{number + 1} pairs taken")
+    screenshot(page, "calibrate-live-two")
     turned_dark(page, width=390)
     expect_fitting(page, 390)
     screenshot(page, "calibrate-live-phone")

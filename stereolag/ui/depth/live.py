@@ -58,14 +58,19 @@ class Camera(NamedTuple):
 
 def ask_camera(key: str) -> Camera:
     """Ask how both views come from a camera or two; `key` is the prefix of the controls' keys."""
-    arrangement = st.selectbox(
-        "Camera", [*CAMERAS], format_func=CAMERAS.__getitem__, **persistent(f"{key}.arrangement")
-    )
-    crossed = st.toggle("The right view comes first", **persistent(f"{key}.crossed"))
+    arrangement, crossed = ask_arrangement(key, [*CAMERAS])
     width = st.segmented_control(
         "Width of a view", [*WIDTHS], default=FIRST_WIDTH, required=True, **persistent(f"{key}.width")
     )
     return Camera(arrangement, crossed, WIDTHS[width])
+
+
+def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
+    """Ask which of some of `CAMERAS` there is, and whether the right view comes first."""
+    arrangement = st.selectbox(
+        "Camera", arrangements, format_func=CAMERAS.__getitem__, **persistent(f"{key}.arrangement")
+    )
+    return arrangement, st.toggle("The right view comes first", **persistent(f"{key}.crossed"))
 
 
 _stereo_camera = component("stereo_camera")

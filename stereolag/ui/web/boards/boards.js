@@ -2,11 +2,11 @@
 // size, and how to hold the board next.
 
 import { say } from "../shared/dom.js";
-import { camera, devices, jpeg, LivePanel } from "../shared/live.js";
+import { jpeg } from "../shared/live.js";
 import { show } from "../shared/panel.js";
+import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
 const PREVIEW = 640; // px of a view
-const WANTED_QUALITY = 0.97;
 const FRAMES = 4; // kept until their answers come
 const FLASH_MS = 250;
 const COVERED = "#2fb8ff48";
@@ -15,69 +15,35 @@ const DOT = 5; // px
 
 export default (component) => show(Boards, component);
 
-class Boards extends LivePanel {
+class Boards extends StereoPanel {
   constructor(parent) {
     super(parent, "boards");
     this.canvas = this.find("canvas");
-    this.chosen = this.find(".camera");
     this.frames = new Map();
     this.number = 0;
     this.find(".finish").addEventListener("click", () => this.finish());
-    this.find(".again").addEventListener("click", () => {
+    this.find(".restart").addEventListener("click", () => {
       this.showTaken({ said: "", board: "", count: 0, progress: {}, ready: false });
-      this.trigger("again", performance.now());
-    });
-    this.chosen.addEventListener("change", () => {
-      if (!this.running) return;
-      this.stop();
-      this.start();
+      this.trigger("restarted", performance.now());
     });
   }
 
   begin(data) {
     super.begin(data);
-    for (const name of ["finish", "again"]) this.find(`.${name}`).textContent = data.words[name];
+    for (const name of ["finish", "restart"]) this.find(`.${name}`).textContent = data.words[name];
     for (const name of ["picture", "size", "tilt"]) this.find(`.${name}`).previousElementSibling.textContent = data.words[name];
     this.canvas.setAttribute("aria-label", data.words.shown);
     this.showTaken(data.taken);
-    this.listDevices();
-  }
-
-  async listDevices() {
-    const all = await devices("videoinput");
-    const { value } = this.chosen;
-    this.chosen.replaceChildren(...all.map(({ deviceId, label }) => new Option(label, deviceId, false, deviceId === value)));
-    this.chosen.hidden = all.length < 2;
-  }
-
-  async open() {
-    const opened = await camera(this.chosen.value);
-    await this.listDevices(); // they have names only now
-    this.video = opened.video;
-    const note = () => {
-      this.fresh = true;
-      this.wake();
-      this.video.requestVideoFrameCallback(note);
-    };
-    this.video.requestVideoFrameCallback(note);
-    return opened;
   }
 
   async grab() {
     const wanted = this.frames.get(this.wanted);
     this.wanted = null;
-    if (wanted) {
-      const parts = await Promise.all(wanted.views.map((view) => jpeg(view, WANTED_QUALITY)));
-      return { header: { wanted: true }, parts };
-    }
-    if (!this.fresh) return null;
-    this.fresh = false;
+    if (wanted) return { header: { wanted: true }, parts: await jpegs(wanted.views) };
+    if (!this.isFresh()) return null;
     const at = performance.now();
-    const { videoWidth, videoHeight } = this.video;
-    const wide = videoWidth >> 1;
-    const views = [0, videoWidth - wide].map((x) => drawn(this.video, wide, videoHeight, x, wide, videoHeight));
-    const scale = Math.min(1, PREVIEW / wide);
-    const preview = drawn(this.video, 2 * Math.round(scale * wide), Math.round(scale * videoHeight), 0, videoWidth, videoHeight);
+    const views = this.views(this.picture(this.videos, 1));
+    const preview = this.picture(views, Math.min(1, PREVIEW / views[0].width));
     const number = ++this.number;
     this.frames.set(number, { views, preview });
     this.frames.delete(number - FRAMES);
@@ -115,7 +81,7 @@ class Boards extends LivePanel {
     this.find(".count").textContent = words[["none", "one"][count] ?? "several"].replace("{count}", count);
     for (const name of ["picture", "size", "tilt"]) this.find(`.${name}`).value = progress[name] ?? 0;
     this.find(".finish").disabled = !ready;
-    this.find(".again").hidden = !count;
+    this.find(".restart").hidden = !count;
   }
 
   // A frame, shaded where the board has been, with its corners.
@@ -142,11 +108,4 @@ class Boards extends LivePanel {
       }
     });
   }
-}
-
-// A part of a video, drawn at a size.
-function drawn(video, width, height, x, wide, high) {
-  const canvas = new OffscreenCanvas(width, height);
-  canvas.getContext("2d").drawImage(video, x, 0, wide, high, 0, 0, width, height);
-  return canvas;
 }
