@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
+import { joined } from "../../stereolag/ui/web/listening/pieces.js";
 import { branch } from "../../stereolag/ui/web/shared/hyperbola.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { gapped, runsOf } from "../../stereolag/ui/web/shared/dom.js";
@@ -72,4 +73,10 @@ test("arrow keys move by one, with Shift by ten", () => {
   arrows({ shiftKey: false }, move).ArrowUp();
   arrows({ shiftKey: true }, move).ArrowRight();
   assert.deepEqual(moves, [[-1, 0], [0, 10]]);
+});
+
+test("blocks of sound are joined, and the oldest samples left out", () => {
+  const blocks = [[[1, 2], [-1, -2]], [[3, 4], [-3, -4]]].map((both) => both.map((one) => Int16Array.from(one)));
+  assert.deepEqual(joined(blocks, 3).map(({ buffer }) => [...new Int16Array(buffer)]), [[2, 3, 4], [-2, -3, -4]]);
+  assert.deepEqual(joined([], 3).map(({ length }) => length), [0, 0]);
 });

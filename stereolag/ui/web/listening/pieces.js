@@ -48,7 +48,9 @@ export async function listening(deviceIds, take) {
 }
 
 async function blocks(media, take) {
-  const context = new AudioContext();
+  // At the rate of the device, if the browser tells it: samples of its own, not resampled ones.
+  const { sampleRate } = media[0].getAudioTracks()[0].getSettings();
+  const context = new AudioContext(sampleRate ? { sampleRate } : {});
   const source = URL.createObjectURL(new Blob([WORKLET], { type: "text/javascript" }));
   await context.audioWorklet.addModule(source);
   URL.revokeObjectURL(source);
