@@ -1,5 +1,7 @@
 """Template search: find a smaller picture in a larger one."""
 
+from typing import Any
+
 import streamlit as st
 
 from stereolag.core.searches import TemplateQuery
@@ -12,8 +14,10 @@ from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pic
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
 from stereolag.ui.search.comparison import damage_it, show_opencv_beside
+from stereolag.ui.search.following import show_following
 from stereolag.ui.search.panels import show_funnel
 from stereolag.ui.search.result import drag_it, show_answer, show_match_files, show_places
+from stereolag.ui.search.sentences import METHODS_FOLLOWING
 from stereolag.ui.sentences import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 
 POSES = {name: TemplateQuery.model_fields[name].default for name in ("min_scale", "max_scale", "max_rotation")}
@@ -27,17 +31,17 @@ PARTS = {
 }
 
 
-def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
-    """Return the query, or None if the settings are refused."""
-    show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
+def ask(inputs: PictureAndTemplate | None) -> TemplateQuery | None:
+    """Return the query, or None if the settings are refused; a camera has no template yet, and one match at most."""
+    if inputs is not None:
+        show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
-    prose.caption(TEMPLATE_METHODS_EXPLAINED[method])
-    min_score = control(TemplateQuery, "min_score", key="template.min_score")
-    max_matches = control(TemplateQuery, "max_matches", key="template.max_matches")
-    poses = ask_poses(possible=method == "fft")
-    return last_valid(
-        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches, **poses), "template.query"
-    )
+    prose.caption((TEMPLATE_METHODS_EXPLAINED if inputs is not None else METHODS_FOLLOWING)[method])
+    values: dict[str, Any] = {"min_score": control(TemplateQuery, "min_score", key="template.min_score")}
+    if inputs is not None:
+        values["max_matches"] = control(TemplateQuery, "max_matches", key="template.max_matches")
+    values |= ask_poses(possible=method == "fft")
+    return last_valid(lambda: TemplateQuery(method=method, **values), "template.query")
 
 
 def ask_poses(*, possible: bool) -> dict[str, float]:
@@ -92,8 +96,24 @@ def find(inputs: PictureAndTemplate) -> None:
         show_parts("template.part", PARTS, inputs, result, query)
 
 
+@fragment
+def follow() -> None:
+    """Draw the controls and the camera; moving a control acts on its next frame."""
+    controls, result_place = bench()
+    with controls:
+        query = ask(None)
+    with result_place:
+        if query is not None:
+            TEMPLATE_ADDRESS.write(query, None)
+            show_following(query)
+
+
 with page("Rocketman search"):
-    find(TEMPLATE_ADDRESS.recalled(choose_pictures))
+    chosen = TEMPLATE_ADDRESS.recalled(choose_pictures)
+    if chosen is None:
+        follow()
+    else:
+        find(chosen)
     with st.expander("The source report"):
         prose.markdown(
             "In its maze of 2,446 × 1,526 pixels Rocketman’s top-left corner is at row **528**, column **982**. The "

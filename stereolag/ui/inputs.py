@@ -26,6 +26,7 @@ from stereolag.ui.lag.live import Frozen, listen
 from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_RECORDINGS, own_facts, upload_limits
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.search.hand_marks import box_in, painted_mask
+from stereolag.ui.search.sentences import TRY_CAMERA, TRY_PICTURES
 from stereolag.ui.uploads import (
     LIVE,
     OWN,
@@ -215,11 +216,14 @@ class PictureAndTemplate:
         return not self.shared and not self.by_hand
 
 
-def choose_pictures() -> PictureAndTemplate:
-    """Ask for the image, the template and the file of its mask."""
+def choose_pictures() -> PictureAndTemplate | None:
+    """Ask for the image, the template and the file of its mask; return None if a camera is chosen instead."""
     examples = samples.mazes()
-    with head("Rocketman search", "drag him over the image; then look on the moon, where dust has dulled him."):
-        chosen = choose(examples, key=PICTURES)
+    with head("Rocketman search"):
+        chosen = choose(examples, key=PICTURES, live="Camera")
+        show_try_first(TRY_CAMERA if chosen == LIVE else TRY_PICTURES)
+        if chosen == LIVE:
+            return None
         given = "Template: a file" if chosen == OWN else "The example’s template"
         template_from = st.segmented_control(
             "Template",
@@ -393,9 +397,9 @@ LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
 )
 
 
-TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate, TemplateQuery] = SettingsAddress(
+TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate | None, TemplateQuery] = SettingsAddress(
     "template.address",
-    lambda: {"picture": example_choice(PICTURES, samples.mazes())},
+    lambda: {"picture": example_choice(PICTURES, samples.mazes(), LIVE)},
     lambda inputs: TemplateQuery(),
     lambda name, inputs: f"template.{name}",
 )

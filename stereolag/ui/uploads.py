@@ -303,13 +303,30 @@ def _read_once(
 
 
 def hand_in(
-    files: Sequence[tuple[str, bytes]], read: Callable[[Sequence[tuple[str, bytes]]], T], said: str, *, key: str
+    files: Sequence[tuple[str, bytes]],
+    read: Callable[[Sequence[tuple[str, bytes]]], T],
+    said: str,
+    *,
+    key: str,
+    variant: str | None = None,
 ) -> None:
     """Take files for those of the uploader `key`, as :func:`upload_named` would, and say in the page what they are."""
     state = _state(key)
     state.forget()
-    digest = _digest([content for _, content in files])
-    state.kept = _Kept(Upload(digest, read(files)), ((digest,), None), [], said)
+    contents = [content for _, content in files]
+    digest = _digest(contents)
+    kept = [] if variant is None else contents
+    state.kept = _Kept(Upload(digest + (variant or ""), read(files)), ((digest,), variant), kept, said)
+
+
+def hand_in_picture(data: bytes, said: str, *, key: str) -> None:
+    """Take a picture for that of the uploader `key`, as :func:`upload_picture` would, and say what it is."""
+    hand_in([("", data)], lambda files: guarded(read_frame)(files[0][1]), said, key=key, variant="")
+
+
+def forget_upload(key: str) -> None:
+    """Forget the file of the uploader `key`."""
+    _state(key).forget()
 
 
 def _digest(contents: Sequence[bytes]) -> str:

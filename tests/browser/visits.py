@@ -39,6 +39,7 @@ const AUTOMATIC = 6;
 const awaited = window.awaited = { answer: false, run: false, upload: false, timers: new Set() };
 const send = WebSocket.prototype.send;
 WebSocket.prototype.send = function (data) {
+  if (!this.url.endsWith("/_stcore/stream")) return send.call(this, data); // a live stream, which takes no run
   if (!this.watched) this.addEventListener("message", ({ data }) => {
     const told = message(data);
     if (told.has(NEW_SESSION)) [awaited.answer, awaited.run] = [false, true];

@@ -269,3 +269,41 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
     "hint": "Click on a bar or on the template to pick another pixel; arrow keys work too.",
     "nothing": "Every colour of this template is too common in the image.",
 }
+
+
+# The camera
+
+TRY_PICTURES: Final = "drag him over the image; then look on the moon, where dust has dulled him."
+TRY_CAMERA: Final = "start the camera, draw a box around something, and move it about."
+
+METHODS_FOLLOWING: Final = {
+    "fft": "Scores every place around the last one, and in the whole picture when it is lost.",
+    "sampled": "The report’s Appendix B looks for exact pixels. No camera gives the same ones twice, so this finds "
+    "nothing after a frame.",
+    "direct": "The same scores as FFT. A frame would take it seconds, so the camera takes FFT.",
+}
+
+NO_BOX_YET: Final = "Draw a box first."
+FROZEN: Final = "The frame that you froze is in use."
+FROZEN_TEMPLATE: Final = "What you cut from the camera’s picture is in use."
+
+FOLLOWING_WORDS: Final = {
+    "hint": "Start the camera, then draw a box around something in its picture: it is followed from frame to frame.",
+    "choose": "Draw a box around something. With keys: arrows move the box, with Shift by ten, + and − resize it, "
+    "Enter follows it.",
+    "stage": "Picture of the camera with a box. Arrow keys move it, with Shift by ten; plus and minus resize it; Enter "
+    "follows it, and Escape begins anew.",
+    "follow": "Follow the box",
+    "again": "New box",
+    "freeze": "Freeze",
+    "freeze_help": "Go on with this frame and what you cut, as with files of your own",
+    "camera": "Camera",
+    "states": {
+        "found": ["Found", "All of it is there."],
+        "partly_seen": ["Partly seen", "The rest is covered, outside the picture or in a reflection."],
+        "look_alikes": ["Look-alikes", "Several places show it. Only its path tells which."],
+        "lost": ["Lost", "It is looked for in the whole picture."],
+    },
+    "figures": "score {score}, row {row}, column {col}, size {size} %, turned by {angle}°",
+    "score": "best score {score}",
+}

@@ -1,0 +1,266 @@
+// A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
+
+import { button, described, element, say } from "../shared/dom.js";
+import { LivePanel, camera, devices, jpeg } from "../shared/live.js";
+import { clamp, filled, shortened } from "../shared/numbers.js";
+import { arrows, onDrag, onKey, show } from "../shared/panel.js";
+
+const LARGEST = 1280; // px, of the longer side of a frame
+const PATH = 150; // last places drawn
+const COLOURS = { found: "#17b26a", partly_seen: "#f79009", look_alikes: "#9e77ed", lost: "#f04438" };
+const DASHES = { found: [], partly_seen: [10, 6], look_alikes: [3, 5] };
+
+export default (component) => show(FollowingPanel, component);
+
+class FollowingPanel extends LivePanel {
+  constructor(parent) {
+    super(parent, "following");
+    this.canvas = this.find("canvas");
+    this.device = "";
+    this.chooser = element("select");
+    this.chooser.addEventListener("change", () => this.use(this.chooser.value));
+    this.follow = button("", () => (this.box ? this.cut() : this.anew()));
+    this.freeze = button("", () => this.frozen());
+    this.toggle.after(this.follow, this.freeze, this.chooser);
+    onDrag(this.stage, (event) => this.grabbed(event));
+    onKey(this.stage, (event) => this.actions(event));
+    this.watchSize(this.stage);
+    this.reset();
+  }
+
+  begin(data) {
+    super.begin(data);
+    const { told } = data;
+    this.told = told;
+    this.find(".hint").textContent = told.hint;
+    this.freeze.textContent = told.freeze;
+    this.freeze.title = told.freeze_help;
+    described(this.chooser, { "aria-label": told.camera });
+    described(this.stage, { "aria-label": told.stage });
+    this.showBar();
+  }
+
+  reset() {
+    this.box = null; // that is being chosen, px of the frame; none while one is followed
+    this.held = false; // whether the picture stands still while a box is drawn on it
+    this.wanted = null; // the box to be cut, with the frame on which it was drawn
+    this.cutting = false; // whether it is on its way
+    this.still = null; // the frame that is shown
+    this.item = null; // its answer
+    this.path = [];
+    this.number = 0;
+    this.stills = new Map(); // frames on their way, by number
+  }
+
+  async open() {
+    this.reset();
+    const opened = await camera(this.device);
+    const all = await devices("videoinput");
+    this.chooser.replaceChildren(...all.map(({ deviceId, label }) => new Option(label, deviceId, false, deviceId === this.device)));
+    this.showBar();
+    return opened;
+  }
+
+  stopped() {
+    this.box = null;
+    this.showBar();
+  }
+
+  use(device) {
+    this.device = device;
+    this.stop();
+    this.start();
+  }
+
+  // What was followed is forgotten, and another box may be drawn.
+  anew() {
+    if (!this.still) return;
+    const { width, height } = this.still;
+    Object.assign(this, { item: null, path: [], cutting: false });
+    this.fit({ width: Math.round(width / 6), height: Math.round(height / 5) }, [height / 2, width / 2]);
+    this.showState();
+  }
+
+  cut() {
+    if (!this.box) return;
+    const { row, col, height, width } = this.box;
+    this.wanted = { box: { row, col, height, width }, still: this.still };
+    this.box = null;
+    this.held = false;
+    this.fault = "";
+    this.draw();
+  }
+
+  frozen() {
+    this.stop();
+    this.trigger("frozen", Date.now());
+  }
+
+  async grab() {
+    const { video } = this.media;
+    if (this.cutting && this.fault) this.anew(); // it cannot be followed: the bar says why
+    if (this.wanted) {
+      const { box, still } = this.wanted;
+      Object.assign(this, { wanted: null, cutting: true });
+      return this.sending(still, { box });
+    }
+    if (this.cutting || this.held || video.currentTime === this.time) return null;
+    this.time = video.currentTime;
+    const scale = Math.min(1, LARGEST / Math.max(video.videoWidth, video.videoHeight));
+    const still = new OffscreenCanvas(Math.round(scale * video.videoWidth), Math.round(scale * video.videoHeight));
+    still.getContext("2d").drawImage(video, 0, 0, still.width, still.height);
+    if (this.still && !this.box) return this.sending(still, {});
+    const first = !this.still;
+    this.still = still;
+    if (first) this.anew();
+    this.schedule();
+    return null;
+  }
+
+  async sending(still, more) {
+    this.number += 1;
+    this.stills.set(this.number, still);
+    return { header: { number: this.number, ...more }, parts: [await jpeg(still)] };
+  }
+
+  answered(item) {
+    const still = this.stills.get(item.number);
+    for (const number of [...this.stills.keys()]) if (number <= item.number) this.stills.delete(number);
+    this.cutting = false;
+    if (this.box || this.wanted || !still) return;
+    Object.assign(this, { still, item });
+    this.path = [...this.path, item.place].slice(-PATH);
+    this.schedule();
+  }
+
+  // A box by the pointer is followed as soon as it is released.
+  grabbed(event) {
+    if (!this.running || !this.still) return null;
+    this.held = true;
+    const [fromRow, fromCol] = this.placeOf(event);
+    let moved = false;
+    return {
+      move: (event) => {
+        const [row, col] = this.placeOf(event);
+        if (!moved) [this.item, this.path] = [null, []];
+        moved = true;
+        const size = { height: Math.abs(row - fromRow), width: Math.abs(col - fromCol) };
+        this.fit(size, [(row + fromRow) / 2, (col + fromCol) / 2]);
+      },
+      end: (released) => {
+        this.held = false;
+        if (moved && released) this.cut();
+      },
+    };
+  }
+
+  actions(event) {
+    if (!this.running || !this.still) return null;
+    if (!this.box) return { Escape: () => this.anew() };
+    const { row, col, height, width } = this.box;
+    const sized = (by) => this.fit({ height: height + by, width: width + by }, [row + height / 2, col + width / 2]);
+    return {
+      ...arrows(event, (down, right) => this.fit({ height, width }, [row + down + height / 2, col + right + width / 2])),
+      "+": () => sized(4),
+      "-": () => sized(-4),
+      Enter: () => this.cut(),
+    };
+  }
+
+  // Shows a box of this size around a middle, as far as the picture and the least side allow.
+  fit(size, [row, col]) {
+    const { width: cols, height: rows } = this.still;
+    const [height, width] = [[size.height, rows], [size.width, cols]].map(([side, end]) => clamp(Math.round(side), this.data.least, end));
+    const [top, left] = [[row - height / 2, rows - height], [col - width / 2, cols - width]].map(([at, end]) => clamp(Math.round(at), 0, end));
+    this.box = { row: top, col: left, height, width };
+    this.schedule();
+  }
+
+  placeOf({ clientX, clientY }) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    return [((clientY - top) / height) * this.still.height, ((clientX - left) / width) * this.still.width];
+  }
+
+  showBar() {
+    const running = Boolean(this.running && this.still);
+    this.follow.textContent = this.told?.[this.box ? "follow" : "again"];
+    this.follow.hidden = this.freeze.hidden = !running;
+    this.freeze.disabled = !this.item;
+    this.chooser.hidden = !this.running || this.chooser.options.length < 2;
+    this.root.classList.toggle("shown", Boolean(this.still));
+  }
+
+  draw() {
+    this.showBar();
+    this.tell();
+    if (!this.still) return;
+    const { width, height } = this.still;
+    if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
+    const context = this.canvas.getContext("2d");
+    context.drawImage(this.still, 0, 0);
+    const px = width / (this.canvas.clientWidth || width); // of the screen
+    const stroke = (path, colour, dash = []) => {
+      for (const [style, wide] of [["#fff", 5], [colour, 3]]) {
+        Object.assign(context, { strokeStyle: style, lineWidth: wide * px, lineJoin: "round" });
+        context.setLineDash(style === "#fff" ? [] : dash.map((length) => length * px));
+        context.stroke(path);
+      }
+    };
+    if (this.box) {
+      const { row, col, height: tall, width: wide } = this.box;
+      const box = new Path2D();
+      box.rect(col, row, wide, tall);
+      stroke(box, "#ff00a0");
+      return;
+    }
+    if (!this.item) return;
+    const { state, place, shape } = this.item;
+    const trail = new Path2D();
+    this.path.forEach((at, number) => at && trail[this.path[number - 1] ? "lineTo" : "moveTo"](at.col, at.row));
+    stroke(trail, COLOURS.found);
+    if (place) stroke(framed(place, shape), COLOURS[state], DASHES[state]);
+    this.label(context, px);
+  }
+
+  // The word for the state, above the frame or in the corner of the picture.
+  label(context, px) {
+    const { state, place, shape } = this.item;
+    const [text] = this.told.states[state];
+    Object.assign(context, { font: `600 ${14 * px}px sans-serif`, textBaseline: "top" });
+    const wide = context.measureText(text).width + 12 * px;
+    const radius = place ? (place.scale * Math.hypot(...shape)) / 2 : 0;
+    const left = place ? clamp(place.col - wide / 2, 0, this.canvas.width - wide) : 6 * px;
+    const top = place ? clamp(place.row - radius - 24 * px, 0, this.canvas.height - 22 * px) : 6 * px;
+    context.fillStyle = "#000000b3";
+    context.fillRect(left, top, wide, 22 * px);
+    context.fillStyle = COLOURS[state];
+    context.fillRect(left, top, 4 * px, 22 * px);
+    context.fillStyle = "#fff";
+    context.fillText(text, left + 8 * px, top + 4 * px);
+  }
+
+  // The state and the figures below the picture; only a change of the state is read aloud.
+  tell() {
+    const { item, told } = this;
+    const [word, why] = item ? told.states[item.state] : ["", this.box ? told.choose : ""];
+    this.root.style.setProperty("--state", item ? COLOURS[item.state] : "transparent");
+    say(this.find("strong"), word);
+    this.find(".why").textContent = why;
+    const score = item?.score === null ? "–" : shortened(item?.score ?? NaN, 2);
+    const { row = 0, col = 0, scale = 1, rotation = 0 } = item?.place ?? {};
+    const figures = { score, row: shortened(row), col: shortened(col), size: shortened(100 * scale), angle: shortened(rotation) };
+    this.find(".figures").textContent = item ? filled(item.place ? told.figures : told.score, figures) : "";
+  }
+}
+
+// The outline of a template of that shape at a place; its angle is counter-clockwise as seen.
+function framed({ row, col, scale, rotation }, [height, width]) {
+  const [cosine, sine] = [Math.cos, Math.sin].map((of) => of((rotation * Math.PI) / 180));
+  const path = new Path2D();
+  for (const [down, right] of [[-1, -1], [-1, 1], [1, 1], [1, -1]]) {
+    const [y, x] = [(down * scale * height) / 2, (right * scale * width) / 2];
+    path.lineTo(col + x * cosine + y * sine, row - x * sine + y * cosine);
+  }
+  path.closePath();
+  return path;
+}

@@ -1,0 +1,98 @@
+// A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
+// It takes its next picture once the one before was answered, so that answers and pictures go together.
+(() => {
+  const [COLS, ROWS, SIDE, LAST] = [640, 480, 64, 200];
+  const COVERED = [60, 90];
+  const AWAY = [120, 165];
+  let seed = 7;
+  const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
+  const drawing = (cols, rows) => new OffscreenCanvas(cols, rows).getContext("2d");
+  const within = (number, [first, end]) => number >= first && number < end;
+
+  const ground = drawing(COLS, ROWS);
+  ground.filter = "blur(1.5px)";
+  for (let row = 0; row < ROWS; row += 6) {
+    for (let col = 0; col < COLS; col += 6) {
+      ground.fillStyle = `rgb(${[0, 0, 0].map(() => Math.floor(40 + 160 * random())).join()})`;
+      ground.fillRect(col, row, 7, 7);
+    }
+  }
+  const sign = (sibling) => {
+    const drawn = drawing(SIDE, SIDE);
+    drawn.fillStyle = "#d8d2c0";
+    drawn.fillRect(0, 0, SIDE, SIDE);
+    drawn.strokeStyle = "#203048";
+    drawn.lineWidth = 5;
+    drawn.strokeRect(2.5, 2.5, SIDE - 5, SIDE - 5);
+    const last = sibling ? [46, 48] : [14, 50];
+    for (const [x, y, r, colour] of [[20, 20, 8, "#b03028"], [44, 24, 6, "#2870a8"], [30, 44, 9, "#388048"], [...last, 6, "#604080"]]) {
+      drawn.fillStyle = colour;
+      drawn.beginPath();
+      drawn.arc(x, y, r, 0, 7);
+      drawn.fill();
+    }
+    return drawn.canvas;
+  };
+  const [own, other] = [sign(false), sign(true)];
+
+  const camera = Object.assign(document.createElement("canvas"), { width: COLS, height: ROWS });
+  const context = camera.getContext("2d");
+  const placeAt = (number) => {
+    const turn = (2 * Math.PI * number) / 100;
+    const away = within(number, AWAY) ? 1.1 * COLS * Math.sin((Math.PI * (number - AWAY[0])) / (AWAY[1] - AWAY[0])) : 0;
+    return { row: ROWS * (0.45 + 0.28 * Math.sin(1.3 * turn)), col: COLS * (0.5 + 0.33 * Math.cos(turn)) + away };
+  };
+  const paint = (number) => {
+    const { row, col } = placeAt(number);
+    context.drawImage(ground.canvas, 0, 0);
+    context.drawImage(other, 90, 380);
+    const side = SIDE * (1 + 0.05 * Math.sin(number / 40));
+    context.drawImage(own, col - side / 2, row - side / 2, side, side);
+    context.fillStyle = "#506888";
+    if (within(number, COVERED)) context.fillRect(col - SIDE, row - SIDE, 2 * SIDE, 2 * SIDE);
+    context.fillStyle = `rgba(0, 0, 0, ${0.12 + 0.12 * Math.sin(number / 15)})`; // the light changes
+    context.fillRect(0, 0, COLS, ROWS);
+  };
+
+  const isUnseen = (number) => within(number, COVERED) || placeAt(number).col > COLS + SIDE / 2;
+  const scene = { number: 0, told: [], placeAt, SIDE, LAST, refused: "", tracks: [] };
+  /** @type {any} */ (window).scene = scene;
+  let track;
+  const take = () => {
+    paint(scene.number);
+    track?.requestFrame();
+  };
+  navigator.mediaDevices.getUserMedia = async () => {
+    if (scene.refused) throw new DOMException("as the test wants", scene.refused);
+    const media = camera.captureStream(0);
+    [track] = media.getVideoTracks();
+    scene.tracks.push(track);
+    const waiting = setInterval(() => (scene.told.length + sent.length ? clearInterval(waiting) : take()), 50);
+    return media;
+  };
+  navigator.mediaDevices.enumerateDevices = async () => [];
+
+  const Socket = window.WebSocket;
+  const sent = []; // numbers of the pictures that are not answered yet
+  window.WebSocket = class extends Socket {
+    constructor(...given) {
+      super(...given);
+      if (!String(given[0]).endsWith("/live")) return;
+      this.addEventListener("message", ({ data }) => {
+        if (typeof data === "string") return;
+        const length = new DataView(data).getUint32(0, true);
+        const { state, place, score, error } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+        const number = sent.shift();
+        scene.told.push({ number, state, place, score, error, truth: placeAt(number), unseen: isUnseen(number) });
+        if (sent.length) return;
+        if (scene.number < LAST) scene.number += 1;
+        take();
+      });
+    }
+
+    send(data) {
+      if (typeof data !== "string" && this.url.endsWith("/live")) sent.push(scene.number);
+      super.send(data);
+    }
+  };
+})();

@@ -1,0 +1,82 @@
+"""The page Rocketman search with a camera that films a moving sign: followed, frozen, refused and unplugged."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from playwright.sync_api import Page, expect
+
+from tests.browser.parts import box_of
+from tests.browser.visits import OpenPage, screenshot, settled, turned_dark
+
+SCENE = Path(__file__).with_name("moving_scene.js").read_text(encoding="utf-8")
+
+
+def filmed(open_page: OpenPage) -> Page:
+    """Open the page with a camera in its browser."""
+    page = open_page("Rocketman_search?picture=live")
+    page.evaluate(SCENE)
+    return page
+
+
+def test_a_sign_is_followed_through_two_hundred_frames_and_a_frame_is_frozen(open_page: OpenPage) -> None:
+    page = filmed(open_page)
+    panel = page.locator(".following")
+    expect(panel.locator(".state")).to_contain_text("Nothing is recorded")
+    panel.get_by_role("button", name="Start").click()
+    expect(panel.get_by_role("button", name="Follow the box")).to_be_visible()
+    expect(panel.get_by_role("button", name="Freeze")).to_be_disabled()
+    screenshot(page, "following-box")
+    canvas = panel.locator("canvas")
+    canvas.scroll_into_view_if_needed()
+    box = box_of(canvas)
+    scale = box["width"] / 640
+    first, side = page.evaluate("[scene.placeAt(0), scene.SIDE]")
+    corners = [
+        (box["x"] + (first["col"] + away) * scale, box["y"] + (first["row"] + away) * scale)
+        for away in (-side / 2, side / 2)
+    ]
+    page.mouse.move(*corners[0])
+    page.mouse.down()
+    page.mouse.move(*corners[1], steps=4)
+    page.mouse.up()
+    expect(panel.get_by_role("status").nth(1)).to_have_text("Found")
+    page.wait_for_function("scene.number === scene.LAST")
+    told = {one["number"]: one for one in page.evaluate("scene.told")}
+    assert not [one for one in told.values() if one["error"]]
+    for number, one in told.items():
+        if one["place"] is not None:
+            away = math.dist(*([at["row"], at["col"]] for at in (one["place"], one["truth"])))
+            assert away < 4 and not one["unseen"], (number, one)
+    assert all(one["state"] == "lost" for one in told.values() if one["unseen"])
+    states = [one["state"] for number, one in told.items() if not one["unseen"] and not 115 <= number < 170]
+    assert states.count("found") > 0.9 * len(states)
+    screenshot(page, "following-found")
+    turned_dark(page, width=390)
+    screenshot(page, "following-dark-phone")
+
+    panel.get_by_role("button", name="Freeze").click()
+    settled(page)
+    for said in ("The frame that you froze is in use.", "What you cut from the camera’s picture is in use."):
+        expect(page.get_by_text(said)).to_be_attached()
+    expect(page.get_by_role("heading", name="Found at row")).to_be_visible()
+    screenshot(page, "following-frozen")
+
+
+def test_it_is_cut_with_keys_and_a_camera_refused_or_unplugged_is_told(open_page: OpenPage) -> None:
+    page = filmed(open_page)
+    panel, state = page.locator(".following"), page.locator(".following .state")
+    page.evaluate("scene.refused = 'NotAllowedError'")
+    panel.get_by_role("button", name="Start").click()
+    expect(state).to_contain_text("The browser does not allow it")
+    page.evaluate("scene.refused = ''")
+    panel.get_by_role("button", name="Start").click()
+    expect(panel.get_by_role("button", name="Follow the box")).to_be_visible()
+    stage = panel.locator(".stage")
+    for key in ("ArrowLeft", "Shift+ArrowDown", "+", "Enter"):
+        stage.press(key)
+    expect(panel.locator(".figures")).to_contain_text("score")
+    page.evaluate("scene.tracks.at(-1).stop()")
+    expect(state).to_contain_text("unplugged")
+    expect(panel.get_by_role("button", name="Start")).to_be_visible()
