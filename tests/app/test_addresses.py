@@ -102,4 +102,4 @@ def test_no_address_does_harm(kind: type[StereoMatcher], parameters: dict[str, s
 
 def test_an_address_names_every_example() -> None:
     assert LAG_ADDRESS.choices()["recordings"].allowed == [*samples.recordings(), OWN, LIVE]
-    assert TEMPLATE_ADDRESS.choices()["picture"].allowed == [*samples.mazes(), OWN]
+    assert TEMPLATE_ADDRESS.choices()["picture"].allowed == [*samples.mazes(), OWN, LIVE]

@@ -304,6 +304,6 @@ FOLLOWING_WORDS: Final = {
         "look_alikes": ["Look-alikes", "Several places show it. Only its path tells which."],
         "lost": ["Lost", "It is looked for in the whole picture."],
     },
-    "figures": "score {score}, row {row}, column {col}, size {size} %, turned by {angle}°",
-    "score": "best score {score}",
+    "figures": "Score {score}, row {row}, column {col}, size {size} %, turned by {angle}°",
+    "score": "Best score {score}",
 }
