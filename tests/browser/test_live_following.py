@@ -76,7 +76,7 @@ def test_it_is_cut_with_keys_and_a_camera_refused_or_unplugged_is_told(open_page
     stage = panel.locator(".stage")
     for key in ("ArrowLeft", "Shift+ArrowDown", "+", "Enter"):
         stage.press(key)
-    expect(panel.locator(".figures")).to_contain_text("core")
+    expect(panel.locator(".figures")).to_contain_text("Score")
     page.evaluate("scene.tracks.at(-1).stop()")
     expect(state).to_contain_text("unplugged")
     expect(panel.get_by_role("button", name="Start")).to_be_visible()
