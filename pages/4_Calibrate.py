@@ -68,6 +68,8 @@ with page("Calibrate"):
             "- Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and "
             "take 8 to 40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the "
             "cameras.\n"
+            "- A live camera takes a pair by itself whenever the board is still and held as in no pair before: all "
+            "over the picture, near once, and tilted to all sides. Then it stops.\n"
             "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
             "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
             "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"

@@ -54,7 +54,7 @@ from stereolag.ui.elements import (
     show_picture,
     show_refused,
 )
-from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head
+from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
 from stereolag.ui.uploads import (
@@ -150,10 +150,15 @@ class BoardPictures:
         return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
 
 
+TRY_FIRST = "leave out a pair with a click, and see how the errors change."
+TRY_LIVE_FIRST = "start the camera, and hold a printed chessboard before it."
+
+
 def choose_board_pictures() -> BoardPictures | None:
     """Ask which pictures to calibrate from; None if a live camera is to take them."""
-    with head("Calibrate", "leave out a pair with a click, and see how the errors change."):
+    with head("Calibrate"):
         chosen = choose(EXAMPLES, key=KEY, live="Live camera")
+        show_try_first(TRY_LIVE_FIRST if chosen == LIVE else TRY_FIRST)
     if chosen == LIVE:
         return None
     return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")

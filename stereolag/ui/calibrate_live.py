@@ -31,7 +31,7 @@ from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.depth.live import ask_arrangement
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
-from stereolag.ui.navigation import fragment
+from stereolag.ui.navigation import bench, fragment
 from stereolag.ui.streams import Message, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
 
@@ -134,7 +134,7 @@ class Taking:
         left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
         board = self.board = self.board or self._guessed(left, right)
         if board is None:
-            return self._shown(message, UNKNOWN)
+            return self._shown(message)
         size, before = (left.shape[1], left.shape[0]), self.last
         first, second = self.last = find_in_running_picture(left, board), find_in_running_picture(right, board)
         corners = [[] if one is None else _shares(one.points, size) for one in self.last]
@@ -181,7 +181,7 @@ class Taking:
         missing = self.missing
         count = len(self.collected.poses)
         return {
-            "said": NEXT[missing[0]] if missing else ENOUGH,
+            "said": UNKNOWN if self.board is None else NEXT[missing[0]] if missing else ENOUGH,
             "board": "" if self.board is None else board_in_words(self.board),
             "outlines": self.outlines,
             "progress": self.collected.progress(),
@@ -213,21 +213,23 @@ def show_live() -> None:
     """Draw the camera; what it took becomes the page's own files when there is enough, or when the visitor wants it."""
     taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
     stream = open_stream(KEY, taking.answer)
-    with st.container(horizontal=True, vertical_alignment="bottom"):
+    controls, result_place = bench()
+    with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
-    address = stream.address()
-    _boards(
-        key=f"{KEY}.boards",
-        data={
-            **address,
-            "words": address["words"] | LIVE_CAMERA_WORDS | LIVE_WORDS,
-            "arrangement": arrangement,
-            "crossed": crossed,
-            "taken": taking.taken() | {"said": ""},
-        },
-        on_finished_change=_calibrate_with_these,
-        on_restarted_change=_start_over,
-    )
+    with result_place:
+        address = stream.address()
+        _boards(
+            key=f"{KEY}.boards",
+            data={
+                **address,
+                "words": address["words"] | LIVE_CAMERA_WORDS | LIVE_WORDS,
+                "arrangement": arrangement,
+                "crossed": crossed,
+                "taken": taking.taken(),
+            },
+            on_finished_change=_calibrate_with_these,
+            on_restarted_change=_start_over,
+        )
     if st.session_state[KEY] == OWN:
         st.rerun()
 

@@ -9,7 +9,7 @@ import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 const PREVIEW = 640; // px of a view
 const FRAMES = 4; // kept until their answers come
 const FLASH_MS = 250;
-const COVERED = "#2fb8ff48";
+const COVERED = "#2fb8ff38";
 const CORNER = "#ff2d9b";
 const DOT = 5; // px
 
@@ -22,10 +22,7 @@ class Boards extends StereoPanel {
     this.frames = new Map();
     this.number = 0;
     this.find(".finish").addEventListener("click", () => this.finish());
-    this.find(".restart").addEventListener("click", () => {
-      this.showTaken({ said: "", board: "", count: 0, progress: {}, ready: false });
-      this.trigger("restarted", performance.now());
-    });
+    this.find(".restart").addEventListener("click", () => this.trigger("restarted", performance.now()));
   }
 
   begin(data) {
