@@ -24,8 +24,6 @@ from stereolag.geometry.boards import (
     guess_chessboard,
 )
 from stereolag.geometry.calibrating import FEWEST_PAIRS
-from stereolag.io.guard import guarded
-from stereolag.io.images import read_image
 from stereolag.io.sources import MAX_BYTES
 from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
 from stereolag.ui.components import component, packed_item
@@ -131,6 +129,8 @@ class Taking:
         if "wanted" in message.header:
             self._take(message.parts)
             return self._shown(message)
+        if len(message.parts) != 1:
+            raise ValueError(f"A frame is one picture, and not {len(message.parts)}.")
         left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
         board = self.board = self.board or self._guessed(left, right)
         if board is None:
@@ -158,7 +158,7 @@ class Taking:
         """Take both pictures of a pair, if they show the board in a new way."""
         if self.board is None or not self.missing or len(pictures) != 2:
             return
-        found = find_boards([tuple(map(guarded(read_image), pictures))], self.board)  # type: ignore[list-item]
+        found = find_boards([(frame(pictures[0]), frame(pictures[1]))], self.board)
         size = self.size or found.size
         if set(found.sizes[0]) != {size}:
             raise ValueError(OTHER_SIZE)

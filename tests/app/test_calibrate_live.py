@@ -85,6 +85,13 @@ def test_a_view_without_the_board_is_named(taking: Taking, middle: Pair) -> None
         assert word in look(taking, pair)["said"].split(".")[0]
 
 
+def test_a_message_without_a_frame_is_refused(taking: Taking) -> None:
+    with pytest.raises(ValueError, match="one picture"):
+        answer(taking, {})
+    with pytest.raises(ValueError, match="not a JPEG"):
+        taking.answer(Message({"wanted": True}, [b"", b""]))
+
+
 def test_another_camera_needs_another_start(taking: Taking) -> None:
     smaller = tuple(view[::2, ::2] for view in taken(held(0.1)))
     with pytest.raises(ValueError, match="start over"):

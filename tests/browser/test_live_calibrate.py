@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 from stereolag.core.arrays import Rgb
 from stereolag.geometry.boards import find_boards
 from stereolag.geometry.calibrating import calibrate_boards
+from tests.browser.axe import check
 from tests.browser.fake_media import play_cameras, refuse_cameras, unplug_cameras
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
 from tests.held_boards import CHESSBOARD, SQUARE_M, obeying, taken
@@ -95,6 +96,7 @@ def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
         show(page, number)
         expect(count).to_have_text(f"{number + 1} pairs taken")
     screenshot(page, "calibrate-live-two")
+    check(page, "Calibrate, live")
     turned_dark(page, width=390)
     expect_fitting(page, 390)
     screenshot(page, "calibrate-live-phone")
