@@ -12,9 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
+from stereolag.samples import drives
+from stereolag.sequences import example_sequence
+from tests.browser.fake_media import play_cameras
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages, settled
 
@@ -158,12 +162,47 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     return picture.resize((shot.kept, math.ceil(picture.height * shot.kept / picture.width)), Image.Resampling.LANCZOS)
 
 
-def encoded(picture: Image.Image) -> bytes:
-    """Return a picture as WebP at the best quality that is small enough."""
+FILM = "live"
+FILM_FRAMES, FILM_STEP, FILM_MS = 20, 3, 160
+FILM_WIDTH, FILM_LARGEST = 830, 600_000
+"""A film of the live page: number of frames, frames of the drive between two, ms for each; its width and size."""
+
+
+def filmed(open_page: OpenPage, scheme: str) -> list[Image.Image]:
+    """Return the pictures of a film: the example drive as a live camera."""
+    sequence = example_sequence(next(iter(drives().values())))
+    frames = [sequence.frame(FILM_STEP * number) for number in range(FILM_FRAMES)]
+    page = open_page("", scheme=scheme, width=1320)
+    play_cameras(page, drive=[np.hstack([one.left, one.right]) for one in frames])
+    page.goto(f"{page.url}Depth_maps")
+    page.locator("summary").filter(has_text="Choose a pair").click()
+    settled(page)
+    page.get_by_role("radio", name="Live camera").click()
+    settled(page)
+    page.get_by_role("button", name="Fast", exact=True).click()
+    settled(page)
+    page.get_by_role("button", name="Start", exact=True).click()
+    result = page.locator(".st-key-bench-result")
+    expect(result.locator(".viewport")).to_have_count(2)
+    shown = []
+    for number in range(FILM_FRAMES):
+        page.evaluate("number => (fakeMedia.frame = number)", number)
+        page.wait_for_timeout(2 * FADING_MS)
+        picture = Image.open(io.BytesIO(result.screenshot())).convert("RGB")
+        shown.append(
+            picture.resize((FILM_WIDTH, picture.height * FILM_WIDTH // picture.width), Image.Resampling.LANCZOS)
+        )
+    page.close()
+    return shown
+
+
+def encoded(pictures: Sequence[Image.Image], largest: int = LARGEST) -> bytes:
+    """Return a picture or a film as WebP at the best quality that is small enough."""
     for quality in QUALITIES:
         file = io.BytesIO()
-        picture.save(file, "WEBP", quality=quality, method=6)
-        if file.tell() <= LARGEST:
+        film = {"save_all": True, "append_images": pictures[1:], "duration": FILM_MS, "loop": 0} if pictures[1:] else {}
+        pictures[0].save(file, "WEBP", quality=quality, method=6, **film)
+        if file.tell() <= largest:
             break
     return file.getvalue()
 
@@ -180,11 +219,11 @@ def main(names: Sequence[str]) -> None:
         chromium(path, scale=SCALE) as browser,
         faultless_pages(browser, address) as open_page,
     ):
-        for name in names or SHOTS:
+        for name in names or [*SHOTS, FILM]:
             for scheme in SCHEMES:
-                picture = taken(open_page, SHOTS[name], scheme)
-                file = FOLDER / f"{name}-{scheme}.webp"
-                file.write_bytes(encoded(picture))
+                pictures = filmed(open_page, scheme) if name == FILM else [taken(open_page, SHOTS[name], scheme)]
+                picture, file = pictures[0], FOLDER / f"{name}-{scheme}.webp"
+                file.write_bytes(encoded(pictures, FILM_LARGEST if name == FILM else LARGEST))
                 print(f"{file.name}: {picture.width} × {picture.height} px, {file.stat().st_size / 1000:.0f} kB")
 
 

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.core.arrays import Rgb
+from tests.browser import axe
 from tests.browser.fake_media import play_cameras, refuse_cameras, stereo_scene, unplug_cameras
 from tests.browser.visits import OpenPage, settled
 
@@ -69,6 +70,7 @@ def test_a_live_camera_has_maps_that_follow_the_controls_and_becomes_a_pair(came
     page = camera_page
     start(page)
     assert_maps_are_right(page)
+    axe.check(page, "a live camera", only=".st-key-bench")
     page.get_by_role("spinbutton", name="Disparities searched").fill("16")
     page.get_by_role("spinbutton", name="Disparities searched").press("Enter")
     viewport = page.locator(".viewport").first

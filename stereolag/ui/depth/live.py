@@ -113,7 +113,9 @@ def show_live(live: LiveCamera) -> None:
         show_presets(pair)
         show_controls(as_set)
     with result_place:
-        choose_maps()
+        with st.container(horizontal=True, vertical_alignment="center"):
+            choose_maps()
+            colours = st.container(width="content")
         stream.answer = _Answering(stream.kept, matchers, camera, calibration)
         stereo_camera(
             stream,
@@ -126,7 +128,8 @@ def show_live(live: LiveCamera) -> None:
         if not results:
             prose.caption(LIVE_CAMERA_WORDS["about"])
             return
-        view = coloured_alike(pair, results)
+        with colours:
+            view = coloured_alike(pair, results)
         linked_pictures(
             [live_picture(view, name) for name in results],
             key=KEY,
