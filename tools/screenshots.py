@@ -163,8 +163,8 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
 
 
 FILM = "live"
-FILM_FRAMES, FILM_STEP, FILM_MS = 20, 3, 160
-FILM_WIDTH, FILM_LARGEST = 830, 600_000
+FILM_FRAMES, FILM_STEP, FILM_MS = 14, 4, 200
+FILM_WIDTH, FILM_LARGEST = 760, 300_000
 """A film of the live page: number of frames, frames of the drive between two, ms for each; its width and size."""
 
 
