@@ -50,6 +50,10 @@ PAGE_STYLE = """
 [data-testid="stHeader"], [data-testid="stHeader"] * { pointer-events: none !important; }
 [data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
 /* On a phone only the current page's link has a name to be seen, so that all fit into one line. */
+@media (max-width: 999px) {
+  /* So that all inputs of a page stand in one line of a phone. */
+  .st-key-page-head [data-testid="stButtonGroup"] button { padding-inline: 0.55rem; }
+}
 @media (max-width: 767px) {
   .st-key-page-links a:not([aria-current="page"]) [data-testid="stMarkdownContainer"] {
     position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);
