@@ -43,7 +43,7 @@ SCRIPT = """
     const draw = () => {
       if (track.readyState === "ended") return;
       context.drawImage(frames[Math.min(media.frame, frames.length - 1)], 0, 0);
-      requestAnimationFrame(draw);
+      setTimeout(draw, 30);
     };
     draw();
     return stream;

@@ -5,6 +5,7 @@ import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
+const LOOK_MS = 20;
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
@@ -128,20 +129,20 @@ export class LivePanel extends Panel {
     socket.onclose = ({ code }) => this.running === run && this.stop(String(code) in this.words ? String(code) : "lost");
   }
 
-  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones. It looks for new ones before the
-  // screen is drawn, and so not in a hidden tab.
+  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones, and none in a hidden tab. It looks
+  // for new ones by itself, and at once when woken; asking for frames of the screen would have it drawn all the time.
   async send(run) {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
       if (this.media.ended) return this.stop("unplugged");
-      const message = this.sent.length >= IN_FLIGHT ? null : await this.grab();
+      const message = document.hidden || this.sent.length >= IN_FLIGHT ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
         this.sent.push(message.at ?? performance.now());
         socket.send(packed(message.header ?? {}, message.parts));
       } else {
         await new Promise((done) => {
           this.wake = () => done(0);
-          requestAnimationFrame(done);
+          setTimeout(done, LOOK_MS);
         });
       }
     }
