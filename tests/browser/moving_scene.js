@@ -10,7 +10,6 @@
   const within = (number, [first, end]) => number >= first && number < end;
 
   const ground = drawing(COLS, ROWS);
-  ground.filter = "blur(1.5px)";
   for (let row = 0; row < ROWS; row += 6) {
     for (let col = 0; col < COLS; col += 6) {
       ground.fillStyle = `rgb(${[0, 0, 0].map(() => Math.floor(40 + 160 * random())).join()})`;
@@ -52,21 +51,20 @@
     if (within(number, COVERED)) context.fillRect(col - SIDE, row - SIDE, 2 * SIDE, 2 * SIDE);
     context.fillStyle = `rgba(0, 0, 0, ${0.12 + 0.12 * Math.sin(number / 15)})`; // the light changes
     context.fillRect(0, 0, COLS, ROWS);
+    for (let bit = 0; bit < 8; bit++) {
+      context.fillStyle = (number >> bit) & 1 ? "#fff" : "#000"; // which picture it is, read when it is sent
+      context.fillRect(8 * bit, 0, 8, 8);
+    }
   };
 
   const isUnseen = (number) => within(number, COVERED) || placeAt(number).col > COLS + SIDE / 2;
   const scene = { number: 0, told: [], placeAt, SIDE, LAST, refused: "", tracks: [] };
   /** @type {any} */ (window).scene = scene;
-  let track;
-  const take = () => {
-    paint(scene.number);
-    track?.requestFrame();
-  };
+  const take = () => paint(scene.number); // what is painted is the camera's next picture
   navigator.mediaDevices.getUserMedia = async () => {
     if (scene.refused) throw new DOMException("as the test wants", scene.refused);
-    const media = camera.captureStream(0);
-    [track] = media.getVideoTracks();
-    scene.tracks.push(track);
+    const media = camera.captureStream();
+    scene.tracks.push(...media.getVideoTracks());
     const waiting = setInterval(() => (scene.told.length + sent.length ? clearInterval(waiting) : take()), 50);
     return media;
   };
@@ -84,15 +82,17 @@
         const { state, place, score, error } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
         const number = sent.shift();
         scene.told.push({ number, state, place, score, error, truth: placeAt(number), unseen: isUnseen(number) });
-        if (sent.length) return;
+        if (number !== scene.number) return; // an older picture once more
         if (scene.number < LAST) scene.number += 1;
         take();
       });
     }
+  };
 
-    send(data) {
-      if (typeof data !== "string" && this.url.endsWith("/live")) sent.push(scene.number);
-      super.send(data);
-    }
+  const encode = OffscreenCanvas.prototype.convertToBlob;
+  OffscreenCanvas.prototype.convertToBlob = function (...given) {
+    const { data } = this.getContext("2d").getImageData(0, 4, 64, 1);
+    sent.push(Array.from({ length: 8 }, (_, bit) => Number(data[4 * (8 * bit + 4)] > 128) << bit).reduce((one, other) => one + other));
+    return encode.apply(this, given);
   };
 })();
