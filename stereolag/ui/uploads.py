@@ -430,8 +430,9 @@ def own_or_example(
     if chosen != OWN:
         return load(chosen)
     expect_uploads()
+    place = (notes or st).empty()  # always there: what moves the boxes below has them drawn again without their files
     if shared := files_shared_out():
-        (notes or st).caption(_shared_in_words(shared), width="content")
+        place.caption(_shared_in_words(shared), width="content")
     own = ask()
     if own is not None:
         st.session_state[f"{key}.gone"] = False

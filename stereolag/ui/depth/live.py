@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -145,6 +146,10 @@ def _stand_in() -> Pair:
     return Pair(blank, blank, PairId("live"), num_disparities=DISPARITIES_AT_FIRST)
 
 
+_matching = threading.Lock()
+"""Held while a frame is matched, which takes all cores: two at once are answered later than one after the other."""
+
+
 class _Answering:
     """Answers frames with the maps of some matchers.
 
@@ -176,7 +181,8 @@ class _Answering:
             self._kept["frozen"] = left, right
             return packed_item({"frozen": time.monotonic()}).data
         pair = self._pair(left, right)
-        results = [matcher.compute(pair.left, pair.right) for matcher in self._matchers]
+        with _matching:
+            results = [matcher.compute(pair.left, pair.right) for matcher in self._matchers]
         self._kept["pair"], self._kept["results"] = pair, results
         parts = [self._map(one) for one in results]
         return packed_item({"shape": [*left.shape[:2], len(parts)], "digest": "live"}, parts).data
