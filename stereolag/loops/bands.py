@@ -7,11 +7,8 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import cache
 from itertools import islice
-from typing import TypeVar
 
 from stereolag.core.jobs import Progress, silent
-
-T = TypeVar("T")
 
 
 def available_cores() -> int:
@@ -79,15 +76,3 @@ def over_image(work: Callable[[int, int], None], shape: tuple[int, ...]) -> None
         work(0, shape[0])
     else:
         over_bands(work, shape[0])
-
-
-@cache
-def _sides() -> ThreadPoolExecutor:
-    # Not the pool of bands: work that waits for its bands would take the threads they need.
-    return ThreadPoolExecutor(available_cores(), thread_name_prefix="sides")
-
-
-def side_by_side(one: Callable[[], T], other: Callable[[], T]) -> tuple[T, T]:
-    """Return the results of two functions that are called at the same time, and release the interpreter lock."""
-    waiting = _sides().submit(other)
-    return one(), waiting.result()

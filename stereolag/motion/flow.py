@@ -16,7 +16,7 @@ from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
-from stereolag.loops.bands import over_image, side_by_side
+from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
 from stereolag.motion.candidates import NO_SCORE, Candidates, Flow, best_of_neighbours, leaves_frame, match_level
 from stereolag.motion.levels import (
@@ -359,27 +359,20 @@ class FlowMatcher(Settings):
         """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
         both_ways = level > 0 or back is None
         for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
-            forwards = partial(self._candidates, level, first, second, there)
-            if both_ways:
-                candidates, returning = side_by_side(forwards, partial(self._candidates, level, second, first, back))
-                both = side_by_side(
-                    partial(self._carried_over, level, first, candidates, returning.flow),
-                    partial(self._carried_over, level, second, returning, candidates.flow),
-                )
-                there, back = both
-            else:
-                candidates = forwards()
-                assert back is not None
-                there = self._carried_over(level, first, candidates, back)
+            candidates = self._candidates(level, first, second, there)
+            returning = self._candidates(level, second, first, back) if both_ways else None
+            returned = back if returning is None else returning.flow
+            assert returned is not None
+            error = return_error(candidates.flow, returned)
+            there = self._carried_over(level, first, candidates, error)
+            back = returned
+            if returning is not None:
+                back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
         assert there is not None and back is not None
         if self.refinement is not None:
-            finely = partial(refined, there, first.guide, second.guide, self.refinement, level)
+            there = refined(there, first.guide, second.guide, self.refinement, level)
             if level > 0:
-                finely_back = partial(refined, back, second.guide, first.guide, self.refinement, level)
-                both = side_by_side(finely, finely_back)
-                there, back = both
-            else:
-                there = finely()
+                back = refined(back, second.guide, first.guide, self.refinement, level)
         return View(there, candidates, return_error(there, back)), back
 
     def _candidates(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
@@ -390,9 +383,8 @@ class FlowMatcher(Settings):
         found = match_level(first.grey, second.grey, flow, self.window_size, reach)
         return best_of_neighbours(found, max(1, self.window_size // 5))
 
-    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, back: Flow) -> Flow:
+    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
         """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
-        error = return_error(candidates.flow, back)
         weight = np.empty_like(error)
         units = np.float32(1 / (TRUSTED_TEXTURE * frame.grey_level)), np.float32(1 / TRUSTED_RETURN)
         over_image(partial(_set_weights, candidates.score, candidates.texture, error, *units, weight), weight.shape)
