@@ -148,14 +148,27 @@ _share = st.components.v2.component(
     "stereolag.sharing",
     js="""
 const ZONE = "[data-testid=stFileUploaderDropzone]";
+const PATIENCE_MS = 2000;
+const TRIES = 5;
 const isForOne = (zone) => !zone.querySelector("input").multiple;
-const give = (zone, file) => {
+const boxOf = (label) => [...document.querySelectorAll(ZONE)].find((zone) => zone.ariaLabel === label);
+const part = (label, id) => boxOf(label)?.closest("[data-testid=stFileUploader]").querySelector(`[data-testid=${id}]`);
+const give = (label, file) => {
   const dataTransfer = new DataTransfer();
   dataTransfer.items.add(file);
-  zone.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+  boxOf(label)?.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+};
+// Whether a box has a file that it had not before and that has arrived, or is folded away.
+const has = async (label, before) => {
+  for (let end = performance.now() + PATIENCE_MS; performance.now() < end; ) {
+    await new Promise((done) => setTimeout(done, 50));
+    if (part(label, "stFileChipIconSpinner")) end = performance.now() + PATIENCE_MS;
+    else if ((part(label, "stFileChip") ?? before) !== before) return true;
+  }
+  return !boxOf(label);
 };
 export default function ({ setStateValue }) {
-  const share = (event) => {
+  const share = async (event) => {
     const zone = event.target.closest(ZONE);
     const files = [...event.dataTransfer.files].sort((one, other) => one.name.localeCompare(other.name));
     if (!zone || !isForOne(zone) || files.length < 2) return;
@@ -163,8 +176,16 @@ export default function ({ setStateValue }) {
     event.stopImmediatePropagation();
     const row = zone.closest("[data-testid=stHorizontalBlock]");
     const zones = row ? [...row.querySelectorAll(ZONE)].filter(isForOne) : [zone];
-    zones.slice(0, files.length).forEach((one, at) => give(one, files[at]));
-    setStateValue("shared", files.map(({ name }, at) => [name, zones[at]?.ariaLabel ?? ""]));
+    const shared = files.map((file, at) => [file, zones[at]?.ariaLabel ?? ""]);
+    // One after the other: a run of the page, which each file causes, may draw a box anew while it takes another.
+    for (const [file, label] of shared.filter(([, label]) => label)) {
+      const before = part(label, "stFileChip");
+      for (let tries = 0; tries < TRIES; tries += 1) {
+        give(label, file);
+        if (await has(label, before)) break;
+      }
+    }
+    setStateValue("shared", shared.map(([{ name }, label]) => [name, label]));
   };
   window.addEventListener("drop", share, true);
   return () => window.removeEventListener("drop", share, true);
