@@ -40,15 +40,19 @@ def test_a_map_follows_a_slider_while_it_is_dragged_and_is_whole_once_it_is_rele
     page.mouse.move(xs[0], y)
     page.mouse.down()
     drag_to(xs[1], 320)
+    numbers = page.locator(".linked .figures").first
+    expect(numbers).to_contain_text(re.compile("Preview1/2 size.*Coverage.*EPE"))
     expect(page).to_have_url(re.compile("pair=cube$|Depth_maps$"))
     drag_to(xs[0], 320)
     page.mouse.up()
     expect(slider).to_have_value(start)
     expect(canvas).to_have_js_property("width", 640)  # as before: nothing was asked of the server
+    expect(numbers).to_contain_text("Computed in")
     page.mouse.down()
     drag_to(xs[2], 320)
     page.mouse.up()
     expect(canvas).to_have_js_property("width", 640)
+    expect(numbers).to_contain_text("Computed in")
     expect(page).to_have_url(re.compile(f"window_size={slider.input_value()}"))
 
 

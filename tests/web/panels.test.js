@@ -1,12 +1,13 @@
 import assert from "node:assert/strict";
-import { beforeEach, test } from "node:test";
+import { beforeEach, mock, test } from "node:test";
 
+import dragged from "../../stereolag/ui/web/dragging/dragging.js";
 import { joined } from "../../stereolag/ui/web/listening/pieces.js";
 import { branch } from "../../stereolag/ui/web/shared/hyperbola.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { gapped, runsOf } from "../../stereolag/ui/web/shared/dom.js";
 import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";
-import { codesOf, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
+import { codesOf, packed, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
 import { arrows } from "../../stereolag/ui/web/shared/panel.js";
 
 beforeEach(() => {
@@ -79,4 +80,49 @@ test("blocks of sound are joined, and the oldest samples left out", () => {
   const blocks = [[[1, 2], [-1, -2]], [[3, 4], [-3, -4]]].map((both) => both.map((one) => Int16Array.from(one)));
   assert.deepEqual(joined(blocks, 3).map(({ buffer }) => [...new Int16Array(buffer)]), [[2, 3, 4], [-2, -3, -4]]);
   assert.deepEqual(joined([], 3).map(({ length }) => length), [0, 0]);
+});
+
+test("a dragged place without an answer is asked for again, and a released slider without a map is told once more", () => {
+  mock.timers.enable({ apis: ["setInterval", "setTimeout", "Date"] });
+  const handle = { value: "21" };
+  const box = { classList: ["st-key-depth-zncc-window_size"], querySelector: () => handle };
+  Object.assign(window, { closest: () => box });
+  const told = [];
+  const shown = (data) =>
+    dragged({ data, parentElement, setTriggerValue: (...one) => told.push(one), setStateValue: () => {} });
+  const parentElement = { querySelector: () => null, querySelectorAll: () => [] };
+  const close = shown(null);
+  const dragTo = (value) => {
+    window.dispatchEvent(new Event("pointerdown"));
+    handle.value = value;
+    mock.timers.tick(100);
+  };
+  const release = () => {
+    window.dispatchEvent(new Event("pointerup"));
+    mock.timers.tick(10_000);
+  };
+  const asked = (value) => ["at", { slider: "st-key-depth-zncc-window_size", value }];
+
+  dragTo("25");
+  assert.deepEqual(told.splice(0), [asked(25)]);
+  mock.timers.tick(4000);
+  assert.deepEqual(told.splice(0), [asked(25)]);
+  shown(packed({ title: "map" }));
+  mock.timers.tick(10_000);
+  assert.deepEqual(told.splice(0), []);
+  release();
+  assert.deepEqual(told.splice(0), [["unheard", true]]);
+
+  dragTo("29");
+  window.dispatchEvent(new Event("pointerup"));
+  hold("description", "map", {}, {});
+  mock.timers.tick(10_000);
+  assert.deepEqual(told.splice(0), [asked(29)]);
+
+  dragTo("33");
+  handle.value = "29"; // back at its start
+  release();
+  assert.deepEqual(told.splice(0), [asked(33)]);
+  close();
+  mock.timers.reset();
 });

@@ -20,9 +20,8 @@ from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legen
 from stereolag.figures.pictures import as_rgb, coloured, edge_path, png, thinned
 from stereolag.figures.verdicts import REASON_WORDS
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import scaled_image
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
-from stereolag.pair import Pair
+from stereolag.pair import Pair, resized
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
@@ -359,8 +358,16 @@ _dragging = component("dragging")
 @fragment
 def follow_dragged(pair: Pair) -> None:
     """Show the map of a slider being dragged, from smaller images; the map itself comes when it is released."""
-    at = (st.session_state.get(DRAGGED) or {}).get("at")
-    _dragging(key=DRAGGED, data=at and _dragged_map(pair, **at), on_at_change=lambda: None)
+    asked = st.session_state.get(DRAGGED) or {}
+    if asked.get("unheard"):
+        st.rerun()
+    at = asked.get("at")
+    _dragging(
+        key=DRAGGED,
+        data=at and _dragged_map(pair, **at),
+        on_at_change=lambda: None,
+        on_unheard_change=lambda: None,
+    )
 
 
 def _dragged_map(pair: Pair, slider: str, value: Any) -> bytes:
@@ -374,14 +381,16 @@ def _dragged_map(pair: Pair, slider: str, value: Any) -> bytes:
             small = remembered("smaller pair", partial(_smaller, pair, divisor), **kept_for(pair, str(divisor)))
             result = computed_at_once(**_computation(small, scaled_settings(matcher, 1 / divisor)))
             if result is not None:
-                reading = Reading(result.disparity * divisor, digits=1)
-                return packed(Picture(matcher.title, None, (reading,)), header).data
+                disparity = result.disparity * divisor
+                of = Figure("Preview", f"1/{divisor} size", "The map itself is computed when the slider is released.")
+                errors = () if small.truth is None else _errors(evaluate(disparity, small.truth * divisor))
+                header["figures"] = [one._asdict() for one in (of, *_shares(result), *errors)]
+                return packed(Picture(matcher.title, None, (Reading(disparity, digits=1),)), header).data
     return packed_item(header).data
 
 
 def _smaller(pair: Pair, divisor: int) -> Pair:
-    left, right = (scaled_image(image, 1 / divisor) for image in (pair.left, pair.right))
-    return replace(pair, left=left, right=right, id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))
+    return replace(resized(pair, divisor), id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))
 
 
 def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
@@ -426,23 +435,30 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     """Return the numbers of a map; the first is the time it took."""
     result, truth = view.results[name], view.pair.truth
-    figures = [
-        Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
-        Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured."),
-    ]
-    if result.filled.any():
-        figures.append(
-            Figure("Filled", percent(float(result.filled.mean())), "Share whose disparity is that of the surroundings.")
-        )
-    if name in view.late:
-        figures.append(Figure("Of", "the settings before", "The map of these settings is not computed yet."))
-    if truth is not None:
-        judged: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
-        figures += [
-            Figure("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
-            Figure("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have a disparity."),
-        ]
-    return tuple(figures)
+    took = Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
+    before = Figure("Of", "the settings before", "The map of these settings is not computed yet.")
+    figures = took, *_shares(result), *([before] if name in view.late else [])
+    if truth is None:
+        return figures
+    judged: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
+    return *figures, *_errors(judged)
+
+
+def _shares(result: DisparityMap) -> tuple[Figure, ...]:
+    """Return which shares of a map have a disparity."""
+    coverage = Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
+    if not result.filled.any():
+        return (coverage,)
+    filled = percent(float(result.filled.mean()))
+    return coverage, Figure("Filled", filled, "Share whose disparity is that of the surroundings.")
+
+
+def _errors(judged: Evaluation) -> tuple[Figure, Figure]:
+    """Return how far a map is off."""
+    return (
+        Figure("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
+        Figure("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have a disparity."),
+    )
 
 
 # The pictures

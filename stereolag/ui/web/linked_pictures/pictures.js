@@ -81,7 +81,8 @@ export class LinkedPictures extends Panel {
     this.show(index);
   }
 
-  // Shows a map in place of that with its title until that is renewed; without parts, that one again.
+  // Shows a map in place of that with its title until that is renewed, and its figures if it has any; without parts, that
+  // one again.
   preview(item) {
     const index = this.pictures?.findIndex((one) => one.title === item.title) ?? -1;
     const one = this.pictures?.[index];
@@ -89,6 +90,7 @@ export class LinkedPictures extends Panel {
     const shown = item.parts.length ? picture({ ...one, digest: item.digest }, contentOf(item), one.colours) : one;
     if (item.live) this.pictures[index] = shown; // its values are read under the pointer
     this.show(index, shown);
+    this.showFigures(index, item.figures ?? one.figures);
     if (item.live) this.draw();
   }
 
@@ -137,11 +139,15 @@ export class LinkedPictures extends Panel {
 
   // Updates the pictures and their figures in the present layout.
   refresh() {
-    this.pictures.forEach((_, index) => this.show(index));
-    for (const { indices, figures: below } of this.cells) {
-      below?.replaceChildren(...figures(this.pictures[indices[0]].figures));
-    }
+    this.pictures.forEach((one, index) => {
+      this.show(index);
+      this.showFigures(index, one.figures);
+    });
     this.draw();
+  }
+
+  showFigures(index, all) {
+    for (const cell of this.cells) if (cell.indices[0] === index) cell.figures?.replaceChildren(...figures(all));
   }
 
   // Updates one picture wherever it is shown.
