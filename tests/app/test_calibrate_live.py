@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -52,14 +53,14 @@ def taking(middle: Pair) -> Taking:
     return one
 
 
-def test_a_board_that_is_held_as_it_is_told_is_calibrated_as_well_as_from_files() -> None:
+def test_what_is_taken_is_calibrated_as_well_as_from_files() -> None:
     taking = Taking()
-    pairs = [taken(poses) for _, poses in obeying(4)]
+    pairs = [taken(poses) for _, poses in islice(obeying(4), 5)]
     for pair in pairs:
         for _ in range(3 if taking.board is None else 0):
             look(taking, pair)
         told = hold(taking, pair)
-    assert told["enough"] and told["count"] == len(pairs)
+    assert told["count"] == len(pairs)
     names, pictures, _, alone = matched(taking.files)
     assert len(names) == len(pairs) and not alone
     result, of_files = (calibrate_boards(find_boards(given, CHESSBOARD), SQUARE_M) for given in (pictures, pairs))

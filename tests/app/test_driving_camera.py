@@ -33,6 +33,7 @@ def coverage(app: AppTest) -> float:
     return float(np.mean([one["values"] for one in chart["series"]]))
 
 
+@pytest.mark.usefixtures("healthy_frames")
 def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() -> None:
     app = finished(opened(archive(straight_and_raw.raw_pair())))
     raw = coverage(app)
