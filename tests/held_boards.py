@@ -15,12 +15,12 @@ from stereolag.geometry.boards import Board, Corners
 from stereolag.geometry.calibrating import Camera, Pose
 from stereolag.geometry.drawn_boards import DrawnCamera
 
-SIZE = 640, 480
+SIZE = 400, 300
 CHESSBOARD = Board(9, 6)
 SQUARE_M = 0.03
 BASELINE_M = 2 * SQUARE_M
-FOCAL_PX = 520.0
-MATRIX = np.array([[FOCAL_PX, 0, 320], [0, FOCAL_PX, 240], [0, 0, 1]])
+FOCAL_PX = 325.0
+MATRIX = np.array([[FOCAL_PX, 0, SIZE[0] / 2], [0, FOCAL_PX, SIZE[1] / 2], [0, 0, 1]])
 LEFT, RIGHT = (Camera(MATRIX, np.array([distortion, 0.05, 0, 0, 0])) for distortion in (-0.2, -0.18))
 MARGIN = 1.6
 """Squares around the corners that must be seen for a board to be found."""
