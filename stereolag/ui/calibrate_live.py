@@ -30,7 +30,7 @@ from stereolag.ui.components import component, packed_item
 from stereolag.ui.depth.live import ask_arrangement
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, frame, open_stream
+from stereolag.ui.streams import Message, Whole, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
 
 ALIKE = 3
@@ -86,6 +86,13 @@ Places: TypeAlias = list[list[float]]
 """Places in a picture: column and row, as shares of its sides."""
 
 
+class Shown(Message):
+    """A small picture with both views, and its number; or both views in full size, as files are taken."""
+
+    parts: tuple[bytes] | tuple[bytes, bytes]
+    number: Whole | None = None
+
+
 @dataclass(eq=False)
 class Taking:
     """What is known of a visitor's board and of the pairs taken of it.
@@ -124,13 +131,11 @@ class Taking:
         """Return what is still missing; nothing if no more may be taken."""
         return [] if self.full else self.collected.missing()
 
-    def answer(self, message: Message) -> bytes:
+    def answer(self, message: Shown) -> bytes:
         """Return what the panel shows of a frame, or of a pair in full size."""
-        if "wanted" in message.header:
+        if len(message.parts) == 2:
             self._take(message.parts)
             return self._shown(message)
-        if len(message.parts) != 1:
-            raise ValueError(f"A frame is one picture, and not {len(message.parts)}.")
         left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
         board = self.board = self.board or self._guessed(left, right)
         if board is None:
@@ -154,9 +159,9 @@ class Taking:
         kinds = {replace(one, markers=one.markers and replace(one.markers, share=0.5)) for one in self.guesses}
         return guess if len(self.guesses) == ALIKE and len(kinds) == 1 else None
 
-    def _take(self, pictures: Sequence[bytes]) -> None:
+    def _take(self, pictures: tuple[bytes, bytes]) -> None:
         """Take both pictures of a pair, if they show the board in a new way."""
-        if self.board is None or not self.missing or len(pictures) != 2:
+        if self.board is None or not self.missing:
             return
         found = find_boards([(frame(pictures[0]), frame(pictures[1]))], self.board)
         size = self.size or found.size
@@ -190,9 +195,9 @@ class Taking:
             "enough": not missing,
         }
 
-    def _shown(self, message: Message, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
+    def _shown(self, message: Shown, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
         """Return the answer to a frame: what to do next, the corners in both views, and whether it is wanted."""
-        taken, number = self.taken(), message.header.get("number")
+        taken, number = self.taken(), message.number
         header = {
             "said": f"{said} {taken['said']}".strip(),
             "number": number,
@@ -212,7 +217,7 @@ def _shares(places: DoubleMap, size: tuple[int, int]) -> Places:
 def show_live() -> None:
     """Draw the camera; what it took becomes the page's own files when there is enough, or when the visitor wants it."""
     taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
-    stream = open_stream(KEY, taking.answer)
+    stream = open_stream(KEY, Shown, taking.answer)
     controls, result_place = bench()
     with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])

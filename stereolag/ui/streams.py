@@ -18,12 +18,14 @@ from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache, partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Annotated, Any, TypeVar
 from urllib.parse import urlsplit
 
 import streamlit as st
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from websockets.server import ServerProtocol
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
@@ -44,17 +46,36 @@ IDLE_S = 3.0
 GREETING_S = 5.0
 SECONDS_PER_MINUTE = 60.0
 
-WRONG_TOKEN, MALFORMED, TOO_LARGE, FLOOD, TOO_LONG, FULL = 4401, 4400, 4413, 4429, 4408, 4503
-"""Codes with which a stream is closed; the component explains them by :data:`LIVE_WORDS`."""
+WRONG_TOKEN, MALFORMED, TOO_LARGE, FLOOD, TOO_LONG, FULL = 4401, 4400, 1009, 4429, 4408, 4503
+"""Codes with which a stream is closed; the component explains them by :data:`LIVE_WORDS`. The server's own is 1009."""
 
 T = TypeVar("T")
 
 
-class Message(NamedTuple):
-    """A message of a browser: its header, and its parts in bytes."""
+Whole = Annotated[int, Field(ge=0, le=2**53)]
+"""A number that a browser counts with."""
 
-    header: dict[str, Any]
-    parts: list[bytes]
+
+class Message(BaseModel):
+    """A message of a browser: the fields of its header, and its parts in bytes.
+
+    A page declares what its own ones hold; a stream that sends anything else is ended.
+    """
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    parts: tuple[bytes, ...]
+
+
+M = TypeVar("M", bound=Message)
+
+
+class _Places(BaseModel):
+    """A header as it is sent: where the parts begin after it, and how long each is."""
+
+    model_config = ConfigDict(strict=True, extra="allow")
+
+    parts: list[tuple[int, int]]
 
 
 class Stream:
@@ -64,6 +85,8 @@ class Stream:
     ----------
     token
         Proves that a connection belongs to the visitor; known to the page alone.
+    kind
+        What its messages hold.
     answer
         Takes a message, and returns a packed item. It runs in a thread without a session, one message at a time;
         a ValueError is answered with its text.
@@ -73,11 +96,12 @@ class Stream:
         The last message that was answered.
     """
 
-    def __init__(self, answer: Callable[[Message], bytes]) -> None:
+    def __init__(self, kind: type[Message], answer: Callable[[Any], bytes]) -> None:
         self.token = secrets.token_urlsafe(32)
+        self.kind = kind
         self.answer = answer
         self.kept: dict[str, Any] = {}
-        self.latest: Message | None = None
+        self.latest: Any = None
         self.connection: object = None
 
     def address(self) -> dict[str, Any]:
@@ -102,9 +126,9 @@ _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary
 _mounted: list[BaseRoute] = []
 
 
-def open_stream(name: str, answer: Callable[[Message], bytes] | None = None) -> Stream:
-    """Return the visitor's stream of a name; `answer` answers its messages from now on, if given."""
-    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(_not_ready))
+def open_stream(name: str, kind: type[M], answer: Callable[[M], bytes] | None = None) -> Stream:
+    """Return the visitor's stream of a name; `answer` answers its messages, of a kind, from now on, if given."""
+    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(kind, _not_ready))
     stream.answer = answer or stream.answer
     _streams[stream.token] = stream
     return stream
@@ -204,8 +228,8 @@ def is_own_page(headers: Mapping[str, str]) -> bool:
     return bool(origin and host) and urlsplit(origin).netloc == host
 
 
-def parse_message(data: bytes) -> Message:
-    """Return a message, packed as :func:`.packed_item` packs one.
+def parse_message(data: bytes, kind: type[M]) -> M:
+    """Return a message of a kind, packed as :func:`.packed_item` packs one.
 
     Raises
     ------
@@ -215,15 +239,25 @@ def parse_message(data: bytes) -> Message:
     length = int.from_bytes(data[:4], "little")
     if not 2 <= length <= min(HEADER_BYTES, len(data) - 4):
         raise ValueError("The message has no header.")
-    header = json.loads(data[4 : 4 + length])
+    header = _Places.model_validate_json(data[4 : 4 + length])
     body = data[4 + length :]
-    try:
-        ends = [(int(start), int(start) + int(size)) for start, size in header.pop("parts")]
-    except (AttributeError, KeyError, TypeError, OverflowError) as error:
-        raise ValueError("The header does not say where the parts are.") from error
-    if any(not 0 <= start <= end <= len(body) for start, end in ends):
+    if any(not 0 <= start <= start + size <= len(body) for start, size in header.parts):
         raise ValueError("The parts are not where the header says.")
-    return Message(header, [body[start:end] for start, end in ends])
+    if sum(size for _, size in header.parts) > len(body):
+        raise ValueError("The parts overlap.")
+    parts = tuple(body[start : start + size] for start, size in header.parts)
+    return kind.model_validate({**(header.model_extra or {}), "parts": parts})
+
+
+def _refuse_early(socket: WebSocket, most_bytes: int) -> None:
+    """Have the server refuse a larger message as soon as it is announced, before any of it is kept.
+
+    It does so only beyond the size of a message of Streamlit, which is much more than any frame, and a route has no way
+    to say less: this finds the connection behind the route. Another server would keep such a message until it is read.
+    """
+    connection = getattr(getattr(socket._receive, "__self__", None), "conn", None)
+    if isinstance(connection, ServerProtocol):
+        connection.max_message_size = most_bytes
 
 
 async def _serve(socket: WebSocket) -> None:
@@ -231,6 +265,8 @@ async def _serve(socket: WebSocket) -> None:
     if not is_own_page(socket.headers):
         await socket.close()
         return
+    # A browser is told by its code that a frame is too large only once the whole frame has come.
+    _refuse_early(socket, 2 * limits().max_live_message_mb * 2**20)
     await socket.accept()
     with suppress(WebSocketDisconnect, RuntimeError):  # RuntimeError: sent to a browser that has just gone
         try:
@@ -254,7 +290,7 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
     most = limits()
     stream.connection = connection = object()  # a later connection of the same stream ends this one
     arrived: asyncio.Queue[Message] = asyncio.Queue(2 * IN_FLIGHT)
-    receiving = asyncio.create_task(_receive(socket, arrived, most.max_live_message_mb * 2**20))
+    receiving = asyncio.create_task(_receive(socket, stream, arrived))
     places, has_place = _places(), False
     end = time.monotonic() + SECONDS_PER_MINUTE * most.max_live_minutes
     try:
@@ -299,7 +335,7 @@ async def _unless_over(receiving: asyncio.Task[None], waiting: Coroutine[Any, An
         task.cancel()
 
 
-async def _receive(socket: WebSocket, arrived: asyncio.Queue[Message], most_bytes: int) -> None:
+async def _receive(socket: WebSocket, stream: Stream, arrived: asyncio.Queue[Message]) -> None:
     """Put all messages of a connection into a queue until the browser ends it, or breaks a rule."""
     while True:
         received = await socket.receive()
@@ -308,10 +344,10 @@ async def _receive(socket: WebSocket, arrived: asyncio.Queue[Message], most_byte
         data = received.get("bytes")
         if data is None:
             raise _Closed(MALFORMED)
-        if len(data) > most_bytes:
+        if len(data) > limits().max_live_message_mb * 2**20:
             raise _Closed(TOO_LARGE)
         try:
-            arrived.put_nowait(parse_message(data))
+            arrived.put_nowait(parse_message(data, stream.kind))
         except ValueError:
             raise _Closed(MALFORMED) from None
         except asyncio.QueueFull:

@@ -14,28 +14,27 @@ from stereolag.figures.pictures import jpeg
 from stereolag.geometry.boards import find_boards
 from stereolag.geometry.calibrating import calibrate_boards
 from stereolag.ui.calibrate import matched
-from stereolag.ui.calibrate_live import UNKNOWN, Taking
-from stereolag.ui.streams import Message
+from stereolag.ui.calibrate_live import UNKNOWN, Shown, Taking
 from tests.held_boards import BASELINE_M, CHESSBOARD, SQUARE_M, held, obeying, taken
 
 Pair = tuple[Rgb, Rgb]
 
 
-def answer(taking: Taking, header: dict[str, Any], *parts: Rgb) -> dict[str, Any]:
-    packed = taking.answer(Message(header, [jpeg(part) for part in parts]))
+def answer(taking: Taking, *parts: Rgb, number: int | None = None) -> dict[str, Any]:
+    packed = taking.answer(Shown.model_validate({"parts": tuple(map(jpeg, parts)), "number": number}))
     told: dict[str, Any] = json.loads(packed[4 : 4 + int.from_bytes(packed[:4], "little")])
     return told
 
 
 def look(taking: Taking, pair: Pair, number: int = 1) -> dict[str, Any]:
-    return answer(taking, {"number": number}, np.hstack(pair))
+    return answer(taking, np.hstack(pair), number=number)
 
 
 def hold(taking: Taking, pair: Pair) -> dict[str, Any]:
     """Hold a board still for two frames, as a browser sees it, and return the last answer."""
     told = look(taking, pair)
     told = look(taking, pair, 2)
-    return answer(taking, {"wanted": True}, *pair) if told["wanted"] == 2 else told
+    return answer(taking, *pair) if told["wanted"] == 2 else told
 
 
 @pytest.fixture(scope="module")
@@ -87,13 +86,11 @@ def test_a_view_without_the_board_is_named(taking: Taking, middle: Pair) -> None
 
 
 def test_a_message_without_a_frame_is_refused(taking: Taking) -> None:
-    with pytest.raises(ValueError, match="one picture"):
-        answer(taking, {})
     with pytest.raises(ValueError, match="not a JPEG"):
-        taking.answer(Message({"wanted": True}, [b"", b""]))
+        taking.answer(Shown(parts=(b"", b"")))
 
 
 def test_another_camera_needs_another_start(taking: Taking) -> None:
     smaller = tuple(view[::2, ::2] for view in taken(held(0.1)))
     with pytest.raises(ValueError, match="start over"):
-        answer(taking, {"wanted": True}, *smaller)
+        answer(taking, *smaller)

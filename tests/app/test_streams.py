@@ -7,7 +7,8 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,14 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from stereolag.core.jobs import limits, set_defaults
-from stereolag.ui import streams
+from stereolag.core.searches import TemplateQuery
+from stereolag.stereo.opencv import StereoBM
+from stereolag.ui import calibrate_live, streams
 from stereolag.ui.components import packed_item
+from stereolag.ui.depth import live as depth
+from stereolag.ui.driving import inputs as driving
+from stereolag.ui.lag import live as lag
+from stereolag.ui.search import following
 from stereolag.ui.streams import PATH, Message, Stream, frame, is_own_page, parse_message
 from tests.browser.serving import free_port
 from tests.packed import unpacked
@@ -30,8 +37,18 @@ from tests.packed import unpacked
 PATIENCE_S = 30
 
 
-def echo(message: Message) -> bytes:
-    return packed_item(message.header, message.parts).data
+class Numbered(Message):
+    """The messages of these streams."""
+
+    number: int = 0
+
+
+class Anything(Message, extra="allow"):
+    """A message with any header."""
+
+
+def echo(message: Numbered) -> bytes:
+    return packed_item({"number": message.number}, message.parts).data
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +72,8 @@ def open_stream(port: int) -> Iterator[Callable[..., tuple[Stream, ClientConnect
     kept: list[Stream] = []
     open_sockets = ExitStack()
 
-    def opened(answer: Callable[[Message], bytes] = echo) -> tuple[Stream, ClientConnection]:
-        stream = Stream(answer)
+    def opened(answer: Callable[[Numbered], bytes] = echo) -> tuple[Stream, ClientConnection]:
+        stream = Stream(Numbered, answer)
         streams._streams[stream.token] = stream
         kept.append(stream)
         socket = open_sockets.enter_context(connected(port))
@@ -83,14 +100,14 @@ def limited(**values: int) -> Iterator[None]:
     streams._places.cache_clear()
 
 
-def answer(socket: ClientConnection) -> dict[str, Any]:
+def told(socket: ClientConnection) -> dict[str, Any]:
     """Return the header of the next answer, or the next state."""
     received = socket.recv(timeout=PATIENCE_S)
     return json.loads(received) if isinstance(received, str) else unpacked(received)[0]
 
 
 def next_answer(socket: ClientConnection) -> dict[str, Any]:
-    while "state" in (received := answer(socket)):
+    while "state" in (received := told(socket)):
         pass
     return received
 
@@ -106,22 +123,108 @@ def code_of_end(socket: ClientConnection) -> int:
 @given(st.dictionaries(st.text(), st.integers() | st.text()), st.lists(st.binary()))
 def test_a_message_is_read_as_it_was_packed(header: dict[str, Any], parts: list[bytes]) -> None:
     header = {name: value for name, value in header.items() if name not in ("parts", "digest")}
-    message = parse_message(packed_item(header, parts).data)
-    assert {**message.header, "digest": ""} == {**header, "digest": ""}
-    assert message.parts == parts
+    message = parse_message(packed_item(header, parts).data, Anything)
+    assert {**(message.model_extra or {}), "digest": ""} == {**header, "digest": ""}
+    assert message.parts == tuple(parts)
 
 
-@given(st.binary() | st.builds(lambda text: len(text).to_bytes(4, "little") + text, st.binary(min_size=2)))
+def with_header(header: bytes, rest: bytes = b"") -> bytes:
+    return len(header).to_bytes(4, "little") + header + rest
+
+
+@given(st.binary() | st.builds(with_header, st.binary(min_size=2)))
 def test_garbage_is_refused(garbage: bytes) -> None:
     with pytest.raises(ValueError):
-        parse_message(garbage)
+        parse_message(garbage, Anything)
 
 
-@pytest.mark.parametrize("parts", ["[[0,9]]", "[[-1,1]]", "[1]", "7", "null", '[["a",1]]', "[[1e999,1]]"])
-def test_parts_that_are_not_there_are_refused(parts: str) -> None:
-    header = f'{{"parts": {parts}}}'.encode()
-    with pytest.raises(ValueError, match=r"parts|convert|literal"):
-        parse_message(len(header).to_bytes(4, "little") + header)
+@pytest.mark.parametrize(
+    "header",
+    [f'{{"parts": {parts}}}' for parts in ("[[0,9]]", "[[-1,1]]", "[1]", "7", "null", '[["a",1]]', "[[1e999,1]]")]
+    + ['{"parts": [[0,8],[0,8]]}', "[" * 60_000],  # as many copies as a header has room for; deeper than a stack
+)
+def test_parts_that_are_not_there_are_refused(header: str) -> None:
+    with pytest.raises(ValueError):
+        parse_message(with_header(header.encode(), bytes(8)), Anything)
+
+
+def as_jpeg(rows: int, cols: int) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (rows, cols, 3), dtype=np.uint8)).save(file, "JPEG")
+    return file.getvalue()
+
+
+def answering_pages() -> dict[str, tuple[type[Message], Callable[[Any], bytes]]]:
+    """Return what the messages of each page hold, and what answers them."""
+    beside = depth.Camera("beside", crossed=False, width=640)
+    matcher = StereoBM(num_disparities=16)
+    return {
+        "depth": (depth.Frame, depth.Answering({}, [matcher], beside, None)),
+        "calibrate": (calibrate_live.Shown, calibrate_live.Taking().answer),
+        "lag": (lag.Piece, partial(lag.answer, lag.Ear(), speed=340.0, max_lag=None)),
+        "search": (following.Frame, partial(following.answer, {}, TemplateQuery())),
+        "driving": (driving.Recorded, driving.Recording().add),
+    }
+
+
+WRONG: st.SearchStrategy[Any] = (
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.integers()) | st.just(10**400)
+)
+SIDES = st.fixed_dictionaries(dict.fromkeys(("row", "col", "height", "width"), st.integers(0, 40)))
+FIELDS = {
+    "number": st.integers(0, 9),
+    "freeze": st.booleans() | st.integers(0, 9),
+    "box": SIDES | st.dictionaries(st.text(), WRONG),
+    "rate": st.sampled_from([44_100, 48_000.0]),
+    "devices": st.integers(0, 3),
+    "begun": st.integers(0, 2),
+    "at": st.floats(0, 1e6),
+}
+PARTS = [as_jpeg(*shape) for shape in ((40, 80), (1, 1), (1, 2), (9, 30))] + [
+    b"",
+    b"\xff\xd8\xff",
+    bytes(4000),
+    bytes(4001),
+]
+
+
+@pytest.mark.parametrize("page", ["depth", "calibrate", "lag", "search", "driving"])
+@given(
+    st.fixed_dictionaries(FIELDS),
+    st.dictionaries(st.sampled_from([*FIELDS]), WRONG, max_size=2),
+    st.lists(st.sampled_from(PARTS), max_size=3),
+)
+def test_whatever_a_page_is_sent_is_answered_or_refused(
+    page: str, header: dict[str, Any], wrong: dict[str, Any], parts: list[bytes]
+) -> None:
+    kind, answer = answering_pages()[page]
+    with suppress(ValueError):
+        message = parse_message(packed_item(header | wrong, parts).data, kind)
+        assert unpacked(Stream(kind, answer).answered(message))[0]["digest"]
+
+
+@pytest.mark.parametrize(
+    ("page", "header", "parts"),
+    [
+        ("depth", {}, []),
+        ("depth", {"freeze": 1}, [b""]),
+        ("calibrate", {}, [b"", b"", b""]),
+        ("calibrate", {"number": -1}, [b""]),
+        ("lag", {"rate": 1e9, "devices": 1, "begun": 1}, [b"12", b"12"]),
+        ("lag", {"rate": True, "devices": 1, "begun": 1}, [b"12", b"12"]),
+        ("lag", {"rate": 48_000, "devices": 1, "begun": 1}, [b"12", b"1234"]),
+        ("lag", {"rate": 48_000, "devices": 1, "begun": 1}, [b"1", b"1"]),
+        ("search", {}, [b""]),
+        ("search", {"number": 1, "box": {"row": float("nan")}}, [b""]),
+        ("driving", {}, [b"", b""]),
+        ("driving", {"at": float("inf")}, [b"", b""]),
+    ],
+)
+def test_a_message_that_lacks_what_its_page_needs_is_refused(
+    page: str, header: dict[str, Any], parts: list[bytes]
+) -> None:
+    with pytest.raises(ValueError):
+        parse_message(packed_item(header, parts).data, answering_pages()[page][0])
 
 
 def test_every_message_is_answered_in_order_by_the_latest_settings(open_stream: Any) -> None:
@@ -129,8 +232,8 @@ def test_every_message_is_answered_in_order_by_the_latest_settings(open_stream: 
     for number in range(20):
         socket.send(packed_item({"number": number}, [b"part"]).data)
         assert next_answer(socket)["number"] == number
-        assert stream.latest == Message({"number": number, "digest": stream.latest.header["digest"]}, [b"part"])
-    stream.answer = lambda message: packed_item({"number": -message.header["number"]}).data
+        assert stream.latest == Numbered(number=number, parts=(b"part",))
+    stream.answer = lambda message: packed_item({"number": -message.number}).data
     socket.send(packed_item({"number": 21}).data)
     assert next_answer(socket)["number"] == -21
 
@@ -168,6 +271,7 @@ def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: 
     [
         (["text"], streams.MALFORMED),
         ([b"garbage"], streams.MALFORMED),
+        ([packed_item({"number": "one"}).data], streams.MALFORMED),
         ([bytes(2 * 2**20)], streams.TOO_LARGE),
         ([packed_item({}).data] * 50, streams.FLOOD),
     ],
@@ -187,22 +291,33 @@ def test_a_connection_that_breaks_the_rules_is_closed(messages: list[Any], code:
         assert next_answer(another)["number"] == 1
 
 
+def test_a_message_far_too_large_is_refused_before_it_has_come(open_stream: Any) -> None:
+    _, socket = open_stream()
+    socket.send(packed_item({"number": 1}).data)
+    assert next_answer(socket)["number"] == 1
+    socket.socket.sendall(b"\x82\xff" + (50 * 2**20).to_bytes(8) + bytes(4))  # it announces 50 MB, and none of it comes
+    assert code_of_end(socket) == streams.TOO_LARGE
+    _, another = open_stream()
+    another.send(packed_item({"number": 1}).data)
+    assert next_answer(another)["number"] == 1
+
+
 def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streams, "IDLE_S", 0.5)
     with limited(max_live_streams=1):
         _, first = open_stream()
         first.send(packed_item({"number": 1}).data)
-        assert answer(first) == {"state": "running", "ahead": 0}
+        assert told(first) == {"state": "running", "ahead": 0}
         sockets = [open_stream()[1] for _ in range(streams.QUEUE_PER_PLACE)]
         for ahead, socket in enumerate(sockets, 1):
             socket.send(packed_item({"number": ahead}).data)
-            assert answer(socket) == {"state": "waiting", "ahead": ahead}
+            assert told(socket) == {"state": "waiting", "ahead": ahead}
         _, one_too_many = open_stream()
         one_too_many.send(packed_item({}).data)
         assert code_of_end(one_too_many) == streams.FULL
         first.close()
-        assert answer(sockets[0]) == {"state": "running", "ahead": 0}
-        assert answer(sockets[0])["number"] == 1
+        assert told(sockets[0]) == {"state": "running", "ahead": 0}
+        assert told(sockets[0])["number"] == 1
         # It sends nothing more, and the place goes to the next by itself.
         assert next_answer(sockets[1])["number"] == 2
         sockets[2].close()
@@ -215,12 +330,6 @@ def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pyte
         _, socket = open_stream()
         socket.send(packed_item({}).data)
         assert code_of_end(socket) == streams.TOO_LONG
-
-
-def as_jpeg(rows: int, cols: int) -> bytes:
-    file = io.BytesIO()
-    Image.fromarray(np.random.default_rng(0).integers(0, 256, (rows, cols, 3), dtype=np.uint8)).save(file, "JPEG")
-    return file.getvalue()
 
 
 def test_frames_are_decoded_within_limits() -> None:

@@ -104,7 +104,7 @@ def show_live(live: LiveCamera) -> None:
     if st.session_state.get(keys.HANDED) is not None:  # a frozen frame: the page goes on with it
         st.rerun()
     calibration = live.calibration
-    stream = open_stream("depth")
+    stream = open_stream("depth", Frame)
     pair: Pair = stream.kept.get("pair") or _stand_in()
     as_set = {method: matcher_as_set(method, pair) for method in METHODS}
     matchers = [one for method in shown_methods() if (one := as_set[method].matcher) is not None]
@@ -117,7 +117,7 @@ def show_live(live: LiveCamera) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        stream.answer = _Answering(stream.kept, matchers, camera, calibration)
+        stream.answer = Answering(stream.kept, matchers, camera, calibration)
         stereo_camera(
             stream,
             camera,
@@ -150,7 +150,14 @@ _matching = threading.Lock()
 """Held while a frame is matched, which takes all cores: two at once are answered later than one after the other."""
 
 
-class _Answering:
+class Frame(Message):
+    """A picture with both views, and whether it is to be frozen in place of being matched."""
+
+    parts: tuple[bytes]
+    freeze: bool = False
+
+
+class Answering:
     """Answers frames with the maps of some matchers.
 
     Parameters
@@ -174,10 +181,10 @@ class _Answering:
     ) -> None:
         self._kept, self._matchers, self._camera, self._calibration = kept, matchers, camera, calibration
 
-    def __call__(self, message: Message) -> bytes:
-        frozen = bool(message.header.get("freeze"))
-        left, right = self._camera.views(frame(message.parts[0], grey=not frozen))
-        if frozen:
+    def __call__(self, message: Frame) -> bytes:
+        """Return the maps of a frame, or that it is frozen."""
+        left, right = self._camera.views(frame(message.parts[0], grey=not message.freeze))
+        if message.freeze:
             self._kept["frozen"] = left, right
             return packed_item({"frozen": time.monotonic()}).data
         pair = self._pair(left, right)

@@ -56,7 +56,7 @@ from stereolag.ui.elements import (
 )
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
-from stereolag.ui.streams import Message, open_stream
+from stereolag.ui.streams import Message, frame, open_stream
 from stereolag.ui.uploads import (
     LIVE,
     OWN,
@@ -259,6 +259,13 @@ def _ask_two() -> Upload[_Frames] | None:
     return put_together(lambda: Upload(digest, _opened(left.content, right.content)), f"{KEY}.two", digest)
 
 
+class Recorded(Message):
+    """A frame: the JPEGs of both views, and the time of its capture, ms."""
+
+    parts: tuple[bytes, bytes]
+    at: float
+
+
 class Recording:
     """The frames that a live camera has recorded, each as the JPEGs of both views, within the limits of an upload."""
 
@@ -267,15 +274,23 @@ class Recording:
         self._times: list[float] = []
         self._size = 0
 
-    def add(self, message: Message) -> bytes:
-        """Add a frame: both views, and the time of its capture, `at`, ms."""
+    def add(self, message: Recorded) -> bytes:
+        """Add a frame.
+
+        Raises
+        ------
+        ValueError
+            A view that is no JPEG, or a frame too many.
+        """
         left, right = message.parts
+        for view in (left, right):
+            frame(view, grey=True)
         if self._size + len(left) + len(right) > st.get_option("server.maxUploadSize") * 2**20:
             raise ValueError(RECORDING_FULL)
         if len(self._views) >= limits().max_frames:
             raise ValueError(RECORDING_FULL)
         self._views.append((left, right))
-        self._times.append(float(message.header["at"]))
+        self._times.append(message.at)
         self._size += len(left) + len(right)
         return packed_item({"count": len(self._views)}).data
 
@@ -296,7 +311,7 @@ class Recording:
 def _record() -> Upload[_Frames] | None:
     """Ask for a camera, and return the last drive recorded with it."""
     camera = ask_camera(f"{KEY}.camera")
-    stream = open_stream(KEY)
+    stream = open_stream(KEY, Recorded)
     recording: Recording = stream.kept.setdefault("recording", Recording())
     stream.answer = recording.add
 

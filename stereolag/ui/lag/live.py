@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, Self
 
 import numpy as np
 import streamlit as st
+from pydantic import Field, model_validator
 
 from stereolag.core.searches import LagSearch
 from stereolag.io.clocks import Recording
@@ -17,13 +18,39 @@ from stereolag.ui.controls import control
 from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.sentences import LISTENING_WORDS, heard_now_in_words
 from stereolag.ui.navigation import HALF_WIDTH, fragment
-from stereolag.ui.streams import Message, open_stream
+from stereolag.ui.streams import Message, Whole, open_stream
 from stereolag.ui.uploads import Upload
 
-RATES = (3_000, 384_000)
-"""Lowest and highest sampling rate of a browser's audio, samples per second."""
-
 _listening = component("listening")
+
+
+class Piece(Message):
+    """A piece of sound: as many samples of 16 bits of each of two channels.
+
+    Attributes
+    ----------
+    rate
+        Samples per second.
+    devices
+        Number of devices that the channels come from.
+    begun
+        Identifies when they were switched on.
+    freeze
+        Identifies the request that what is heard now be kept, if there is one.
+    """
+
+    parts: tuple[bytes, bytes]
+    rate: float = Field(ge=3_000, le=384_000)
+    devices: Literal[1, 2]
+    begun: Whole
+    freeze: Whole | None = None
+
+    @model_validator(mode="after")
+    def _has_samples(self) -> Self:
+        first, second = self.parts
+        if len(first) != len(second) or len(first) % 2:
+            raise ValueError("Both channels must have as many samples of 16 bits.")
+        return self
 
 
 @dataclass(frozen=True)
@@ -49,7 +76,7 @@ class Ear:
     """
 
     listening: Listening | None = None
-    begun: object = None
+    begun: int | None = None
     frozen: Frozen | None = None
 
 
@@ -74,7 +101,7 @@ def _panel() -> None:
     with settings.container(width=HALF_WIDTH):
         max_lag = control(LagSearch, "max_lag", key="lag.live.max", when_empty="every lag")
     ear = ear_of_visitor()
-    stream = open_stream("lag", lambda message: answer(ear, message, speed=speed, max_lag=max_lag))
+    stream = open_stream("lag", Piece, lambda piece: answer(ear, piece, speed=speed, max_lag=max_lag))
     address = stream.address()
     with panel:
         found = _listening(
@@ -86,30 +113,18 @@ def _panel() -> None:
         st.rerun()  # the page now has the recording that the ear keeps
 
 
-def answer(ear: Ear, message: Message, *, speed: float, max_lag: int | None) -> bytes:
-    """Add a piece of sound to what was heard, and return what the panel shows of it.
-
-    Raises
-    ------
-    ValueError
-        A message without a piece of two channels.
-    """
-    rate, devices, begun, freeze = (message.header.get(name) for name in ("rate", "devices", "begun", "freeze"))
-    sizes = {len(part) for part in message.parts}
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not RATES[0] <= rate <= RATES[1]:
-        raise ValueError(f"The sampling rate is {rate!r} Hz; it must be from {RATES[0]:,} to {RATES[1]:,} Hz.")
-    if len(message.parts) != 2 or len(sizes) != 1 or sizes.pop() % 2:
-        raise ValueError("A piece of sound must have two channels of as many samples of 16 bits.")
+def answer(ear: Ear, piece: Piece, *, speed: float, max_lag: int | None) -> bytes:
+    """Add a piece of sound to what was heard, and return what the panel shows of it."""
     listening = ear.listening
-    if listening is None or begun != ear.begun or rate != listening.sampling_rate:
-        listening = Listening(rate)
-    listening.add(np.stack([np.frombuffer(part, "<i2") for part in message.parts]))
-    ear.listening, ear.begun = listening, begun
-    if freeze:
+    if listening is None or piece.begun != ear.begun or piece.rate != listening.sampling_rate:
+        listening = Listening(piece.rate)
+    listening.add(np.stack([np.frombuffer(part, "<i2") for part in piece.parts]))
+    ear.listening, ear.begun = listening, piece.begun
+    if piece.freeze:
         ear.frozen = Frozen(frozen(listening), speed)
     heard = listening.measured(speed=speed, max_lag=max_lag)
-    shown = _shown(heard, rate, speed, 2 if devices == 2 else 1)
-    return packed_item(shown | ({"frozen": freeze} if freeze else {})).data
+    shown = _shown(heard, piece.rate, speed, piece.devices)
+    return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data
 
 
 def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from stereolag.ui.controls import adopt_value
 from stereolag.ui.inputs import PICTURES
 from stereolag.ui.search.hand_marks import LEAST_SIDE, read_box
 from stereolag.ui.search.sentences import FOLLOWING_WORDS, FROZEN, FROZEN_TEMPLATE, NO_BOX_YET
-from stereolag.ui.streams import Message, Stream, frame, open_stream
+from stereolag.ui.streams import Message, Stream, Whole, frame, open_stream
 from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 
 KEY: Final = "template.following"
@@ -32,12 +32,20 @@ SIZES, ANGLES = 0.05, 5.0
 _following = component("following")
 
 
+class Frame(Message):
+    """A picture, its number, and the box to be followed from it on, if there is a new one."""
+
+    parts: tuple[bytes]
+    number: Whole
+    box: dict[str, int] | None = None
+
+
 def show_following(query: TemplateQuery) -> None:
     """Show the camera; the settings act on its next frame. Begin with the page's files once a frame was frozen."""
     if st.session_state.pop(f"{KEY}.frozen", False):
         st.rerun()
-    stream = open_stream("search")
-    stream.answer = partial(_answer, stream.kept, query)
+    stream = open_stream("search", Frame)
+    stream.answer = partial(answer, stream.kept, query)
     address = stream.address()
     _following(
         key=KEY,
@@ -46,12 +54,11 @@ def show_following(query: TemplateQuery) -> None:
     )
 
 
-def _answer(kept: dict[str, Any], query: TemplateQuery, message: Message) -> bytes:
+def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
     """Return where the template is in a frame: that of the box drawn on this frame, or of the last one before."""
     picture = frame(message.parts[0])
-    given = message.header.get("box")
-    if given is not None:
-        box = read_box(given, picture.shape)
+    if message.box is not None:
+        box = read_box(message.box, picture.shape)
         template = picture[box.slices].copy()
         kept["follower"] = Follower(template, box.row + box.height / 2, box.col + box.width / 2)
         kept["template"] = template
@@ -61,7 +68,7 @@ def _answer(kept: dict[str, Any], query: TemplateQuery, message: Message) -> byt
     kept["place"] = followed.place
     told = {
         "digest": "followed",
-        "number": message.header.get("number"),
+        "number": message.number,
         "shape": kept["template"].shape[:2],
         "state": followed.state,
         "score": followed.score,

@@ -36,7 +36,7 @@ class Boards extends StereoPanel {
   async grab() {
     const wanted = this.frames.get(this.wanted);
     this.wanted = null;
-    if (wanted) return { header: { wanted: true }, parts: await jpegs(wanted.views) };
+    if (wanted) return { parts: await jpegs(wanted.views) };
     if (!this.isFresh()) return null;
     const at = performance.now();
     const views = this.views(this.picture(this.videos, 1));
