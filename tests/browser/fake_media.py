@@ -52,10 +52,10 @@ SCRIPT = """
 """
 
 
-def play_cameras(page: Page, **cameras: Sequence[Rgb]) -> None:
-    """Give a page cameras before it is opened: by name, the frames that each shows, number ``fakeMedia.frame`` now."""
+def played_cameras(**cameras: Sequence[Rgb]) -> str:
+    """Return a script that gives a page cameras: by name, the frames of each, of which it shows ``fakeMedia.frame``."""
     frames = {name: [data_url(png(one)) for one in shown] for name, shown in cameras.items()}
-    page.add_init_script(SCRIPT % json.dumps(frames))
+    return SCRIPT % json.dumps(frames)
 
 
 def refuse_cameras(page: Page, error: str) -> None:

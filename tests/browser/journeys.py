@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from itertools import pairwise
 
 import numpy as np
 from playwright.sync_api import FilePayload, Locator, Page, expect
@@ -88,22 +87,17 @@ def choose(page: Page, wanted: str, *, begin: str) -> None:
     expect(button).to_be_focused()
 
 
-def turn_to(page: Page, here: str, name: str) -> None:
-    """Move from one tab to the next with the arrow key."""
-    page.get_by_role("tab", name=here, exact=True).press("ArrowRight")
-    tab = page.get_by_role("tab", name=name, exact=True)
-    expect(tab).to_be_focused()
+def open_tab(page: Page, name: str) -> None:
+    """Open a tab: the next one with the arrow key, another with the Enter key."""
+    here, tab = page.get_by_role("tab", selected=True), page.get_by_role("tab", name=name, exact=True)
+    names = page.get_by_role("tab").all_inner_texts()
+    if names.index(name) == names.index(here.inner_text()) + 1:
+        here.press("ArrowRight")
+        expect(tab).to_be_focused()
+    else:
+        tab.press("Enter")
     expect(tab).to_have_attribute("aria-selected", "true")
     settled(page)
-
-
-def open_tab(page: Page, name: str) -> None:
-    """Open a tab that is not the next one: first the one before it, with the pointer, then it with the arrow key."""
-    names = page.get_by_role("tab").all_inner_texts()
-    here = names[names.index(name) - 1]
-    page.get_by_role("tab", name=here, exact=True).click()
-    settled(page)
-    turn_to(page, here, name)
 
 
 def press(page: Page, name: str) -> None:
@@ -154,10 +148,8 @@ def _through_the_panels(page: Page) -> None:
         "Arrows": (".phasors .lag", "Lag 12 ·", ".phasors .where"),
         "To metres": (".plan .apart input", "1,135 m", ".plan output"),
     }
-    for here, tab in pairwise((None, *keys)):
-        control, result, place = keys[tab]
-        if here:
-            open_tab(page, tab)
+    for tab, (control, result, place) in keys.items():
+        open_tab(page, tab)
         with nullcontext() if tab == "Fool it" else without_a_run(page):
             page.locator(control).press("End")
             expect(page.locator(place)).to_contain_text(re.compile(result.replace(" m", r"\sm")))
@@ -194,8 +186,7 @@ def through_sensor_lag(page: Page) -> None:
         asked.value.set_files(file)
         expect_visible(box.get_by_text(file["name"]))
         settled(page)
-    page.get_by_role("tab", name="Slide it").press("Enter")
-    settled(page)
+    open_tab(page, "Slide it")
     expect_on_first_screen(page, "Sensor lag")
     open_tab(page, "Methods")
     press(page, "Compare the methods")

@@ -12,7 +12,7 @@ from stereolag.core.arrays import Rgb
 from stereolag.geometry.boards import find_boards
 from stereolag.geometry.calibrating import calibrate_boards
 from tests.browser.axe import check
-from tests.browser.fake_media import play_cameras, refuse_cameras, unplug_cameras
+from tests.browser.fake_media import played_cameras, refuse_cameras, unplug_cameras
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
 from tests.held_boards import CHESSBOARD, SQUARE_M, obeying, taken
 
@@ -23,11 +23,9 @@ def pairs() -> list[tuple[Rgb, Rgb]]:
 
 
 def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
-    page = open_page()
     left, right = zip(*pairs, strict=True)
-    play_cameras(page, both=[np.hstack(pair) for pair in pairs], one=left, two=right)
-    page.goto(page.url + "Calibrate")
-    settled(page)
+    cameras = played_cameras(both=[np.hstack(pair) for pair in pairs], one=left, two=right)
+    page = open_page("Calibrate", script=cameras)
     page.get_by_role("radio", name="Live camera").click()
     settled(page)
     return page

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from stereolag.core.arrays import Rgb
 from tests.browser import axe
-from tests.browser.fake_media import play_cameras, refuse_cameras, stereo_scene, unplug_cameras
+from tests.browser.fake_media import played_cameras, refuse_cameras, stereo_scene, unplug_cameras
 from tests.browser.visits import OpenPage, settled
 
 NEAR, FAR = 30, 9
@@ -25,10 +25,7 @@ def camera_page(open_page: OpenPage) -> Page:
 
 
 def opened_with(open_page: OpenPage, **cameras: Sequence[Rgb]) -> Page:
-    page = open_page()
-    play_cameras(page, **cameras)
-    page.goto(page.url + "Depth_maps")
-    settled(page)
+    page = open_page("Depth_maps", script=played_cameras(**cameras))
     page.locator("summary").filter(has_text="Choose a pair").click()
     settled(page)
     page.get_by_role("radio", name="Live camera").click()

@@ -22,8 +22,8 @@ from playwright.sync_api import Browser, expect
 
 from stereolag.ui.navigation import PAGES
 from tests.app import uploads
-from tests.browser.fake_media import play_cameras, stereo_scene
-from tests.browser.serving import PROJECT, free_port, served_app
+from tests.browser.fake_media import played_cameras, stereo_scene
+from tests.browser.serving import PROJECT, Server, free_port
 from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
 
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
@@ -61,16 +61,16 @@ def ask(
 
 
 @pytest.fixture(scope="module")
-def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
-    """Start the app behind nginx, with deployment/nginx.conf except for a more detailed log and its addresses.
+def proxy(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
+    """Put nginx before the app, with deployment/nginx.conf except for a more detailed log and its addresses.
 
-    Both are of one process, which listens on every address of this machine; starting it is most of the time.
+    Both are of one process, which listens on every address of this machine.
     """
     if NGINX is None:
         pytest.skip("nginx is not installed")
     folder = tmp_path_factory.mktemp("proxy")
     with ExitStack() as running:
-        app = running.enter_context(served_app()).rpartition(":")[2]
+        app = server.address.rpartition(":")[2]
         processes = [f"127.0.0.{number}:{app}" for number in (1, 2)]
         port = free_port()
         settings = (PROJECT / "deployment" / "nginx.conf").read_text(encoding="utf-8")
@@ -204,9 +204,7 @@ def test_a_link_that_is_shared_is_shown_with_a_name_and_a_picture(proxy: Proxy) 
 def test_a_live_camera_reaches_its_process_and_no_other_page_does(browser: Browser, proxy: Proxy) -> None:
     left, right, _ = stereo_scene(3, near=20, far=8, shape=(120, 200))
     with faultless_pages(browser, proxy.address) as open_page:
-        page = open_page()
-        play_cameras(page, both=[np.hstack([left, right])])
-        page.goto(f"{proxy.address}/Depth_maps")
+        page = open_page("Depth_maps", script=played_cameras(both=[np.hstack([left, right])]))
         page.locator("summary").filter(has_text="Choose a pair").click()
         page.get_by_role("radio", name="Live camera").click()
         settled(page)

@@ -105,7 +105,13 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
             errors.append(f"{message.text} ({message.location['url']})")
 
     def opened(
-        path: str = "", *, scheme: str = "light", width: int = 1280, moving: bool = False, loses_server: bool = False
+        path: str = "",
+        *,
+        scheme: str = "light",
+        width: int = 1280,
+        moving: bool = False,
+        loses_server: bool = False,
+        script: str = "",
     ) -> Page:
         page = new_window(browser)
         pages.append(page)
@@ -116,7 +122,7 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
             reduced_motion="no-preference" if moving else "reduce",
         )
         page.set_default_timeout(TIMEOUT_MS)
-        page.add_init_script(WATCH_ANSWERS)
+        page.add_init_script(WATCH_ANSWERS + script)
         if not loses_server:  # the console reports that as often as the page retries
             page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
