@@ -67,7 +67,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rect
     ).run()
     app = finished(app)
     (error,) = app.error
-    assert "The calibration is for 640 × 640 pixels and the images are 480 × 360" in error.value
+    assert "The calibration is for 640 × 640 pixels and the images are 320 × 240" in error.value
     assert error.value.endswith("The drive is processed without it.")
     assert player(app)["computed"] == 2
     assert player(app)["legends"][0]["title"] == "disparity, px"

@@ -40,9 +40,11 @@ PAIRS = pytest.mark.parametrize("name", ["road", "cube"])
 
 
 @cache
-def bundled(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def bundled(name: str, size: float = 0.5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a bundled pair and its disparities, at half its size, which is fast, unless another is given."""
     example = stereo_pairs()[name]
-    return read_image(example.left), read_image(example.right), np.asarray(read_disparity(example.disparity), float)
+    left, right = (scaled_image(read_image(side), size) for side in (example.left, example.right))
+    return left, right, np.asarray(scaled_disparity(read_disparity(example.disparity), size), float)
 
 
 @cache
@@ -154,13 +156,13 @@ def test_a_mirrored_picture_is_told_and_mirrored_back(name: str) -> None:
 
 
 def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_help() -> None:
-    left, right, _ = bundled("square")
+    left, right, _ = bundled("square", 1.0)
     turned = diagnose(left, ILLS[FindingCode.ROTATION](left, right)[1])
     assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {
         FindingCode.ROTATION: Remedy.LEVEL,
     }
     blank = diagnose(*(np.concatenate([view[:160], np.full_like(view[160:], 60 + 9 * place)])
-                       for place, view in enumerate(bundled("cube")[:2])))  # fmt: skip
+                       for place, view in enumerate(bundled("cube", 1.0)[:2])))  # fmt: skip
     assert amber(blank) >= {FindingCode.TEXTURE}
     assert all(one.remedy is None for one in blank.doubts)
 
@@ -184,7 +186,7 @@ def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None
 
 
 def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
-    diagnosis = diagnose(bundled("road")[0][:400, :600], bundled("cube")[1][:400, :600])
+    diagnosis = diagnose(bundled("road", 1.0)[0][:400, :600], bundled("cube", 1.0)[1][:400, :600])
     assert FindingCode.MATCHES in amber(diagnosis)
     assert diagnosis.suggested_range is None and all(finding.remedy is None for finding in diagnosis.ill)
 
@@ -238,7 +240,7 @@ def test_low_texture_is_found_and_images_too_small_for_features_are_examined_all
 
 @pytest.mark.parametrize("quality", [None, 70])
 def test_one_picture_twice_is_told_and_nothing_else_of_its_geometry(quality: int | None) -> None:
-    again = left = bundled("cube")[0]
+    again = left = bundled("cube", 1.0)[0]
     if quality is not None:
         again = cv2.imdecode(cv2.imencode(".jpg", left, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], -1)
     diagnosis = diagnose(left, again)

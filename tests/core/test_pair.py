@@ -233,7 +233,7 @@ def test_a_step_that_is_not_possible_is_raised_or_skipped() -> None:
     assert calibration.rig is not None
     pair = Pair(LEFT, LEFT, ID, calibration=calibration)  # of another aspect ratio
     remedies = Preparation(remedies=(Remedy.ALIGN_ROWS,))
-    with pytest.raises(ValueError, match="the cameras were calibrated at 480 × 360"):
+    with pytest.raises(ValueError, match="the cameras were calibrated at 320 × 240"):
         prepare(pair, remedies)
     refusals: list[ValueError] = []
     left = prepare(replace(pair, right=np.zeros_like(LEFT)), remedies, refused=refusals.append)

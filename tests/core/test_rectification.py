@@ -51,8 +51,8 @@ def test_what_does_not_fit_is_refused(rig, pair):
     assert rectified[0] is rectified.left and rectified[1] is rectified.right
     for act, message in (
         (lambda: rectify(*rectified), "calibration has no rig"),
-        (lambda: rectify(pair[0], pair[1][:-1], calibration), "left is 480 × 360 and right is 480 × 359"),
-        (lambda: rectify(pair[0][:340], pair[1][:340], calibration), "480 × 340 pixels and .* calibrated at 480 × 360"),
+        (lambda: rectify(pair[0], pair[1][:-1], calibration), "left is 320 × 240 and right is 320 × 239"),
+        (lambda: rectify(pair[0][:220], pair[1][:220], calibration), "320 × 220 pixels and .* calibrated at 320 × 240"),
         (lambda: rectify(*pair, calibration, alpha=-0.1), "alpha is -0.1; allowed are numbers from 0 to 1"),
         (lambda: rectify(*pair, calibration, alpha=float("nan")), "alpha is nan"),
         (lambda: calibration_for(CALIBRATION, 640, 360), "for 640 × 480 pixels and the images are 640 × 360"),
