@@ -12,7 +12,7 @@ from ailing_pairs import ILLS, REMEDIES, barrel
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import FindingCode, Remedy
-from stereolag.pair import Pair, PairId, example_pair
+from stereolag.pair import Pair, PairId, example_pair, resized
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
 from stereolag.ui.navigation import PAGES
@@ -43,8 +43,8 @@ def panel() -> None:
 
 
 def cube(ill: str = "", given: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None) -> Pair:
-    """Return the cube as a visitor's own pair, made ill in this way."""
-    whole = example_pair(stereo_pairs()["cube"])
+    """Return the cube at half its size as a visitor's own pair, made ill in this way."""
+    whole = resized(example_pair(stereo_pairs()["cube"]), 2)
     left, right = given(whole.left, whole.right) if given else (whole.left, whole.right)
     return replace(whole, left=left, right=right, id=PairId(ill or "cube"), shared=False)
 
@@ -107,7 +107,7 @@ def test_the_range_is_set_in_the_controls() -> None:
     app.slider(key=keys.setting("bm", "num_disparities", "cube")).set_value(16).run()
     assert any("too small a range" in text.value for text in app.markdown)
     app.button(key="depth.doctor.set_range").click().run()
-    assert app.slider(key=keys.setting("bm", "num_disparities", "cube")).value == 64
+    assert app.slider(key=keys.setting("bm", "num_disparities", "cube")).value == 32
     assert healthy(app)
 
 
