@@ -8,6 +8,7 @@ shift explains.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -34,6 +35,9 @@ LEAST_LIKE = 0.85
 BEYOND, SHOWN = 2, 0.1
 """What counts of a template: so many px beyond the rows and columns with this share of the largest step of a value."""
 
+CUT_OFF = 0.5
+"""Rows at the rim with less than this share of the height of a line are of another line, which the rim cuts off."""
+
 REACH, STEP = 3.0, 0.25
 """Largest shift of a column or row and step of it, px."""
 
@@ -41,14 +45,14 @@ STIFF, SMOOTH = 0.2, 1.0
 """What a step of shift from one to the next must save, in mean squared differences of a line; and spread of the blur of
 the shifts, px."""
 
-LETTER, FAINTEST = 2.75, 0.2
+LETTER, FAINTEST = 3.3, 0.2
 """Spread of the blur over a letter, px of the template; least variance of a letter, as a share of the largest."""
 
-UNEXPLAINED = 0.3
+UNEXPLAINED = 0.27
 """Least squared difference of a letter, as a share of its variance, of something else.
 
-Measured on screens drawn anew at 110 to 150 %: up to 0.3 at 94 of 103 words, numbers and buttons; from 0.31 at 102 of
-which one letter is another.
+Measured on screens drawn anew at 110 to 150 %: up to here at 228 of 235 words, numbers and buttons; from here on at 232
+of as many of which one letter is another.
 """
 
 LEAST_WIDE, LEAST_TALL = 1.8, 6
@@ -130,26 +134,29 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
         return None
     stretch = np.array([tall, wide]) / template.shape
     middle = np.array([top + tall / 2, left + wide / 2])
-    linear = np.diag(stretch[::-1])
-    offset = middle[::-1] - 0.5 - linear @ ((np.array(template.shape[::-1]) - 1) / 2)
-    size = seen.shape[1], seen.shape[0]
-    warped = cv2.warpAffine(given, np.column_stack([linear, offset]), size, borderMode=cv2.BORDER_REPLICATE)
     counts = tuple(
         slice(max(0, math.floor(at + one * (first - side / 2))), math.ceil(at + one * (last - side / 2)))
         for at, one, (first, last), side in zip(middle, stretch, shown, template.shape, strict=True)
     )
-    drawn = np.asarray(warped, dtype=np.float32).reshape(seen.shape)[counts]
     seen, weights = seen[counts], weights[counts]
-    down, across = np.zeros(len(drawn), np.float32), np.zeros(drawn.shape[1], np.float32)
+    rows, cols = (
+        (np.arange(side) + (part.start or 0) + 0.5 - start) / one - 0.5
+        for side, part, start, one in zip(seen.shape, counts, (top, left), stretch, strict=False)
+    )
+
+    def drawn_at(down: Plane, across: Plane) -> Plane:
+        return _sampled(given, rows + down / stretch[0], cols + across / stretch[1])
+
+    down, across = np.zeros(len(rows), np.float32), np.zeros(len(cols), np.float32)
     for _ in range(2):
-        across = _shifts(_in_light(_moved(drawn, down, 0 * across), seen, weights), seen, weights, 1)
-        down = _shifts(_in_light(_moved(drawn, 0 * down, across), seen, weights), seen, weights, 0)
+        across = _shifts(drawn_at, down, across, seen, weights, 1)
+        down = _shifts(drawn_at, down, across, seen, weights, 0)
+    drawn = drawn_at(down, across)
     slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
     own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in shown)]
     by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
-    drawn = _moved(drawn, down, across)
     gain = _gain(drawn, seen, weights)
-    lit = _in_light(drawn, seen, weights)
+    lit = _light(drawn, seen, weights)(drawn)
     if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
         return None
     return Redrawing(
@@ -190,18 +197,25 @@ def _shown(template: Pattern) -> list[tuple[int, int]]:
         across = np.abs(np.diff(template.deviations, axis=1 + other)).sum(axis=0).max(axis=other)
         step = np.maximum(np.maximum(np.append(along, 0), np.append(0, along)), across)
         varies = np.flatnonzero(step > SHOWN * step.max())
+        if axis == 0:  # without what the rim cuts off of the lines above and below
+            runs = np.split(varies, np.flatnonzero(np.diff(varies) > 1) + 1)
+            least, last = CUT_OFF * max(map(len, runs)), len(step) - 1
+            varies = np.concatenate([run for run in runs if len(run) >= least or 0 < run[0] <= run[-1] < last])
         ends.append((max(0, int(varies[0]) - BEYOND), min(len(step), int(varies[-1]) + 1 + BEYOND)))
     return ends
 
 
-def _shifts(drawn: Plane, seen: Plane, weights: Plane, axis: int) -> Plane:
+def _shifts(
+    drawn_at: Callable[[Plane, Plane], Plane], down: Plane, across: Plane, seen: Plane, weights: Plane, axis: int
+) -> Plane:
     """Return the shifts of the rows or columns, each near that of the next, with the least difference of all."""
+    still = [0 * down, across] if axis == 0 else [down, 0 * across]
+    lit = _light(drawn_at(*still), seen, weights)
     shifts = np.arange(-REACH, REACH + STEP / 2, STEP, dtype=np.float32)
-    still = [np.zeros(side, dtype=np.float32) for side in drawn.shape[:2]]
     costs = []
     for shift in shifts:
         at = [one + shift * (number == axis) for number, one in enumerate(still)]
-        costs.append((np.square(seen - _moved(drawn, at[0], at[1])).sum(axis=2) * weights).sum(axis=1 - axis))
+        costs.append((np.square(seen - lit(drawn_at(at[0], at[1]))).sum(axis=2) * weights).sum(axis=1 - axis))
     of_line = np.stack(costs, axis=1)
     of_line /= max(float(of_line.mean()), 1e-12)
     least, before = of_line[0], []
@@ -263,13 +277,12 @@ def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> flo
     return float((left[letters] / most[letters]).max(initial=0.0))
 
 
-def _moved(plane: Plane, rows: Plane, cols: Plane) -> Plane:
-    """Return a plane whose rows and columns come from so many pixels further."""
-    height, width = plane.shape[:2]
-    across, down = np.meshgrid(np.arange(width) + cols, np.arange(height) + rows)
+def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:
+    """Return the values of a plane in these rows and columns, parts of a pixel too."""
+    across, down = np.meshgrid(cols, rows)
     at = np.asarray(across, dtype=np.float32), np.asarray(down, dtype=np.float32)
-    moved = cv2.remap(plane, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(moved, dtype=np.float32).reshape(plane.shape)
+    sampled = cv2.remap(plane, at[0], at[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(sampled, dtype=np.float32).reshape(*across.shape, -1)
 
 
 def _gain(plane: Plane, seen: Plane, weights: Plane) -> Plane:
@@ -280,11 +293,12 @@ def _gain(plane: Plane, seen: Plane, weights: Plane) -> Plane:
     return np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
 
 
-def _in_light(plane: Plane, seen: Plane, weights: Plane) -> Plane:
-    """Return a plane with the gain and an offset of each channel that bring it nearest to what is seen."""
+def _light(plane: Plane, seen: Plane, weights: Plane) -> Callable[[Plane], Plane]:
+    """Return the light, a gain and an offset of each channel, that brings a plane nearest to what is seen."""
     shares = (weights / weights.sum())[:, :, np.newaxis]
     level, wanted = ((one * shares).sum(axis=(0, 1)) for one in (plane, seen))
-    return np.asarray((plane - level) * _gain(plane, seen, weights) + wanted, dtype=np.float32)
+    gain = _gain(plane, seen, weights)
+    return lambda one: np.asarray((one - level) * gain + wanted, dtype=np.float32)
 
 
 def _blurred(plane: Plane, blur: float) -> Plane:

@@ -261,7 +261,7 @@ def test_more_sizes_and_angles_take_longer() -> None:
     assert some.seconds < many.seconds
 
 
-WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice")
+WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice", "103.07")
 
 
 def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
@@ -273,7 +273,7 @@ def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
     return np.asarray(picture)
 
 
-@pytest.mark.parametrize(("number", "size"), [(0, 1.25), (2, 1.5), (3, 1.1)])
+@pytest.mark.parametrize(("number", "size"), [(0, 1.25), (2, 1.5), (3, 1.1), (6, 1.1)])
 def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_is_not(
     number: int, size: float
 ) -> None:
@@ -285,3 +285,11 @@ def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_
     assert search.best.scale == pytest.approx(size, rel=0.07)
     exchanged = tuple(other if word == WORDS[number] else word for word in WORDS)
     assert not match_template(words(size, exchanged), template, scales=(0.9, 1.6)).found
+
+
+def test_what_the_rim_cuts_off_of_the_line_above_is_not_of_the_word() -> None:
+    named = tuple(word for pair in zip(("Gallery",) * 3, WORDS, strict=False) for word in pair)
+    row, size = 12 + 30, 1.33
+    template = np.vstack([words(1.0, named)[27:30, 26:100], words(1.0, named)[row - 1 : row + 18, 26:100]])
+    picture = words(size, named)
+    assert match_template(picture, template, scales=(0.9, 1.6)).found
