@@ -143,11 +143,11 @@ def _match(matcher: str, rows: int, cols: int) -> tuple[str, str, str, str]:
 JOBS = {
     "lag by fft": _lag(150_000),
     "lag by fft, whitened": _lag(150_000, method="phat"),
-    "lag by blocks": _lag(1_000_000, warm=300_000, max_lag=30_000),
+    "lag by blocks": _lag(300_000, warm=30_000, max_lag=2_000),
     # Noise has the most to search for, but takes 12 s; what is judged after the bands, "by blocks" measures.
     "lag by bands": ("a = noise(9_000_000); b = np.roll(a, 100)", *_lag(9_000_000)[1:]),
-    "lag by products": _lag(500_000, method="direct", max_lag=40),
-    "lag by votes": _lag(150_000, method="sampled"),
+    "lag by products": _lag(200_000, method="direct", max_lag=40),
+    "lag by votes": _lag(60_000, method="sampled"),
     "template by fft": _search("a = image(1060, 1414); t = a[200:700, 300:870]"),
     "template by fft, nowhere": _search("a = image(1060, 1414); t = image(30, 30)"),
     "template by fft, in colours nowhere": _search("a = colours(640, 850); t = colours(110, 110)"),
