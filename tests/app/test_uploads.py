@@ -42,16 +42,11 @@ def numbers(app: AppTest) -> dict[str, str]:
     return pages.numbers(app) | next(iter(maps.values()), {})
 
 
-def test_two_recordings_are_compared_by_every_method(with_uploads: Callable[..., AppTest]) -> None:
+def test_a_recording_without_a_rate_takes_that_of_the_other(with_uploads: Callable[..., AppTest]) -> None:
     first, second = SOUND[:2_000], SOUND[700:][:2_000]
     app = with_uploads("recordings", file_1=("a.wav", uploads.wav(first)), file_2=("b.csv", uploads.csv(second)))
-    for method in ("fft", "phat", "sampled", "direct"):
-        app.button_group(key="lag.method").set_value(method).run()
-        assert not app.exception
-        assert not app.error
-        assert app.button_group(key="lag.method").value == method
-        assert lag_found(app) == -700
-        assert typeset("**0.0875 s**") in app.header[0].value  # the WAV file contains the rate
+    assert lag_found(app) == -700
+    assert typeset("**0.0875 s**") in app.header[0].value
 
 
 def test_one_file_of_two_channels_is_enough(with_uploads: Callable[..., AppTest]) -> None:
@@ -79,20 +74,6 @@ def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTes
     assert not app.exception
     assert not app.error
     assert app.header[0].value == "Found at row 20, column 30"
-
-
-def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:
-    left, right = SCENE[:, :-5], SCENE[:, 5:]
-    truth = np.full(left.shape[:2], 5 * 256, dtype=np.uint16)
-    app = with_uploads("pairs", left=("l.png", uploads.png(left)), right=("r.png", uploads.png(right)))
-    assert not app.error
-    app.slider[[slider.label for slider in app.slider].index("Disparities searched")].set_value(16).run()
-    assert "EPE" not in numbers(app)
-    upload(app, "pairs", truth=("t.png", uploads.png(truth)))
-    assert not app.exception
-    errors = [float(one["EPE"].split()[0]) for one in figures(app).values()]
-    assert len(errors) == 2
-    assert max(errors) < 0.5
 
 
 def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone(
