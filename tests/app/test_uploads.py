@@ -44,7 +44,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 
 def test_a_recording_without_a_rate_takes_that_of_the_other(with_uploads: Callable[..., AppTest]) -> None:
     first, second = SOUND[:2_000], SOUND[700:][:2_000]
-    app = with_uploads("recordings", file_1=("a.wav", uploads.wav(first)), file_2=("b.csv", uploads.csv(second)))
+    app = with_uploads("recordings", file_1=("a.csv", uploads.csv(first)), file_2=("b.wav", uploads.wav(second)))
     assert lag_found(app) == -700
     assert typeset("**0.0875 s**") in app.header[0].value
 
