@@ -8,6 +8,7 @@ import json
 import statistics
 import time
 from collections import deque
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -16,12 +17,23 @@ from websockets.asyncio.client import connect
 from benchmarks.load import PAIRS, WINDOW, Figures, Server, serving, windows_of
 from benchmarks.visitors import HOST, Visitor
 from stereolag import samples
+from stereolag.core.searches import TemplateQuery
+from stereolag.figures.pictures import jpeg
 from stereolag.io.images import read_image
+from stereolag.ui.calibrate_live import ALIKE, Shown, Taking
 from stereolag.ui.components import packed_item
 from stereolag.ui.keys import SHOWN, preset_key
+from stereolag.ui.search.following import Frame
+from stereolag.ui.search.following import answer as follow
 from stereolag.ui.streams import IN_FLIGHT
+from tests.core.moving_patch import frames
+from tests.held_boards import obeying
+from tests.held_boards import taken as board_pictures
 
 SECONDS = 6.0
+PATIENCE_S = 60.0
+"""A stream that waits longer for an answer fails."""
+
 CLIENTS = (1, 2, 4, 8)
 METHODS = {"fast": "Convolution", "StereoBM": "StereoBM"}
 LIVE = "Live camera"
@@ -60,7 +72,7 @@ async def stream(
             while len(sent) < in_flight:
                 sent.append(time.perf_counter())
                 await socket.send(data)
-            if isinstance(await socket.recv(), bytes):
+            if isinstance(await asyncio.wait_for(socket.recv(), PATIENCE_S), bytes):
                 now = time.perf_counter()
                 answers.append((now, now - sent.popleft()))
     return answers[len(answers) // 4 :]  # the first ones find nothing in the caches
@@ -121,16 +133,53 @@ async def measured(minutes: float) -> Figures:
         if minutes:
             async with Visitor(server.port) as visitor:
                 told = await camera_of(visitor, METHODS["fast"])
-                await stream(server.port, told, 30)
-                figures["long stream: RSS after 30 s, MB"] = round(server.megabytes())
-                await stream(server.port, told, 60 * minutes)
-                figures[f"long stream: RSS after {minutes:g} min more, MB"] = round(server.megabytes())
+                await stream(server.port, told, 60)
+                figures["long stream: RSS after 1 min, MB"] = round(server.megabytes())
+                await stream(server.port, told, 60 * (minutes - 1))
+                figures[f"long stream: RSS after {minutes:g} min, MB"] = round(server.megabytes())
         return figures
+
+
+def following_ms() -> list[float]:
+    """Return how long a frame of a moving sign took to be answered, each, ms of processor time."""
+    side, kept, took = 64, {}, []
+    for number, one in enumerate(frames(1, rows=480, cols=640, side=side)):
+        row, col = (round(at - side / 2) for at in one.middle)
+        box = None if number else {"row": row, "col": col, "height": side, "width": side}
+        message = Frame(parts=(jpeg(one.picture),), number=number, box=box)
+        took.append(processor_ms(lambda message=message: follow(kept, TemplateQuery(), message)))
+    return took[1:]
+
+
+def calibrating_ms() -> list[float]:
+    """Return how long a frame with a board in both views took to be answered, each, ms of processor time."""
+    taking, took = Taking(), []
+    for _, poses in obeying(4):
+        views = [cv2.resize(view, (640, 480), interpolation=cv2.INTER_CUBIC) for view in board_pictures(poses)]
+        message = Shown(parts=(jpeg(np.hstack(views)),))
+        took += [processor_ms(lambda message=message: taking.answer(message)) for _ in range(4)]
+    return took[ALIKE:]  # until then it is not known which board it is
+
+
+def processor_ms(act: Callable[[], object]) -> float:
+    """Return the processor time that something takes, ms: others may be at work here too."""
+    start = time.process_time()
+    act()
+    return 1000 * (time.process_time() - start)
+
+
+def answering() -> Figures:
+    """Return the processor time of a message of the pages that draw no map."""
+    return {
+        f"{name}: CPU of a frame, {share} ms": round(float(np.quantile(took, at)), 1)
+        for name, took in (("following", following_ms()), ("calibrating", calibrating_ms()))
+        for share, at in (("median", 0.5), ("p90", 0.9))
+    }
 
 
 def live_table(minutes: float = 10) -> tuple[str, Figures]:
     """Return the figures of live streams as Markdown and as numbers."""
-    figures = asyncio.run(measured(minutes))
+    figures = answering() | asyncio.run(measured(minutes))
     lines = ["| live, two views of 640 × 480 | |", "|---|---|"] + [
         f"| {name} | {one:g} |" for name, one in figures.items()
     ]

@@ -124,7 +124,7 @@ async def alone(server: Server, name: str = "alone", *, plain: bool = False) -> 
     async with Visitor(server.port) as visitor:
         await with_own_pair(visitor, own_pair(1_000_000))
         if plain:
-            await visitor.press(PLAIN)
+            await visitor.press_for_map(PLAIN)
         await visitor.move(WINDOW, 101)
         await visitor.settled()
         cpu, start = server.cpu_seconds(), len(visitor.moves)
@@ -191,7 +191,7 @@ async def bystander(server: Server, users: int) -> Figures:
         await onlooker.choose(PAIRS, samples.stereo_pairs()["road"].title)
         before = server.megabytes()
         start = time.perf_counter()
-        jobs = [asyncio.create_task(visitor.press(ACCURATE)) for visitor in visitors]
+        jobs = [asyncio.create_task(visitor.press_for_map(ACCURATE)) for visitor in visitors]
         done = asyncio.gather(*jobs, return_exceptions=True)
         windows = windows_of(92)
         while not done.done() and time.perf_counter() - start < BYSTANDER_CAP_S:

@@ -7,7 +7,7 @@ import http.client
 import json
 import time
 import uuid
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -177,7 +177,7 @@ class Visitor:
             request.file_urls_request.session_id = self._session
             await self._send(request)
             identity = request.file_urls_request.request_id
-            await self._until(lambda identity=identity: identity in self._addresses)
+            await self._until(lambda identity=identity: identity in self._addresses, f"an address for {name}")
             address = self._addresses.pop(identity)[0]
             await asyncio.to_thread(self._put, address.upload_url, name, content)
             state = WidgetState(id=widget)
@@ -187,17 +187,21 @@ class Visitor:
             await self._set(state, drawn.fragment)
 
     async def press(self, key: str) -> None:
-        """Press a button and wait for another map."""
+        """Press a button, and wait until the script has run."""
         drawn, widget = self._widget(key)
+        await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
+
+    async def press_for_map(self, key: str) -> None:
+        """Press a button and wait for another map."""
         async with self.another_map():
-            await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
+            await self.press(key)
 
     @asynccontextmanager
     async def another_map(self) -> AsyncIterator[None]:
         """Wait for another map after the enclosed actions: one run of the script may lead to the next."""
         maps = self._maps
         yield
-        await self._until(lambda: self._maps > maps)
+        await self._until(lambda: self._maps > maps, "another map")
 
     async def slide(self, key: str, value: float) -> None:
         """Move a slider without measuring it, and wait until the script has run."""
@@ -220,7 +224,7 @@ class Visitor:
 
     async def settled(self) -> None:
         """Wait until every move has its map and the script has run."""
-        await self._until(lambda: all(one.answered is not None for one in self.moves))
+        await self._until(lambda: all(one.answered is not None for one in self.moves), "the maps of all moves")
 
     async def _set(self, state: WidgetState, fragment: str) -> None:
         self._states[state.id] = state
@@ -228,14 +232,14 @@ class Visitor:
         await self._send(self._rerun(fragment))
         if state.WhichOneof("value") == "trigger_value":
             del self._states[state.id]
-        await self._until(lambda: self._finished > finished)
+        await self._until(lambda: self._finished > finished, f"the run after a change of {_key_of(state.id)}")
 
     async def _sent_and_finished(self, state: ClientState) -> None:
         finished = self._finished
         message = BackMsg()
         message.rerun_script.CopyFrom(state)
         await self._send(message)
-        await self._until(lambda: self._finished > finished)
+        await self._until(lambda: self._finished > finished, "the first run")
 
     def _rerun(self, fragment: str) -> BackMsg:
         message = BackMsg()
@@ -251,12 +255,17 @@ class Visitor:
         assert self._socket is not None
         await self._socket.send(message.SerializeToString())
 
-    async def _until(self, holds: object) -> None:
-        assert callable(holds) and self._reader is not None
-        async with asyncio.timeout(TIMEOUT_S), self._change:
-            await self._change.wait_for(lambda: holds() or self._reader.done())  # type: ignore[union-attr]
+    async def _until(self, holds: Callable[[], bool], awaited: str) -> None:
+        """Wait until something holds; an error names what was awaited."""
+        reader = self._reader
+        assert reader is not None
+        try:
+            async with asyncio.timeout(TIMEOUT_S), self._change:
+                await self._change.wait_for(lambda: holds() or reader.done())
+        except TimeoutError as error:
+            raise TimeoutError(f"{awaited} did not come within {TIMEOUT_S} s") from error
         if not holds():
-            raise ConnectionError("the app closed the connection")
+            raise ConnectionError(f"the app closed the connection before {awaited} came")
 
     async def _read(self) -> None:
         assert self._socket is not None

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pairs import texture
+
+from tests.core.pairs import texture
 
 Picture = npt.NDArray[np.uint8]
 
