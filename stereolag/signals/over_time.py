@@ -307,6 +307,8 @@ def _followed(
     if starts.size > most:
         starts = starts[np.linspace(0, starts.size - 1, most).astype(int)]
     heights = _plane(recording_1, recording_2, starts, Stretch(begin, end, lag, 0.0), length, reach)
+    if (heights.max(axis=1) > _CLEAR).sum() < _FEWEST:  # nor would more of them be clear on any path
+        return 0.0, None
     step = max(1, math.ceil(ppm * 1e-6 * float(np.diff(starts).max())))
     path, clear = _ridge(heights, step)
     places = starts + length / 2
