@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import median
+from stereolag.core.arrays import median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.fits import (
     BLUR_OF_COLOURS,
@@ -182,7 +182,7 @@ def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Id
     inside = near[alpha >= alpha.max() * FULL_WEIGHT]
     if median(inside) > -math.log(CLOSE + OWN):
         beside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
-        agrees &= averaged(beside & (near > np.quantile(inside, 0.1) - AS_NEAR), grid) <= MORE
+        agrees &= averaged(beside & (near > percentiles(inside, 10)[0] - AS_NEAR), grid) <= MORE
     explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0
     shown = float(there[agrees].sum() / there.sum())
     kind: Kind = "same" if agrees.all() else "differs" if shown >= DIFFERS else "not_there"
@@ -236,9 +236,9 @@ COVERED, LEAST_COVERED = (0.08, 0.45), 2304
 """Smallest and largest share of the pixels that a thing in front may hide, and of how many at least: with the mark of
 an icon covered, nobody can tell it from its sibling."""
 
-CERTAIN, CLEARLY, SLIGHTLY = 0.9, 4.0, 0.004
-"""A pixel differs by more than so many times what this share of those in the blocks that agree does, and by more than
-a share of the template's variance."""
+CERTAIN, CLEARLY, SLIGHTLY = 90, 4.0, 0.004
+"""A pixel differs by more than so many times this percentile of those in the blocks that agree, and by more than this
+share of the template's variance."""
 
 FILLED, ONE = 0.76, 0.9
 """Least share of the pixels that differ where something is in front, and least share of those that differ there.
@@ -297,7 +297,7 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
         return False
     squares = fit.differences(sharp=True)
     there = ~fit.over(disagrees)
-    noise = float(np.quantile(squares[there & counts], CERTAIN)) if (there & counts).any() else math.inf
+    noise = float(percentiles(squares[there & counts], CERTAIN)[0]) if (there & counts).any() else math.inf
     differ = squares > min(max(CLEARLY * noise, SLIGHTLY * fit.variance), DIFFERENT * fit.variance)
     closed = cv2.morphologyEx(differ.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     found, _ = cv2.findContours(

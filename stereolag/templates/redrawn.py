@@ -159,8 +159,13 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
     lit = _light(drawn, seen, weights)(drawn)
     if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
         return None
+    size = by_ink or float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT]))
+    if by_ink is not None:  # a word is set from its first letter on, and as long as rounding makes it
+        first = shown[1][0] + BEYOND
+        there = np.interp(first, cols + across / stretch[1], np.arange(len(cols))) + counts[1].start
+        middle[1] = there + 0.5 + (template.shape[1] / 2 - first - 0.5) * size
     return Redrawing(
-        size=by_ink or float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT])),
+        size=size,
         row=row - margin + float(middle[0]),
         col=col - margin + float(middle[1]),
         gain=tuple(map(float, gain)),

@@ -293,3 +293,10 @@ def test_what_the_rim_cuts_off_of_the_line_above_is_not_of_the_word() -> None:
     template = np.vstack([words(1.0, named)[27:30, 26:100], words(1.0, named)[row - 1 : row + 18, 26:100]])
     picture = words(size, named)
     assert match_template(picture, template, scales=(0.9, 1.6)).found
+
+
+def test_a_word_drawn_anew_lies_where_its_first_letter_does() -> None:
+    number, size = WORDS.index("Sensor"), 1.5
+    template = words(1.0)[8 + 30 * number : 32 + 30 * number, 26:84]
+    search = match_template(words(size), template, scales=(0.9, 1.6))
+    assert search.found and search.matches[0].col == pytest.approx(26 * size, abs=1)
