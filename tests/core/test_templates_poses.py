@@ -296,7 +296,7 @@ def test_what_the_rim_cuts_off_of_the_line_above_is_not_of_the_word() -> None:
 
 
 def test_a_word_drawn_anew_lies_where_its_first_letter_does() -> None:
-    number, size = WORDS.index("Sensor"), 1.5
-    template = words(1.0)[8 + 30 * number : 32 + 30 * number, 26:84]
+    number, size = WORDS.index("103.07"), 1.33
+    template = words(1.0)[8 + 30 * number : 32 + 30 * number, 26:80]
     search = match_template(words(size), template, scales=(0.9, 1.6))
     assert search.found and search.matches[0].col == pytest.approx(26 * size, abs=1)
