@@ -55,6 +55,13 @@ _CELL = 32
 _BANDS = 2048
 _COLOUR_REACH = 256
 _WIDEST_LOBE, _WIDEST_ENVELOPE = 400, 512
+_STRETCHES, _FEWEST_STRETCHES, _EVENT_BLOCKS = 32, 6.0, 512
+"""Stretches of the recordings, and how many of them must share an agreement for it to be one of many events; and most
+blocks in which events are counted."""
+
+_DEPENDENT = 1.25
+"""Events on a beat of their own meet more often than those of a Poisson process."""
+
 _COLOURED = 0.05
 """From this share on, the own curve beside its middle is not that of white noise."""
 
@@ -92,6 +99,17 @@ _REPEATS = 0.5
 
 _LEAST_RIVAL = 0.4
 _MOST_TOPS = 64
+
+
+def _in_blocks(values: Samples, size: int) -> Vector:
+    """Return the sums over blocks of a size; what is left over at the end is left out."""
+    count = values.size // size
+    return np.asarray(values[: count * size].reshape(count, size).sum(axis=1, dtype=np.float64))
+
+
+def _participating(values: Vector) -> float:
+    """Return how many equal values would have the same sum and sum of squares; 0 for a sum that is not positive."""
+    return max(float(values.sum()), 0.0) ** 2 / (float(values @ values) + 1e-300)
 
 
 def standardised(signal: npt.NDArray[np.floating]) -> Samples:
@@ -427,12 +445,32 @@ class WeightedCurve:
         return float(self.curve[index]) / math.sqrt(max(power, 0.0) + 1e-30)
 
     def carried(self, lag: int) -> tuple[float, float]:
-        """Return the sum of the products at a lag, and of their magnitudes, in standard deviations."""
+        """Return the agreement that the products at a lag carry, and the largest they could, in standard deviations."""
         start, stop = max(0, -lag), min(self._evidence.sizes[0], self._evidence.sizes[1] - lag)
-        products = self._heard[0, start:stop] * self._heard[1, start + lag : stop + lag]
+        heard = self._heard[0, start:stop], self._heard[1, start + lag : stop + lag]
+        products = heard[0] * heard[1]
         scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._colour
         total, most = products.sum(dtype=np.float64), np.abs(products).sum(dtype=np.float64)
-        return float(total) / scale, float(most) / scale
+        met = self._coincidences(heard, products)
+        return max(float(total) / scale, met), max(float(most) / scale, met)
+
+    def _coincidences(self, heard: tuple[Samples, Samples], products: Samples) -> float:
+        """Return the agreement of rare events that meet, in deviations of a Poisson process; 0 unless they are rare.
+
+        A few samples carry it, but silence is met by silence as well: that all of thirty events in a minute meet
+        others is less likely than the signs of thirty products. They must be spread over the recordings, since one
+        event of several samples is a single agreement.
+        """
+        size = 2 * self.lobe + 1
+        spread = _participating(_in_blocks(products, -(-products.size // _STRETCHES)))
+        if products.size < _STRETCHES * size or spread < _FEWEST_STRETCHES:
+            return 0.0
+        size = max(size, products.size // _EVENT_BLOCKS)
+        met = _participating(_in_blocks(products, size))
+        blocks = products.size / size
+        first, second = (_participating(_in_blocks(one * one, size)) for one in heard)
+        chance = first * second / blocks * min(1.0, (2 * self.lobe + 1) / size)
+        return math.sqrt(2 * (met * math.log(met / chance) - met + chance)) / _DEPENDENT if met > chance else 0.0
 
     def repeats(self, peak: Peak, other: Peak) -> bool:
         """Return whether the recordings' own repetition explains half of another peak."""

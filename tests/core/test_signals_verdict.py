@@ -42,6 +42,19 @@ def test_a_sound_in_noise_as_loud_is_sure_and_right(method: SignalMethod, colour
         assert (result.verdict, reason(result), result.lag, result.rivals) == ("sure", "clear", lag, ())
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_rare_events_that_meet_are_sure_and_others_as_rare_are_not(lost: float) -> None:
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        lag = int(random.integers(-300, 300))
+        events = (random.random(12_000) < 0.004).astype(float)
+        first, second = events[2000:10_000], events[2000 - lag : 10_000 - lag]
+        second = second * (random.random(8000) >= lost)
+        result = signal_lag(first, second)
+        assert (result.verdict, result.lag) == ("sure", lag), seed
+        assert signal_lag(first, (random.random(8000) < 0.004).astype(float)).verdict == "nothing"
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("frequency", "noise_level"), [(0.01, 1.0), (0.1234, 0.1), (0.4, 0.0)])
 def test_a_tone_is_ambiguous_and_its_period_is_named(
