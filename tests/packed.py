@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import zlib
 from typing import Any
 
+import numpy as np
 from streamlit.testing.v1 import AppTest
+
+from stereolag.core.arrays import FloatMap
 
 
 def unpacked(item: bytes) -> tuple[dict[str, Any], list[bytes]]:
@@ -13,6 +17,18 @@ def unpacked(item: bytes) -> tuple[dict[str, Any], list[bytes]]:
     length = int.from_bytes(item[:4], "little")
     header, body = json.loads(item[4 : 4 + length]), item[4 + length :]
     return header, [body[start : start + size] for start, size in header["parts"]]
+
+
+def values_of(reading: dict[str, Any], parts: list[bytes]) -> FloatMap:
+    """Return the values of a reading of a packed picture, NaN where there is none."""
+
+    def part(name: str, kind: str) -> np.ndarray:
+        return np.frombuffer(zlib.decompress(parts[reading[name]]), kind)
+
+    steps = part("steps", "i1").astype("<i2")
+    steps[steps == -128] = part("long_steps", "<i2")
+    raw = np.cumsum(steps.reshape(reading["rows"], reading["cols"]), axis=1, dtype=np.int16)
+    return np.where(raw == -32768, np.nan, raw * reading["quantum"])
 
 
 def told(app: AppTest, name: str) -> list[dict[str, Any]]:

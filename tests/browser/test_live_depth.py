@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, WebSocket, expect
 
 from stereolag.core.arrays import Rgb
 from tests.browser import axe
 from tests.browser.fake_media import played_cameras, refuse_cameras, stereo_scene, unplug_cameras
 from tests.browser.visits import OpenPage, settled
+from tests.packed import unpacked, values_of
 
 NEAR, FAR = 30, 9
 LEFT, RIGHT, TRUTH = stereo_scene(7, near=NEAR, far=FAR)
@@ -61,6 +63,51 @@ def assert_maps_are_right(page: Page) -> None:
         values = values_at(page, share)
         assert len(values) == 2
         assert all(abs(value - disparity) < 1 for value in values)
+
+
+LIVE_TAB = """hidden => {
+  Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
+  document.dispatchEvent(new Event("visibilitychange"));
+}"""
+
+
+def test_a_control_acts_within_two_frames_and_a_hidden_tab_sends_none(camera_page: Page) -> None:
+    page = camera_page
+    sockets: list[WebSocket] = []
+    page.on("websocket", lambda socket: sockets.append(socket))
+    start(page)
+    expect(page.locator(".reading").first).to_be_attached()
+    live = next(one for one in sockets if one.url.endswith("/live"))
+    sent, farthest = [], []
+    live.on("framesent", lambda _: sent.append(time.monotonic()))
+    live.on("framereceived", lambda data: farthest.append(largest_of(data)))
+    searched = page.get_by_role("spinbutton", name="Disparities searched")
+    searched.fill("16")
+    searched.press("Enter")
+    settled(page)  # Python has drawn the page with the new value
+    before = len(farthest)
+    page.wait_for_timeout(2000)
+    assert len(farthest) > before + 2
+    assert max(farthest[before + 2 :]) < 16 < NEAR - 1 < max(farthest)
+    page.evaluate(LIVE_TAB, True)
+    expect(page.locator(".live .state")).to_have_text("Paused while this tab is hidden.")
+    page.wait_for_timeout(500)  # the frame that was being taken has gone
+    before = len(sent)
+    page.wait_for_timeout(1000)
+    assert len(sent) == before
+    page.evaluate(LIVE_TAB, False)
+    expect(page.locator(".live .state")).to_have_text("Live")
+    page.wait_for_timeout(1000)
+    assert len(sent) > before
+
+
+def largest_of(answer: bytes | str) -> float:
+    """Return the largest disparity of the first map of an answer; NaN without one."""
+    header, parts = unpacked(answer) if isinstance(answer, bytes) else ({}, [])
+    if "shape" not in header:
+        return float("nan")
+    described, arrays = unpacked(parts[0])
+    return float(np.nanmax(values_of(described["readings"][0], arrays)))
 
 
 def test_a_live_camera_has_maps_that_follow_the_controls_and_becomes_a_pair(camera_page: Page) -> None:

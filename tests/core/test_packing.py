@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zlib
 from typing import Any
 
 import cv2
@@ -17,19 +16,9 @@ from stereolag.figures.legends import Colours, strip_legend, word_legend
 from stereolag.ui.components import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import DepthScale, Picture, Reading, described, packed
-from tests.packed import unpacked
+from tests.packed import unpacked, values_of
 
 GREY = np.full((6, 9, 3), 120, np.uint8)
-
-
-def values_of(reading: dict[str, Any], parts: list[bytes]) -> np.ndarray:
-    def part(name: str, kind: str) -> np.ndarray:
-        return np.frombuffer(zlib.decompress(parts[reading[name]]), kind)
-
-    steps = part("steps", "i1").astype("<i2")
-    steps[steps == -128] = part("long_steps", "<i2")
-    raw = np.cumsum(steps.reshape(reading["rows"], reading["cols"]), axis=1, dtype=np.int16)
-    return np.where(raw == -32768, np.nan, raw * reading["quantum"])
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.9, 63.7, 1023.5, 5e6])
