@@ -10,6 +10,7 @@ method for estimation of time delay", IEEE Trans. ASSP 24 (1976)), and all their
 * The height is compared with the rest: with its largest local deviation on several scales, since the same loud events
   overlap there and chance has the same spread; and with its highest other point.
 * No evidence is larger than the samples that carry it allow: a click that meets a click is one agreement, not many.
+  Many rare events that meet are compared with those of a Poisson process.
 
 A score above 1 is beyond chance: that many times the height that the highest of N lags reaches, ``sqrt(2 ln N)``, and
 ``MARGIN`` deviations more.
@@ -461,15 +462,16 @@ class WeightedCurve:
         others is less likely than the signs of thirty products. They must be spread over the recordings, since one
         event of several samples is a single agreement.
         """
-        size = 2 * self.lobe + 1
-        spread = _participating(_in_blocks(products, -(-products.size // _STRETCHES)))
-        if products.size < _STRETCHES * size or spread < _FEWEST_STRETCHES:
+        lobe = 2 * self.lobe + 1
+        if products.size < _STRETCHES * lobe:
             return 0.0
-        size = max(size, products.size // _EVENT_BLOCKS)
+        if _participating(_in_blocks(products, products.size // _STRETCHES)) < _FEWEST_STRETCHES:
+            return 0.0
+        size = max(lobe, products.size // _EVENT_BLOCKS)
         met = _participating(_in_blocks(products, size))
         blocks = products.size / size
         first, second = (_participating(_in_blocks(one * one, size)) for one in heard)
-        chance = first * second / blocks * min(1.0, (2 * self.lobe + 1) / size)
+        chance = first * second / blocks * lobe / size
         return math.sqrt(2 * (met * math.log(met / chance) - met + chance)) / _DEPENDENT if met > chance else 0.0
 
     def repeats(self, peak: Peak, other: Peak) -> bool:

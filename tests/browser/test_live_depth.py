@@ -65,7 +65,7 @@ def assert_maps_are_right(page: Page) -> None:
         assert all(abs(value - disparity) < 1 for value in values)
 
 
-LIVE_TAB = """hidden => {
+HIDE_TAB = """hidden => {
   Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
   document.dispatchEvent(new Event("visibilitychange"));
 }"""
@@ -89,13 +89,13 @@ def test_a_control_acts_within_two_frames_and_a_hidden_tab_sends_none(camera_pag
     page.wait_for_timeout(2000)
     assert len(farthest) > before + 2
     assert max(farthest[before + 2 :]) < 16 < NEAR - 1 < max(farthest)
-    page.evaluate(LIVE_TAB, True)
+    page.evaluate(HIDE_TAB, True)
     expect(page.locator(".live .state")).to_have_text("Paused while this tab is hidden.")
     page.wait_for_timeout(500)  # the frame that was being taken has gone
     before = len(sent)
     page.wait_for_timeout(1000)
     assert len(sent) == before
-    page.evaluate(LIVE_TAB, False)
+    page.evaluate(HIDE_TAB, False)
     expect(page.locator(".live .state")).to_have_text("Live")
     page.wait_for_timeout(1000)
     assert len(sent) > before
