@@ -156,8 +156,10 @@ def calibrating_ms() -> list[float]:
     taking, took = Taking(), []
     for _, poses in obeying(4):
         views = [cv2.resize(view, (640, 480), interpolation=cv2.INTER_CUBIC) for view in board_pictures(poses)]
-        message = Shown(parts=(jpeg(np.hstack(views)),))
-        took += [processor_ms(lambda message=message: taking.answer(message)) for _ in range(4)]
+        shown = (jpeg(np.hstack(views)),)
+        for _ in range(4):
+            message = Shown(parts=shown, at=100.0 * len(took))
+            took.append(processor_ms(lambda message=message: taking.answer(message)))
     return took[ALIKE:]  # until then it is not known which board it is
 
 

@@ -17,9 +17,12 @@ from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.geometry.boards import Board, Corners
 from stereolag.geometry.calibrating import covered_cells
 
-STILL = 0.0015
-"""Farthest that the corners of a board held still move from one frame to the next, as a share of the width: 1 px of
-640, which a hand manages and which the milliseconds between two webcams do not turn into an error."""
+STILL = 0.015
+"""Largest speed of the corners of a board held still, as a share of the width a second: 1 px of 640 in 0.1 s, which a
+hand manages and which the milliseconds between two webcams do not turn into an error."""
+
+APART_S, LONGEST_S = 0.08, 0.3
+"""Time between two frames from which on speed stands out from the noise of corners, and up to which they tell it."""
 
 LEAST_DIFFERENCE = 0.2
 """Least sum of the differences of all figures to those of any other pose that is kept: ROS's value."""
@@ -120,17 +123,16 @@ def _tilt(squares: DoubleMap, places: DoubleMap) -> Vector:
     return np.asarray(-np.copysign(sine, farther @ along) * along)
 
 
-def is_still(now: Corners, before: Corners | None, board: Board, width: int) -> bool:
-    """Return whether a board has hardly moved from one frame, of `width` px, to the next."""
-    if before is None:
-        return False
+def is_still(now: Corners, before: Corners, board: Board, width: int, seconds: float) -> bool:
+    """Return whether a board has hardly moved from one frame, of `width` px, to another so many seconds later."""
     common = np.intersect1d(now.numbers, before.numbers)
     if not common.size:
         return False
     # A chessboard looks the same from two ends, and its corners may be counted from either.
     orders = board.orders() if len(common) == board.corners else (np.arange(len(common)),)
     here, there = now.of(common), before.of(common)
-    return min(float(np.linalg.norm(here - there[order], axis=1).max()) for order in orders) <= STILL * width
+    moved = min(float(np.linalg.norm(here - there[order], axis=1).max()) for order in orders)
+    return moved <= STILL * width * min(seconds, LONGEST_S)
 
 
 class Collected:

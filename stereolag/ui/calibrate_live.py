@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ import streamlit as st
 from stereolag.assess.layout import Layout, views
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.inputs import as_grey
-from stereolag.geometry.board_samples import Collected, Missing, board_pose, is_still
+from stereolag.geometry.board_samples import APART_S, Collected, Missing, board_pose, is_still
 from stereolag.geometry.boards import (
     Board,
     Corners,
@@ -35,6 +35,9 @@ from stereolag.ui.uploads import OWN, hand_in
 
 ALIKE = 3
 """Number of frames in a row that must show the same board for it to be known."""
+
+MOST_SEEN = 30
+"""Frames kept to judge the speed of a board from, whatever their times."""
 
 DECIMALS = 4
 """Of places in a picture, as shares of its sides."""
@@ -87,10 +90,18 @@ Places: TypeAlias = list[list[float]]
 
 
 class Shown(Message):
-    """A small picture with both views, and its number; or both views in full size, as files are taken."""
+    """A small picture with both views, its number and when it was taken, ms; or both in full size, as files are."""
 
     parts: tuple[bytes] | tuple[bytes, bytes]
     number: Whole | None = None
+    at: float = 0.0
+
+
+class Seen(NamedTuple):
+    """The corners of a board in both views, and when they were there, ms."""
+
+    at: float
+    corners: tuple[Corners, Corners]
 
 
 @dataclass(eq=False)
@@ -103,8 +114,8 @@ class Taking:
         The board, once enough frames have shown the same one.
     guesses
         The boards that the last frames seem to show.
-    last
-        The corners in both views of the last frame, as far as found.
+    seen
+        The board in the last frames, as far back as its speed is judged from; nothing once a view is without it.
     collected
         The poses taken.
     files
@@ -119,7 +130,7 @@ class Taking:
 
     board: Board | None = None
     guesses: list[Board] = field(default_factory=list)
-    last: tuple[Corners | None, Corners | None] = (None, None)
+    seen: list[Seen] = field(default_factory=list)
     collected: Collected = field(default_factory=Collected)
     files: list[tuple[str, bytes]] = field(default_factory=list)
     outlines: list[list[Places]] = field(default_factory=list)
@@ -140,16 +151,26 @@ class Taking:
         board = self.board = self.board or self._guessed(left, right)
         if board is None:
             return self._shown(message)
-        size, before = (left.shape[1], left.shape[0]), self.last
-        first, second = self.last = find_in_running_picture(left, board), find_in_running_picture(right, board)
-        corners = [[] if one is None else _shares(one.points, size) for one in self.last]
+        size = left.shape[1], left.shape[0]
+        first, second = find_in_running_picture(left, board), find_in_running_picture(right, board)
+        corners = [[] if one is None else _shares(one.points, size) for one in (first, second)]
         if first is None or second is None:
+            self.seen = []
             return self._shown(message, NOT_SEEN[first is not None, second is not None], corners)
+        is_still = self._is_still(Seen(message.at, (first, second)), board, size[0])
         if not self.missing or not self.collected.adds(board_pose(first, second, board, size)):
             return self._shown(message, "", corners)
-        if all(is_still(*now, board, size[0]) for now in zip((first, second), before, strict=True)):
-            return self._shown(message, "", corners, want=True)
-        return self._shown(message, HOLD_STILL, corners)
+        return self._shown(message, "" if is_still else HOLD_STILL, corners, want=is_still)
+
+    def _is_still(self, now: Seen, board: Board, width: int) -> bool:
+        """Note where a board is, and return whether it has hardly moved since the last frame long enough before."""
+        before = [one for one in self.seen if now.at - one.at >= 1000 * APART_S]
+        self.seen = [*self.seen[max(0, len(before) - 1) :][-MOST_SEEN:], now]
+        if not before:
+            return False
+        seconds = (now.at - before[-1].at) / 1000
+        views = zip(now.corners, before[-1].corners, strict=True)
+        return all(is_still(*view, board, width, seconds) for view in views)
 
     def _guessed(self, left: Grey8, right: Grey8) -> Board | None:
         """Return the board, once the last frames have all shown the same one."""

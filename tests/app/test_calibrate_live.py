@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from itertools import islice
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,15 +21,19 @@ from tests.held_boards import BASELINE_M, CHESSBOARD, SQUARE_M, held, obeying, t
 
 Pair = tuple[Rgb, Rgb]
 
+FRAME_MS = 100.0
 
-def answer(taking: Taking, *parts: Rgb, number: int | None = None) -> dict[str, Any]:
-    packed = taking.answer(Shown.model_validate({"parts": tuple(map(jpeg, parts)), "number": number}))
+
+def answer(taking: Taking, *parts: Rgb, **header: float) -> dict[str, Any]:
+    packed = taking.answer(Shown.model_validate({"parts": tuple(map(jpeg, parts))} | header))
     told: dict[str, Any] = json.loads(packed[4 : 4 + int.from_bytes(packed[:4], "little")])
     return told
 
 
-def look(taking: Taking, pair: Pair, number: int = 1) -> dict[str, Any]:
-    return answer(taking, np.hstack(pair), number=number)
+def look(taking: Taking, pair: Pair, number: int = 1, *, after: float = FRAME_MS) -> dict[str, Any]:
+    """Return the answer to a frame that was taken so many milliseconds after the one before."""
+    at = after + (taking.seen[-1].at if taking.seen else 0)
+    return answer(taking, np.hstack(pair), number=number, at=at)
 
 
 def hold(taking: Taking, pair: Pair) -> dict[str, Any]:
@@ -77,6 +83,19 @@ def test_a_pair_is_wanted_only_if_the_board_is_still_and_held_in_a_new_way(takin
     assert look(taking, moved)["wanted"] is None  # type: ignore[arg-type]
     assert look(taking, moved, 7)["wanted"] == 7  # type: ignore[arg-type]
     assert len(told["corners"][0]) == len(told["corners"][1]) == CHESSBOARD.corners
+
+
+def test_whether_a_board_is_still_depends_on_its_speed_at_any_frame_rate(taking: Taking) -> None:
+    aside = taken(held(0.1))
+    for frames_a_second in (5, 30):
+        for per_second, still in ((4.0, True), (10.0, False)):
+            told = []
+            for number in range(1 + math.ceil(0.2 * frames_a_second)):
+                shift = np.array([[1.0, 0, number * per_second / frames_a_second], [0, 1, 0]])
+                moved = (cv2.warpAffine(view, shift, view.shape[1::-1]) for view in aside)
+                told.append(look(taking, tuple(moved), number, after=1000 / frames_a_second))  # type: ignore[arg-type]
+            assert any(one["wanted"] for one in told) is still
+            taking.seen.clear()
 
 
 def test_a_view_without_the_board_is_named(taking: Taking, middle: Pair) -> None:

@@ -62,15 +62,17 @@ def test_a_part_of_a_board_with_markers_has_a_pose() -> None:
     assert board_pose(part[0], part[1], Board(9, 6, Markers("DICT_4X4_1000")), SIZE).to_right > 0.3
 
 
-def test_a_board_is_still_if_no_corner_moves_by_more_than_a_pixel() -> None:
+def test_a_board_is_still_if_no_corner_moves_by_more_than_ten_pixels_a_second() -> None:
     now, _ = seen(held())
-    for moved, still in ((0.9, True), (1.1, False)):
-        before = Corners(now.numbers, now.points + np.array([moved, 0]))
-        assert is_still(now, before, CHESSBOARD, 640) is still
-        assert is_still(now, Corners(now.numbers, before.points[::-1]), CHESSBOARD, 640) is still
-    assert not is_still(now, None, CHESSBOARD, 640)
+    for seconds in (0.05, 0.2):
+        for speed, still in ((9, True), (11, False)):
+            before = Corners(now.numbers, now.points + np.array([speed * seconds, 0]))
+            assert is_still(now, before, CHESSBOARD, 640, seconds) is still
+            assert is_still(now, Corners(now.numbers, before.points[::-1]), CHESSBOARD, 640, seconds) is still
+    far = Corners(now.numbers, now.points + np.array([5, 0]))
+    assert not is_still(now, far, CHESSBOARD, 640, 2)  # who knows where it was meanwhile
     first, last = (Corners(numbers, now.of(numbers)) for numbers in (np.arange(6), np.arange(40, 54)))
-    assert not is_still(first, last, Board(9, 6, Markers("DICT_4X4_1000")), 640)
+    assert not is_still(first, last, Board(9, 6, Markers("DICT_4X4_1000")), 640, 0.1)
 
 
 def test_a_pose_adds_something_if_it_differs_from_all_that_are_kept() -> None:

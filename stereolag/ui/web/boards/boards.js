@@ -44,7 +44,7 @@ class Boards extends StereoPanel {
     const number = ++this.number;
     this.frames.set(number, { views, preview });
     this.frames.delete(number - FRAMES);
-    return { at, header: { number }, parts: [await jpeg(preview)] };
+    return { at, header: { number, at }, parts: [await jpeg(preview)] };
   }
 
   answered(item) {
