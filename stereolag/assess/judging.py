@@ -276,7 +276,7 @@ def measured_reference(
         If the images do not fit together, or the range needs more memory than one job may take.
     """
     found = _judge(search_range).compute(left, right, progress=progress)
-    return np.where(found.reason == Reason.MEASURED, found.disparity, np.float32(np.nan))
+    return np.where(found.reason == np.uint8(Reason.MEASURED), found.disparity, np.float32(np.nan))
 
 
 def estimate_reference(

@@ -124,7 +124,10 @@ class Bounds:
 
 def marker(field: FieldInfo, kind: type[T]) -> T | None:
     """Return a field's marker of the given kind, None if it has none."""
-    return next((one for one in field.metadata if isinstance(one, kind)), None)
+    for one in field.metadata:
+        if isinstance(one, kind):
+            return one
+    return None
 
 
 def multiple_of(field: FieldInfo) -> int:

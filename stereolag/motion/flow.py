@@ -160,7 +160,7 @@ class FlowMap:
     @property
     def filled(self) -> Mask:
         """Return the mask of pixels whose displacement was filled in from the surroundings instead of measured."""
-        return np.asarray(self.reason == Reason.FILLED)
+        return np.asarray(self.reason == np.uint8(Reason.FILLED))
 
     @property
     def coverage(self) -> float:
@@ -423,7 +423,7 @@ class FlowMatcher(Settings):
         tests.append((flat, Reason.LOW_TEXTURE))
         for where, why in tests:
             np.copyto(reason, np.uint8(why), where=where)
-        missing = reason != Reason.MEASURED
+        missing = reason != np.uint8(Reason.MEASURED)
         score = np.where(missing, np.float32(np.nan), score)
         if self.filling and not missing.all():
             reason[missing] = Reason.FILLED

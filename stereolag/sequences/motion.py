@@ -213,7 +213,7 @@ def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: 
 
 
 def _measured(one: DisparityMap) -> Mask:
-    return np.asarray((one.reason == Reason.MEASURED) & one.valid)
+    return np.asarray((one.reason == np.uint8(Reason.MEASURED)) & one.valid)
 
 
 def _fetched(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) -> np.ndarray:

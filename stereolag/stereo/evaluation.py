@@ -285,7 +285,7 @@ def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) 
     shape = np.shape(left)[:2]
     if shape != result.disparity.shape:
         raise ValueError(f"left is {shape} and the map {result.disparity.shape}; they must be of one size.")
-    measured = np.asarray(result.reason == Reason.MEASURED) & result.valid
+    measured = np.asarray(result.reason == np.uint8(Reason.MEASURED)) & result.valid
     sure = result.score if has_scores(result) else _likeness(result, left, right)
     known = measured & np.isfinite(sure)
     return np.where(known, np.clip(sure, 0, 1), np.float32(np.nan)).astype(np.float32)

@@ -342,6 +342,7 @@ KIND = "kind"
 """The discriminator field of settings that come in several kinds."""
 
 
+@functools.cache
 def _fields(kind: type[Settings]) -> dict[str, FieldInfo]:
     """Return the fields that have controls, by name: all but the kind."""
     return {name: field for name, field in kind.model_fields.items() if name != KIND}
@@ -433,7 +434,7 @@ class _Place:
             if _kinds(self.kind, name):
                 place = self.within(name)
                 found = place and place.settings()
-            elif class_of(self.key(name)) == self.dragged[0]:
+            elif self.dragged[0] and class_of(self.key(name)) == self.dragged[0]:
                 found = self.dragged[1]
             else:
                 found = kept_value(self.kind, name, self.key(name), getattr(self.first, name), *self.ends(name))

@@ -83,7 +83,7 @@ class Picture:
     readings
         Values shown below the picture for the pixel under the crosshair.
     figures
-        Returns the numbers shown below it for the whole picture; called only after the pixels have been sent.
+        Numbers shown below it for the whole picture.
     photograph
         Whether it is sent as JPEG, with a fifth of the bytes; maps stay exact.
     pickable
@@ -97,7 +97,7 @@ class Picture:
     title: str
     pixels: Rgb | None
     readings: tuple[Reading, ...] = ()
-    figures: Callable[[], tuple[Number, ...]] = tuple
+    figures: tuple[Number, ...] = ()
     photograph: bool = False
     pickable: bool = True
     thumbnail: bool = False
@@ -226,7 +226,7 @@ def described(
                 "pickable": one.pickable,
                 "thumbnail": one.thumbnail,
                 "alternative": typeset(one.alternative()),
-                "figures": [figure._replace(value=typeset(figure.value))._asdict() for figure in one.figures()],
+                "figures": [figure._replace(value=typeset(figure.value))._asdict() for figure in one.figures],
                 "depths": [asdict(depth) if (depth := reading.depth()) else None for reading in one.readings],
             }
             for one, pack in zip(pictures, packs, strict=True)

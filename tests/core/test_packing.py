@@ -48,7 +48,7 @@ def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> No
     figure = Number("EPE", "0.5 px", "Mean error.")
     values = Reading(np.zeros((6, 9)), depth=lambda: DepthScale(10, 0, 0.1))
     pictures = [
-        Picture("map", None, (values,), lambda: (figure,)),
+        Picture("map", None, (values,), (figure,)),
         Picture("photograph", GREY, photograph=True, pickable=False, thumbnail=True),
     ]
     legends = [

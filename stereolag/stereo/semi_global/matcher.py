@@ -166,7 +166,8 @@ class SemiGlobalMatcher(StereoMatcher):
         for end in set(ends):
             # Disparity 0 is infinity: a physical limit, not an edge of the search.
             is_edge = end > 0 or self.min_disparity != 0
-            asked = (found.lag == end) & ((reason != Reason.OUT_OF_FRAME) if is_edge else (reason == Reason.MEASURED))
+            fits = reason != np.uint8(Reason.OUT_OF_FRAME) if is_edge else reason == np.uint8(Reason.MEASURED)
+            asked = (found.lag == end) & fits
             inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, asked)
             offset += beside
             if is_edge:

@@ -347,7 +347,7 @@ def spread_over_pixels_reference(
             reason[condition[axis] & searched[axis]] = why
     reason[np.isnan(matches.score)] = Reason.OUT_OF_FRAME
     reason[matches.texture <= np.float32(flat)] = Reason.LOW_TEXTURE
-    measured = reason == Reason.MEASURED
+    measured = reason == np.uint8(Reason.MEASURED)
     row, col = ((np.arange(side) - (size - step) // 2) // step for side in (height, width))
     here = np.ix_(row.clip(0, len(reason) - 1), col.clip(0, reason.shape[1] - 1))
     known = ((row >= 0) & (row < len(reason)))[:, None] & ((col >= 0) & (col < reason.shape[1]))

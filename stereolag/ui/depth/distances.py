@@ -74,7 +74,7 @@ def show_readout(view: DepthView) -> None:
     linked_pictures(
         [
             photograph(LEFT, view.pair.left),
-            *(map_picture(view, name, reasons_of(view, name)) for name in view.results),
+            *(map_picture(view, name, reason=reasons_of(view, name)) for name in view.results),
             *truth_picture(view),
         ],
         key=READOUT,

@@ -414,9 +414,10 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
 
     Pictures already `sent` are not sent again.
     """
+    figures = {name: _figures(view, name) for name in view.results}
     linked_pictures(
         [
-            *(map_picture(view, name, with_figures=True) for name in view.results),
+            *(map_picture(view, name, of_map) for name, of_map in figures.items()),
             photograph(LEFT, view.pair.left, small=True),
             photograph(RIGHT, view.pair.right, small=True),
             *truth_picture(view, small=True),
@@ -428,8 +429,8 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
         pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
         sent=sent,
     )
-    numbers = {name: [f"{one.label} {one.value}" for one in _figures(view, name)[1:]] for name in view.results}
-    announce(" ".join(f"{name}: {', '.join(of_map)}." for name, of_map in numbers.items()))
+    numbers = {name: ", ".join(f"{one.label} {one.value}" for one in of_map[1:]) for name, of_map in figures.items()}
+    announce(" ".join(f"{name}: {of_map}." for name, of_map in numbers.items()))
 
 
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
@@ -447,10 +448,11 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
 def _shares(result: DisparityMap) -> tuple[Figure, ...]:
     """Return which shares of a map have a disparity."""
     coverage = Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
-    if not result.filled.any():
+    filled = np.count_nonzero(result.filled)
+    if not filled:
         return (coverage,)
-    filled = percent(float(result.filled.mean()))
-    return coverage, Figure("Filled", filled, "Share whose disparity is that of the surroundings.")
+    share = percent(int(filled) / result.reason.size)
+    return coverage, Figure("Filled", share, "Share whose disparity is that of the surroundings.")
 
 
 def _errors(judged: Evaluation) -> tuple[Figure, Figure]:
@@ -471,16 +473,17 @@ def photograph(title: str, image: Image, *, small: bool = False) -> Picture:
     )
 
 
-def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, with_figures: bool = False) -> Picture:
+def map_picture(
+    view: DepthView, name: str, figures: tuple[Figure, ...] = (), *, reason: ReasonMap | None = None
+) -> Picture:
     """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel.
 
     With figures, it has the numbers of the whole map in place of scores and hundredths: a third of the data is sent.
     """
     result, depth = view.results[name], partial(_depth_scale, view, name)
     said = partial(remembered, "map in words", partial(map_in_words, result.disparity), **view.kept(name))
-    if with_figures:
-        numbers = partial(_figures, view, name)
-        return Picture(name, None, _readings(result, depth, digits=1), numbers, alternative=said)
+    if figures:
+        return Picture(name, None, _readings(result, depth, digits=1), figures, alternative=said)
     readings = *_readings(result, depth, reason=reason), Reading(result.score, label="score", digits=2)
     return Picture(name, None, readings, alternative=said)
 
