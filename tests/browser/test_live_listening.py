@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.axe import check
@@ -52,9 +53,10 @@ FAKE_MICROPHONES = """
 """
 
 
-def listening_page(open_page: OpenPage) -> Page:
+@pytest.fixture(scope="module")
+def page(keep_page: OpenPage) -> Page:
     """Return the page with the live microphones, which are not switched on yet."""
-    page = open_page("Sensor_lag?recordings=live")
+    page = keep_page("Sensor_lag?recordings=live")
     expect(page.locator(".listening .live-bar .state")).to_contain_text("nothing is recorded or sent")
     page.evaluate(FAKE_MICROPHONES)
     return page
@@ -64,8 +66,43 @@ def change(page: Page, **changes: object) -> None:
     page.evaluate("changes => fake.change(changes)", changes)
 
 
-def test_a_lag_is_found_followed_and_frozen(open_page: OpenPage) -> None:
-    page = listening_page(open_page)
+def test_what_cannot_be_heard_has_its_own_sentence(page: Page) -> None:
+    state, said = page.locator(".listening .state"), page.locator(".listening .said")
+    listen = page.get_by_role("button", name="Listen", exact=True)
+    for refused, sentence in (
+        ("NotAllowedError", "does not allow it"),
+        ("NotReadableError", "in use by another program"),
+    ):
+        page.evaluate("refused => { fake.refused = refused; }", refused)
+        listen.click()
+        expect(state).to_contain_text(sentence)
+    page.evaluate("fake.refused = ''; fake.channels = 1")
+    listen.click()
+    expect(said).to_contain_text("One channel only")
+    off = {"echoCancellation": False, "noiseSuppression": False, "autoGainControl": False}
+    assert page.evaluate("fake.asked.at(-1)") == off | {"channelCount": {"ideal": 2}}
+    change(page, level=0)
+    expect(said).to_contain_text("It is quiet")
+
+    page.evaluate("fake.channels = 2")
+    change(page, level=0.2)
+    page.get_by_label("Sensor 2").select_option("two")
+    expect(said).to_contain_text("Two devices")
+    expect(page.locator(".listening svg")).to_be_hidden()
+    assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
+
+    change(page, clock=1.0003)
+    expect(said).to_contain_text("Two devices have two clocks, and these run apart.")
+    check(page, "sensor-lag-live", only="[data-testid=stMain]")
+    page.get_by_label("Sensor 2").select_option(index=0)  # one device again
+    expect(page.locator(".listening svg")).to_be_visible()
+    page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
+    expect(state).to_contain_text("unplugged")
+    expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))
+
+
+def test_a_lag_is_found_followed_and_frozen(page: Page) -> None:
+    page.evaluate(FAKE_MICROPHONES)
     lag, said = page.locator(".listening .lag"), page.locator(".listening .said")
     freeze = page.get_by_role("button", name="Freeze")
     expect(freeze).to_be_hidden()
@@ -74,9 +111,6 @@ def test_a_lag_is_found_followed_and_frozen(open_page: OpenPage) -> None:
     expect(lag).to_have_text("37 samples")
     expect(said).to_contain_text("after sensor 1: its path is")
     expect(page.locator(".listening")).to_have_class(re.compile(r"\bon\b"))
-    asked = page.evaluate("fake.asked")
-    off = {"echoCancellation": False, "noiseSuppression": False, "autoGainControl": False}
-    assert asked == [off | {"channelCount": {"ideal": 2}}]
     needle = page.locator(".listening .needle")
     before = needle.get_attribute("d")
 
@@ -105,35 +139,3 @@ def test_a_lag_is_found_followed_and_frozen(open_page: OpenPage) -> None:
     turned_dark(page, width=390)
     expect_fitting(page, 390)
     screenshot(page, "sensor-lag-live-phone")
-
-
-def test_what_cannot_be_heard_has_its_own_sentence(open_page: OpenPage) -> None:
-    page = listening_page(open_page)
-    state, said = page.locator(".listening .state"), page.locator(".listening .said")
-    listen = page.get_by_role("button", name="Listen", exact=True)
-    for refused, sentence in (
-        ("NotAllowedError", "does not allow it"),
-        ("NotReadableError", "in use by another program"),
-    ):
-        page.evaluate("refused => { fake.refused = refused; }", refused)
-        listen.click()
-        expect(state).to_contain_text(sentence)
-    page.evaluate("fake.refused = ''; fake.channels = 1")
-    listen.click()
-    expect(said).to_contain_text("One channel only")
-    change(page, level=0)
-    expect(said).to_contain_text("It is quiet")
-
-    page.evaluate("fake.channels = 2")
-    change(page, level=0.2)
-    page.get_by_label("Sensor 2").select_option("two")
-    expect(said).to_contain_text("Two devices")
-    expect(page.locator(".listening svg")).to_be_hidden()
-    assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
-
-    change(page, clock=1.0003)
-    expect(said).to_contain_text("Two devices have two clocks, and these run apart.")
-    check(page, "sensor-lag-live", only="[data-testid=stMain]")
-    page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
-    expect(state).to_contain_text("unplugged")
-    expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))
