@@ -1,4 +1,4 @@
-"""The driving page's player, used with mouse and keyboard."""
+"""The driving page: a drive recorded with a live camera, and the player, used with mouse and keyboard."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
+import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
@@ -14,6 +15,7 @@ from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from tests.app.test_driving_page import drive
 from tests.archives import zipped
+from tests.browser.fake_media import played_cameras, stereo_scene
 from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 COUNT = 12
@@ -84,7 +86,9 @@ class Drive:
 
 @pytest.fixture(scope="module")
 def page(keep_page: OpenPage) -> Page:
-    return keep_page("Driving")
+    """Return the page with a camera that films four frames."""
+    scenes = [stereo_scene(number, near=20 + number, far=8, shape=(120, 200)) for number in range(4)]
+    return keep_page("Driving", script=played_cameras(both=[np.hstack([left, right]) for left, right, _ in scenes]))
 
 
 def test_it_is_watched_while_it_is_computed_and_called_off(page: Page) -> None:
@@ -164,3 +168,21 @@ def test_a_frame_is_opened_on_the_depth_page(visit: Drive) -> None:
     settled(visit.page)
     expect_visible(visit.page.get_by_text("Your own pair").first)
     expect(visit.page.locator(".linked").first.locator("figure")).to_have_count(2)
+
+
+def test_a_recorded_drive_has_maps_and_a_video_like_an_uploaded_one(page: Page) -> None:
+    page.get_by_test_id("stPageLink").get_by_text("Driving", exact=True).click()
+    settled(page)
+    page.locator("summary").filter(has_text="Your own files").click()
+    settled(page)
+    page.get_by_role("radio", name="Your camera").click()
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_role("button", name="Record", exact=True).click()
+    for number in range(1, 4):
+        expect(page.locator(".count")).to_contain_text(str(2 * number))
+        page.evaluate("number => (fakeMedia.frame = number)", number)
+    page.get_by_role("button", name="Finish", exact=True).click()
+    expect(page.get_by_text("Until your frames are here")).to_have_count(0)
+    settled(page)
+    expect(page.locator(".player")).to_be_visible()
+    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")

@@ -9,12 +9,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.core.arrays import Rgb
-from stereolag.geometry.boards import find_boards
-from stereolag.geometry.calibrating import calibrate_boards
 from tests.browser.axe import check
 from tests.browser.fake_media import played_cameras, refuse_cameras, unplug_cameras
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
-from tests.held_boards import CHESSBOARD, SQUARE_M, obeying, taken
+from tests.held_boards import SQUARE_M, obeying, taken
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +61,7 @@ def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
     settled(page)
     found = re.search(r"([\d.]+)\spx\sreprojection", heading.inner_text())
     assert found is not None
-    of_files = calibrate_boards(find_boards(pairs, CHESSBOARD), SQUARE_M)
-    assert float(found[1]) < of_files.rms + 0.03
+    assert float(found[1]) < 0.15  # as from files: tests/app/test_calibrate_live.py
 
 
 def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
