@@ -23,10 +23,10 @@ from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import show_player
 from stereolag.ui.lag.live import Frozen, listen
-from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_RECORDINGS, own_facts, upload_limits
+from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_OWN_RECORDINGS, TRY_RECORDINGS, own_facts, upload_limits
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.search.hand_marks import box_in, painted_mask
-from stereolag.ui.search.sentences import TRY_CAMERA, TRY_PICTURES
+from stereolag.ui.search.sentences import TRY_CAMERA, TRY_OWN_PICTURES, TRY_PICTURES
 from stereolag.ui.uploads import (
     LIVE,
     OWN,
@@ -68,7 +68,7 @@ def choose_recordings() -> RecordingPair:
     examples = samples.recordings()
     with head("Sensor lag"):
         chosen = choose(examples, key=RECORDINGS, live="Live")
-        show_try_first(TRY_LISTENING if chosen == LIVE else TRY_RECORDINGS)
+        show_try_first({LIVE: TRY_LISTENING, OWN: TRY_OWN_RECORDINGS}.get(chosen, TRY_RECORDINGS))
     if chosen == LIVE:
         return _live_recordings()
     return own_or_example(
@@ -221,7 +221,7 @@ def choose_pictures() -> PictureAndTemplate | None:
     examples = samples.mazes()
     with head("Rocketman search"):
         chosen = choose(examples, key=PICTURES, live="Camera")
-        show_try_first(TRY_CAMERA if chosen == LIVE else TRY_PICTURES)
+        show_try_first({LIVE: TRY_CAMERA, OWN: TRY_OWN_PICTURES}.get(chosen, TRY_PICTURES))
         if chosen == LIVE:
             return None
         given = "Template: a file" if chosen == OWN else "The example’s template"
@@ -335,10 +335,12 @@ def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Imag
     image, small = (
         as_image(one.content, name, gaps=True) for one, name in ((picture, "image"), (template, "template"))
     )
-    if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
+    (rows, cols), (height, width) = image.shape[:2], small.shape[:2]
+    if height > rows or width > cols:
+        swapped = " Each file fits in the other’s place: change them over." if height >= rows and width >= cols else ""
         raise ValueError(
-            f"The template is {small.shape[1]} × {small.shape[0]} pixels and the image {image.shape[1]} × "
-            f"{image.shape[0]}; the template must fit into the image."
+            f"The template is {width} × {height} pixels and the image {cols} × {rows}; the template must fit into the "
+            f"image.{swapped}"
         )
     digest = " ".join(one.digest for one in (picture, template, mask) if one)
     marked = None if mask is None else _fitting_mask(mask.content, small)

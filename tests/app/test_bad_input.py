@@ -108,8 +108,8 @@ def test_files_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPa
 
     app = open_page(FIND, {"pictures": "own"})
     put(app, "pictures.picture", "p.png", uploads.png(SCENE))
-    put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
-    assert_one_sentence(app, "must fit into the image")
+    put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 100)))
+    assert_one_sentence(app, "change them over")
     assert "stay in use" not in app.error[0].value
 
 

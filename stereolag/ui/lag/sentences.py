@@ -532,6 +532,7 @@ def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
 # Microphones heard live
 
 TRY_RECORDINGS: Final = "drag the cut to where it fits; then take the harbour, or *Fool it*."
+TRY_OWN_RECORDINGS: Final = "drag the cut to where it fits; then *Fool it*."
 TRY_LISTENING: Final = "clap your hands on the left, then on the right, and watch the needle."
 
 LISTENING_WORDS: Final[dict[str, str]] = {
