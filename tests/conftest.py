@@ -28,6 +28,12 @@ settings.load_profile("stereolag")
 LONGEST_FIRST = ("browser", "package", "app", "core")
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Run one worker more than there are cores: those with a browser or other processes often wait for them."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the folders with the slowest files first: a worker takes one file at a time, and short ones fill the end."""
