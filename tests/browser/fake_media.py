@@ -36,15 +36,15 @@ SCRIPT = """
     const canvas = document.createElement("canvas");
     Object.assign(canvas, { width: frames[0].width, height: frames[0].height });
     const context = canvas.getContext("2d");
-    const stream = canvas.captureStream(30);
+    const stream = canvas.captureStream(10);
     const [track] = stream.getVideoTracks();
     track.getSettings = () => ({ deviceId: name, width: canvas.width, height: canvas.height });
     media.open.push({ name, track });
     const draw = () => {
-      if (track.readyState === "ended") return;
+      if (track.readyState === "ended") clearInterval(drawing);
       context.drawImage(frames[Math.min(media.frame, frames.length - 1)], 0, 0);
-      setTimeout(draw, 30);
     };
+    const drawing = setInterval(draw, 100);
     draw();
     return stream;
   };

@@ -15,6 +15,7 @@ from tests.browser.visits import OpenPage, settled
 from tests.packed import unpacked, values_of
 
 NEAR, FAR = 30, 9
+PATIENCE = 100
 LEFT, RIGHT, TRUTH = stereo_scene(7, near=NEAR, far=FAR)
 
 
@@ -64,9 +65,13 @@ def choose_arrangement(page: Page, name: str) -> None:
 def assert_maps_are_right(page: Page) -> None:
     expect(page.locator(".viewport")).to_have_count(2)
     for share, disparity in (((0.5, 0.5), NEAR), ((0.1, 0.8), FAR)):
-        values = values_at(page, share)
-        assert len(values) == 2
-        assert all(abs(value - disparity) < 1 for value in values)
+        for _ in range(PATIENCE):  # frames are on their way
+            values = values_at(page, share)
+            if len(values) == 2 and all(abs(value - disparity) < 1 for value in values):
+                break
+            page.wait_for_timeout(100)
+        else:
+            raise AssertionError(f"{values} px in place of {disparity}")
 
 
 HIDE_TAB = """hidden => {
