@@ -53,6 +53,11 @@ def volume(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
     return np.asarray(_Loan(memory))[start : start + size].view(dtype).reshape(shape)
 
 
+def give_back() -> None:
+    """Let go of the memory kept for volumes, when none is likely to be needed soon."""
+    _free.clear()
+
+
 @cache
 def keep_freed_memory() -> None:
     """Let the system's allocator keep freed memory: by default glibc gives that of maps back, and gets it page by page.

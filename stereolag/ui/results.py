@@ -28,6 +28,7 @@ from cachetools import LRUCache
 from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import Estimate, Progress, limits, silent
 from stereolag.core.typography import typeset
+from stereolag.loops import memory
 from stereolag.loops.bands import available_cores
 from stereolag.ui import prose
 from stereolag.ui.elements import PATIENCE_S, show_refused, shown_progress
@@ -228,6 +229,7 @@ def _departures() -> _Departures:
 def give_memory_back() -> None:
     """Drop what ended sessions left, and return freed memory to the system."""
     inside.forget_ended_sessions()
+    memory.give_back()
     inside.freeze_imports()
     if sys.platform == "linux":
         with suppress(AttributeError):  # only glibc retains freed memory, and has this call to release it

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ import stereolag as sl
 from stereolag.loops import compilation, numba_inside
 from stereolag.loops.bands import available_cores, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
-from stereolag.loops.memory import LINE, MOST_KEPT, volume
+from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
 from stereolag.samples import recordings, stereo_pairs
 from stereolag.stereo import compiling
 from stereolag.stereo.methods import PresetName
@@ -461,3 +462,8 @@ def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
     del view
     assert volume((105,), np.uint16).ctypes.data == place
     assert volume((MOST_KEPT,), np.uint8).size == MOST_KEPT
+    memory = weakref.ref(other.base.base.memory)
+    del other
+    assert memory() is not None
+    give_back()
+    assert memory() is None
