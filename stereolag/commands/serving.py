@@ -38,7 +38,7 @@ def check_page() -> None:
         The page shows an error, which is the message.
     """
     logging.disable()  # the server will log the same again
-    from stereolag.streamlit_inside import faults_of_script
+    from stereolag.ui.streamlit_inside import faults_of_script
 
     faults = faults_of_script(APP, PATIENCE_S)
     if faults:
@@ -110,7 +110,7 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         check_page()
         return 0
     if options.probe:
-        from stereolag.streamlit_inside import served_fault
+        from stereolag.ui.streamlit_inside import served_fault
 
         fault = served_fault(options.port)
         if fault:
@@ -126,7 +126,7 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
 
         start_guard()
         warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
-        from stereolag.streamlit_inside import run_server
+        from stereolag.ui.streamlit_inside import run_server
 
         run_server(APP, options.port, [*others])
     except KeyboardInterrupt:  # before the server handles it

@@ -18,10 +18,10 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import streamlit as st
 
-from stereolag import streamlit_inside as inside
 from stereolag.core.settings import Settings, SettingsError
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
+from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.controls import KIND, adopt_value, from_another_page
 from stereolag.ui.uploads import OWN
 

@@ -42,7 +42,6 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
-from stereolag.streamlit_inside import Container
 from stereolag.ui import keys, prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.downloads import download_button
@@ -57,6 +56,7 @@ from stereolag.ui.elements import (
 from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
+from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
     LIVE,
     OWN,

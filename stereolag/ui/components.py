@@ -25,8 +25,8 @@ import streamlit as st
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.figures.pictures import png
-from stereolag.streamlit_inside import ComponentRenderer
 from stereolag.templates.by_hand import ReducedSearch, ScoreMap, best_of_blocks, block_side
+from stereolag.ui.streamlit_inside import ComponentRenderer
 
 WEB = Path(__file__).parent / "web"
 

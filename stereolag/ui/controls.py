@@ -37,10 +37,10 @@ from stereolag.core.typography import typeset
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
-from stereolag.streamlit_inside import Expander
 from stereolag.ui.elements import show_refused
 from stereolag.ui.keys import class_of, exact_key, more_key, setting_key
 from stereolag.ui.sentences import CHOICE_NAMES
+from stereolag.ui.streamlit_inside import Expander
 
 ANY_PAGE = "page"
 

@@ -19,11 +19,11 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import format_bytes, limits
 from stereolag.io.recordings import wav
 from stereolag.io.sources import bundle
 from stereolag.ui import prose
+from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.results import HEAVY_MEMORY, limiter
 
 SECRET_KEY = "private_files.secret"

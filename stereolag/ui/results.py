@@ -25,12 +25,12 @@ import numpy as np
 import streamlit as st
 from cachetools import LRUCache
 
-from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import Estimate, Progress, limits, silent
 from stereolag.core.typography import typeset
 from stereolag.loops import memory
 from stereolag.loops.bands import available_cores
 from stereolag.ui import prose
+from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.elements import PATIENCE_S, show_refused, shown_progress
 
 T = TypeVar("T")

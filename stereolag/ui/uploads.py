@@ -17,10 +17,10 @@ from stereolag.core.jobs import limits
 from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sources import escape, quote
-from stereolag.streamlit_inside import Container, UploadedFile, files_shared_out
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.elements import show_offer, show_refused
+from stereolag.ui.streamlit_inside import Container, UploadedFile, files_shared_out
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from stereolag.commands.serving import page_fault
-from stereolag.streamlit_inside import served_fault
+from stereolag.ui.streamlit_inside import served_fault
 from tests.browser.serving import PROJECT, free_port, served_process
 
 LAUNCHER = "stereolag/commands/serving.py"

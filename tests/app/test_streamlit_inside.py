@@ -1,6 +1,6 @@
 """What the app takes from Streamlit's inside is there, and Streamlit does not offer it itself: else use what it offers.
 
-A failure after an upgrade of Streamlit means: look at the reason in `stereolag/streamlit_inside.py`, and whether it
+A failure after an upgrade of Streamlit means: look at the reason in `stereolag/ui/streamlit_inside.py`, and whether it
 still holds.
 """
 
@@ -24,9 +24,9 @@ from streamlit.runtime.state.safe_session_state import SafeSessionState
 from streamlit.testing.v1 import AppTest
 from streamlit.web.server.starlette import starlette_app
 
-from stereolag import streamlit_inside as inside
+from stereolag.ui import streamlit_inside as inside
 
-PACKAGE = Path(inside.__file__).parent
+PACKAGE = Path(inside.__file__).parents[1]
 STATIC = Path(st.__file__).parent / "static" / "static" / "js"
 
 
@@ -134,4 +134,4 @@ def test_no_other_file_reaches_into_streamlit() -> None:
     within = re.compile(rf"{imports}|data-test|\.st[A-Z]\w+")
     files = [path for path in PACKAGE.rglob("*.*") if path.suffix in {".py", ".css", ".js"} and path.stem != "fflate"]
     reaching = {path.relative_to(PACKAGE).as_posix() for path in files if within.search(path.read_text("utf-8"))}
-    assert reaching == {"streamlit_inside.py"}
+    assert reaching == {"ui/streamlit_inside.py"}

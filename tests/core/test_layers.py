@@ -46,7 +46,7 @@ LAYERS |= {"figures.pictures": 3}
 ALLOWED_BESIDE = {("io", "stereolag")}
 """Exported programs call the public names, so their writer looks them up."""
 
-SCREENS = {"streamlit": ("ui", "streamlit_inside"), "plotly": ("figures", "ui")}
+SCREENS = {"streamlit": ("ui",), "plotly": ("figures", "ui")}
 
 
 def module_of(path: Path) -> str:

@@ -23,7 +23,6 @@ from stereolag.assess.sentences import finding_in_words
 from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import DepthView, kept_for
@@ -33,6 +32,7 @@ from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
 from stereolag.ui.sentences import started_in_words
+from stereolag.ui.streamlit_inside import Container
 
 CALIBRATE = "pages/4_Calibrate.py"
 """The page that calibrates the lenses and the relative pose of the cameras."""

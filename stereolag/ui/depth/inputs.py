@@ -54,7 +54,6 @@ from stereolag.pair import (
 )
 from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
@@ -65,6 +64,7 @@ from stereolag.ui.elements import show_note, show_offer, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, remembered
+from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
     LIVE,
     OWN,

@@ -25,7 +25,6 @@ from stereolag.pair import Pair, resized
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
-from stereolag.streamlit_inside import Container, give_head_start
 from stereolag.ui import keys, prose
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import (
@@ -53,6 +52,7 @@ from stereolag.ui.linked_pictures import (
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import beyond_the_colours, duration, percent
+from stereolag.ui.streamlit_inside import Container, give_head_start
 
 Pixel = tuple[int, int]
 

@@ -22,7 +22,6 @@ from stereolag.signals.alignment import align, mix
 from stereolag.signals.correlation import HeldRecording, overlap_pearson, overlap_slices
 from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
-from stereolag.streamlit_inside import Container
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, refusal_of, take_away, too_large
 from stereolag.ui.elements import Number, announce, show_line
@@ -38,6 +37,7 @@ from stereolag.ui.lag.sentences import (
 )
 from stereolag.ui.results import remembered
 from stereolag.ui.sentences import CURVES, duration
+from stereolag.ui.streamlit_inside import Container
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
 PLAIN_CURVE = "correlation (Pearson)"
