@@ -116,7 +116,7 @@ class Fit:
         self._counts = self._flat(self.weights)
         self._given = self._flat(self.template)
         self._about = np.atleast_2d(np.cov(self._given.T, bias=True))
-        self._terms = np.column_stack([self._given, np.ones(len(self._given))]).astype(np.float64)
+        self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
         # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
         least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
@@ -148,7 +148,7 @@ class Fit:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
         motion = moved = np.zeros(4)
         trust = self._counts
-        on = self.weights > 0
+        motions = _Motions(self.weights > 0, len(self._mixture) - 1, posed)
         reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
         for step in range(STEPS):
             self.seen = blur(place.moved(motion))
@@ -164,7 +164,7 @@ class Fit:
                 break
             residual = self._residual()
             squares = _squares(residual)
-            moved = _motion(self.predicted, residual, on, trust, posed)
+            moved = motions.explaining(self.predicted, residual, trust)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
                 usual = max(0.06 * self.variance, 2 * median(squares))
@@ -176,8 +176,8 @@ class Fit:
     def _in_light(self, trust: Plane) -> Matrix:
         """Return the mixture of the template's colours, and a level, that is nearest to what is seen."""
         channels, terms = self._given.shape[1], self._terms
-        weighted = terms * trust[:, np.newaxis]
-        products, sums = weighted.T @ terms, weighted.T @ self._flat(self.seen)
+        weighted = terms * trust
+        products, sums = weighted @ terms.T, weighted @ self._flat(self.seen)
         # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
         energies = (products.diagonal() - np.square(products[-1]) / products[-1, -1])[:-1]
         common = sums[:-1].diagonal() - products[-1, :-1] * sums[-1] / products[-1, -1]
@@ -399,21 +399,41 @@ def gradient(image: Plane) -> list[Plane]:
     ]
 
 
-def _motion(predicted: Plane, residual: Plane, on: npt.NDArray[Any], trust: Plane, posed: bool) -> Matrix:
-    """Return the motion of the place, as :meth:`_Place.moved` takes it, that explains most of the residual."""
-    chosen = not on.all()
-    down, right = (one[on] if chosen else one.reshape(-1, one.shape[2]) for one in gradient(predicted))
-    motions = [-down, -right]
-    if posed:
-        rows, cols = (at[:, np.newaxis] - (side - 1) / 2 for at, side in zip(np.nonzero(on), on.shape, strict=True))
-        motions += [-(rows * down + cols * right), rows * right - cols * down]
-    terms = np.stack(motions).astype(np.float32)
-    weighted = (terms * trust[:, np.newaxis]).reshape(len(terms), -1)
-    products = (weighted @ terms.reshape(len(terms), -1).T).astype(np.float64)
-    products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
-    moved = np.zeros(4)
-    moved[: len(motions)] = np.linalg.solve(products, weighted @ residual.ravel())
-    return moved
+class _Motions:
+    """The motions of a place, as :meth:`_Place.moved` takes them.
+
+    Parameters
+    ----------
+    on
+        (rows, cols), the pixels that count.
+    channels
+        Number of channels.
+    posed
+        Whether there are changes of size and angle beside shifts.
+    """
+
+    def __init__(self, on: npt.NDArray[np.bool_], channels: int, posed: bool) -> None:
+        self._on = slice(None) if on.all() else np.repeat(on, channels)
+        self._posed = posed
+        # As long as the values of all channels: products with a short last axis take several times as long.
+        self._rows, self._cols = (
+            np.repeat(at - (side - 1) / 2, channels).astype(np.float32)
+            for at, side in zip(np.nonzero(on), on.shape, strict=True)
+        )
+
+    def explaining(self, predicted: Plane, residual: Plane, trust: Plane) -> Matrix:
+        """Return the motion that explains most of the residual of pixels that are trusted more or less."""
+        roots = np.repeat(np.sqrt(trust), predicted.shape[2])
+        down, right = (one.ravel()[self._on] * roots for one in gradient(predicted))
+        terms = [-down, -right]
+        if self._posed:
+            terms += [-(self._rows * down + self._cols * right), self._rows * right - self._cols * down]
+        weighted = np.stack(terms)
+        products = (weighted @ weighted.T).astype(np.float64)
+        products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
+        moved = np.zeros(4)
+        moved[: len(terms)] = np.linalg.solve(products, weighted @ (residual.ravel() * roots))
+        return moved
 
 
 def _recoloured(given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]) -> float:
