@@ -40,8 +40,8 @@ FARTHEST = np.array([1.2, 1.2, 0.05, 0.05])
 """Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment."""
 
 SETTLED, NONE = 0.002, 1e-6
-"""The alignment ends once a step moves no corner by so many px, and changes the colours by no more than what is no
-difference: a squared one of the last share of the variance."""
+"""The alignment ends once a step moves no corner by so many px, unless told otherwise, and changes the colours by no
+more than what is no difference: a squared one of the last share of the variance."""
 
 TOLERANCE = 0.5
 """Share of a pixel by which edges may be displaced without counting as a difference."""
@@ -98,9 +98,13 @@ class Fit:
         The place, accurate to a pixel.
     posed
         Whether size and angle are refined too.
+    settled
+        The alignment ends once a step moves no corner by so many px.
     """
 
-    def __init__(self, image: Image, pattern: Pattern, row: int, col: int, posed: bool) -> None:
+    def __init__(
+        self, image: Image, pattern: Pattern, row: int, col: int, posed: bool, settled: float = SETTLED
+    ) -> None:
         self.own_weights = pattern.weights.astype(np.float32)
         self.weights = _inside(self.own_weights, image, row, col)
         self.shape = pattern.shape
@@ -130,7 +134,7 @@ class Fit:
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
         self.seen = self.predicted = self.template
         self.variance = 0.0
-        self.motion, trust = self._aligned(place, blur, posed)
+        self.motion, trust = self._aligned(place, blur, posed, settled)
         self._beside = place.moved(self.motion)
         soft, lit, shown = (
             self._flat(blur.softened(one)).astype(np.float64) + mean
@@ -144,7 +148,7 @@ class Fit:
         behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
 
-    def _aligned(self, place: _Place, blur: _Blur, posed: bool) -> tuple[Matrix, Plane]:
+    def _aligned(self, place: _Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
         motion = moved = np.zeros(4)
         trust = self._counts
@@ -159,8 +163,8 @@ class Fit:
             self.variance = variance if variance > rounding else 0.0
             other = self._mixture - before
             changed = self._varied(other) + float(np.square(other[-1]).sum())
-            settled = step > TRUSTING and np.abs(moved) @ reach < SETTLED and changed < NONE * self.variance
-            if step == STEPS - 1 or settled or not self.variance > 0:
+            ended = step > TRUSTING and np.abs(moved) @ reach < settled and changed < NONE * self.variance
+            if step == STEPS - 1 or ended or not self.variance > 0:
                 break
             residual = self._residual()
             squares = _squares(residual)

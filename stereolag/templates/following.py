@@ -36,8 +36,18 @@ LEAST_REACH = 12
 """Distance from the last place up to which the next is looked for first, px of the reduced frame, unless the template
 is larger: then its side."""
 
+MARGIN = 8
+"""Px around all places near the last, one of which may be half outside the part that is searched."""
+
 TRIED = 3
 """Places looked at in a frame, best first."""
+
+SETTLED = 0.03
+"""Px by which the corners of a place still move at the end of its alignment: the next frame is aligned anew."""
+
+BELIEVED, STAYING, AS_BEFORE = 8, 1, 0.02
+"""Frames for which a place that was looked at and is not the lost template need not be looked at again, while it is as
+many px from where it was at most, and scores no more differently than this."""
 
 CLOSE, LEAST_EXPLAINED, LEAST_AGREEING = 0.5, 0.9, 0.85
 """Farthest that the template moves in a frame, in its sides, while a part of it only is seen or a look-alike is near;
@@ -96,6 +106,7 @@ class Follower:
         self._drawn = lru_cache(MOST_WARPED)(partial(_drawn, self._template))
         self._last = Pose(row, col, 1.0, 0.0, 1.0)
         self._lost = 0
+        self._refuted: list[_Refuted] = []
 
     def follow(self, frame: Image, query: TemplateQuery) -> Followed:
         """Return where the template is in the next frame.
@@ -110,37 +121,50 @@ class Follower:
         """
         followed = self._by_pixels(frame, query) if query.method == "sampled" else self._by_scores(frame, query)
         self._lost = self._lost + 1 if followed.place is None else 0
+        self._refuted = [one.older() for one in self._refuted if self._lost and one.believed > 1]
         self._last = followed.place or self._last
         return followed
 
     def _by_pixels(self, frame: Image, query: TemplateQuery) -> Followed:
         places, _ = exact_positions(frame, self._template, query.min_score, None, silent)
-        view = _View(frame, frame, self._template, (1.0, 0.0))
+        view = _View(frame, self._template, (1.0, 0.0), self._refuted)
         return view.judged(places, query.min_score, None if self._lost else self._last)
 
     def _by_scores(self, frame: Image, query: TemplateQuery) -> Followed:
         pose = self._last.scale, self._last.rotation
-        view = self._view(frame, pose)
-        if not self._lost and view is not None:
-            followed = _near(view, self._last, query.min_score)
+        near = None if self._lost else self._view(frame, pose, self._last)
+        if near is not None:
+            followed = _near(near, self._last, query.min_score)
             if followed.place is not None:
                 return followed
         if self._lost % 2:  # it may come back as it was cut, or at another of the sizes and angles asked for
             others = _poses(query, self._template.shape)
-            view = self._view(frame, others[self._lost // 2 % len(others)])
+            pose = others[self._lost // 2 % len(others)]
+        view = self._view(frame, pose)
         return Followed("lost", None, None, near=False) if view is None else _anywhere(view, query.min_score)
 
-    def _view(self, frame: Image, pose: tuple[float, float]) -> _View | None:
-        """Return the frame as small as the template of that size and angle is judged in; None if it does not fit."""
+    def _view(self, frame: Image, pose: tuple[float, float], last: Pose | None = None) -> _View | None:
+        """Return the frame as small as the template of that size and angle is judged in; None if it does not fit.
+
+        Only what is needed around the last place, if there is one: reducing all of it takes as long as searching there.
+        """
         size = min(max(pose[0], SMALLEST), LARGEST)
         scale = math.exp(RESIZED * round(math.log(size) / RESIZED))
         rotation = TURNED * round(pose[1] / TURNED)
         factor = max(1.0, scale * math.sqrt(math.prod(self._template.shape)) / SIDE)
-        image = reduced(frame, factor) if factor > 1 else frame
         pattern = self._drawn(scale / factor, rotation)
-        if pattern is None or any(side > length for side, length in zip(pattern.shape, image.shape, strict=False)):
+        if pattern is None:
             return None
-        return _View(frame, image, pattern, (scale, rotation))
+        top = left = 0
+        if last is not None:
+            half = factor * (_reach(pattern) + max(pattern.shape) + MARGIN)
+            top, left = (max(0, math.floor(at - half)) for at in (last.row, last.col))
+            frame = frame[top : math.ceil(last.row + half), left : math.ceil(last.col + half)]
+        image = reduced(frame, factor) if factor > 1 else frame
+        if any(side > length for side, length in zip(pattern.shape, image.shape, strict=False)):
+            return None
+        down, across = (whole / part for whole, part in zip(frame.shape[:2], image.shape[:2], strict=True))
+        return _View(image, pattern, (scale, rotation), self._refuted, (top, left), down, across)
 
 
 def _drawn(template: Pattern, scale: float, rotation: float) -> Pattern | None:
@@ -173,20 +197,56 @@ class _Seen(NamedTuple):
     shown: Identity
 
 
-class _View:
-    """A frame at the size in which it is searched, and the template at the size and angle it has there."""
+class _Refuted(NamedTuple):
+    """A place in an image that did not show the lost template, resized and turned so, and how long to believe that."""
 
-    def __init__(self, frame: Image, image: Image, pattern: Pattern, pose: tuple[float, float]) -> None:
+    pose: tuple[float, float]
+    row: int
+    col: int
+    score: float
+    believed: int
+
+    def older(self) -> _Refuted:
+        return self._replace(believed=self.believed - 1)
+
+
+class _View:
+    """A frame at the size in which it is searched, and the template at the size and angle it has there.
+
+    Parameters
+    ----------
+    image
+        The frame, or a part of it, reduced.
+    pattern, pose
+        The template in the image, and its size and angle in the frame.
+    refuted
+        The places of the last frames that are not the lost template; those of this one are added.
+    origin, down, across
+        Pixel of the frame at the top left of the image; and pixels of the frame in one of the image.
+    """
+
+    def __init__(
+        self,
+        image: Image,
+        pattern: Pattern,
+        pose: tuple[float, float],
+        refuted: list[_Refuted],
+        origin: tuple[int, int] = (0, 0),
+        down: float = 1.0,
+        across: float = 1.0,
+    ) -> None:
         self.image = image
         self.pattern = pattern
         self._pose = pose
-        self._down, self._across = (whole / part for whole, part in zip(frame.shape[:2], image.shape[:2], strict=True))
+        self._refuted = refuted
+        self._top, self._left = origin
+        self._down, self._across = down, across
         self._looked_at: list[_Seen] = []
 
     def corner(self, place: Pose) -> tuple[int, int]:
         """Return the top-left pixel, in the image, of the template with its middle at a place of the frame."""
-        height, width = self.pattern.shape
-        return round(place.row / self._down - height / 2), round(place.col / self._across - width / 2)
+        (height, width), row, col = self.pattern.shape, place.row - self._top, place.col - self._left
+        return round(row / self._down - height / 2), round(col / self._across - width / 2)
 
     def judged(self, places: Places, min_score: float, last: Pose | None) -> Followed:
         """Return what the best of some places in the image show.
@@ -203,12 +263,18 @@ class _View:
         enough = np.flatnonzero(places.scores >= min_score)
         seen: list[_Seen] = []
         scores: list[float] = []
+        best: float | None = None
         for one in islice(places.in_order(share=0.5, left=enough), TRIED):
-            score = float(places.scores[one])
-            if any(before.shown.is_template for before in seen) and score < scores[0] - FAR_BELOW:
+            row, col, score = int(places.rows[one]), int(places.cols[one]), float(places.scores[one])
+            best = score if best is None else best
+            if any(before.shown.is_template for before in seen) and score < best - FAR_BELOW:
                 break
+            if last is None and self._is_refuted(row, col, score):
+                continue
             scores.append(score)
-            seen.append(self._look_at(int(places.rows[one]), int(places.cols[one])))
+            seen.append(self._look_at(row, col))
+            if last is None and not seen[-1].shown.is_template:
+                self._refuted.append(_Refuted(self._pose, row, col, score, BELIEVED))
         whole = [number for number, place in enumerate(seen) if place.shown.is_template]
         close = [] if last is None else [number for number, place in enumerate(seen) if self._is_close(place, last)]
         found = reliable([(number, seen[number].shown) for number in whole], 1)
@@ -217,15 +283,24 @@ class _View:
         if found and (found[0] in close or not set(close) & set(whole)):
             state, on_path = "found", found
         place = self._pose_of(seen[on_path[0]], scores[on_path[0]]) if on_path else None
-        best = scores[0] if scores else None
         return Followed(state, place, place.score if place else best, near=last is not None)
+
+    def _is_refuted(self, row: int, col: int, score: float) -> bool:
+        """Return whether a place was looked at in one of the last frames, and is as it was."""
+        return any(
+            one.pose == self._pose
+            and max(abs(one.row - row), abs(one.col - col)) <= STAYING
+            and abs(one.score - score) <= AS_BEFORE
+            for one in self._refuted
+        )
 
     def _look_at(self, row: int, col: int) -> _Seen:
         """Return what is at a place; a pixel beside one that was looked at it is the same."""
         for seen in self._looked_at:
             if abs(seen.row - row) <= 1 and abs(seen.col - col) <= 1:
                 return seen
-        self._looked_at.append(_Seen(row, col, identity(self.image, self.pattern, row, col, posed=True)))
+        shown = identity(self.image, self.pattern, row, col, posed=True, settled=SETTLED)
+        self._looked_at.append(_Seen(row, col, shown))
         return self._looked_at[-1]
 
     def _is_close(self, seen: _Seen, last: Pose) -> bool:
@@ -241,8 +316,8 @@ class _View:
         if seen.shown.is_template:
             scale, rotation = scale * math.exp(size), rotation - math.degrees(angle)
         return Pose(
-            (seen.row + height / 2 + down) * self._down,
-            (seen.col + width / 2 + right) * self._across,
+            self._top + (seen.row + height / 2 + down) * self._down,
+            self._left + (seen.col + width / 2 + right) * self._across,
             scale,
             rotation,
             score,
@@ -260,7 +335,7 @@ def _is_partly_seen(shown: Identity) -> bool:
 def _near(view: _View, last: Pose, min_score: float) -> Followed:
     """Look for the template near its last place, and if it is not there for what is left of one that is covered."""
     (height, width), (row, col) = view.pattern.shape, view.corner(last)
-    reach = max(LEAST_REACH, height, width)
+    reach = _reach(view.pattern)
     followed = view.judged(_around(view, row, col, reach), min_score, last)
     if followed.place is not None:
         return followed
@@ -268,6 +343,11 @@ def _near(view: _View, last: Pose, min_score: float) -> Followed:
     window = view.image[top : row + height + reach, left : col + width + reach]
     hidden = hidden_places(window, view.pattern, silent) if window.size else NOWHERE
     return view.judged(_moved(hidden, top, left), min_score, last)
+
+
+def _reach(pattern: Pattern) -> int:
+    """Return the distance from the last place up to which a template is looked for first, px."""
+    return max(LEAST_REACH, *pattern.shape)
 
 
 def _around(view: _View, row: int, col: int, reach: int) -> Places:

@@ -22,6 +22,7 @@ from stereolag.templates.fits import (
     COUNTS,
     DIFFERENT,
     DISPLACED,
+    SETTLED,
     Fit,
     Plane,
     averaged,
@@ -121,6 +122,7 @@ def identity(
     *,
     posed: bool = False,
     resized: tuple[Pattern, float] | None = None,
+    settled: float = SETTLED,
 ) -> Identity:
     """Return what the image shows at a place of the template.
 
@@ -136,6 +138,8 @@ def identity(
         Whether size and angle are refined too.
     resized
         The template and the size of the pattern over its own, if it is not rotated: it may be drawn anew.
+    settled
+        Px by which no corner is moved any more once the place is aligned.
     """
     if pattern.silhouette:
         return _identity_of_shape(image, pattern, row, col)
@@ -146,7 +150,7 @@ def identity(
         over = next((one for one in tried if one is not None), None)
     if over is not None:
         return _told("same", 1.0, *over, np.ones(blocks_of(pattern.shape), dtype=np.bool_))
-    fit = Fit(image, pattern, row, col, posed)
+    fit = Fit(image, pattern, row, col, posed, settled)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
     counts = fit.averaged(None) > COUNTED
