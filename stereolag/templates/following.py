@@ -49,9 +49,12 @@ BELIEVED, STAYING, AS_BEFORE = 8, 1, 0.02
 """Frames for which a place that was looked at and is not the lost template need not be looked at again, while it is as
 many px from where it was at most, and scores no more differently than this."""
 
-CLOSE, LEAST_EXPLAINED, LEAST_AGREEING = 0.5, 0.9, 0.85
-"""Farthest that the template moves in a frame, in its sides, while a part of it only is seen or a look-alike is near;
-and how much of a place it must explain, in how many of its blocks, if it differs in others: a reflection does that."""
+CLOSE = 0.5
+"""Farthest that the template moves in a frame, in its sides, while a part of it only is seen or a look-alike is near."""
+
+CLOSER, LEAST_EXPLAINED, LEAST_AGREEING = 0.25, 0.9, 0.85
+"""The same where it differs in some blocks, as with a reflection in it; and how much of a place it must then explain,
+and how many blocks must agree. Farther away, a sibling that covers it does that."""
 
 RESIZED, TURNED = 0.01, 1.0
 """Steps of size, a logarithm, and of angle, degrees, in which the template is warped."""
@@ -276,9 +279,9 @@ class _View:
             if last is None and not seen[-1].shown.is_template:
                 self._refuted.append(_Refuted(self._pose, row, col, score, BELIEVED))
         whole = [number for number, place in enumerate(seen) if place.shown.is_template]
-        close = [] if last is None else [number for number, place in enumerate(seen) if self._is_close(place, last)]
+        close = [number for number, place in enumerate(seen) if self._is_close(place, last, CLOSE)]
         found = reliable([(number, seen[number].shown) for number in whole], 1)
-        on_path = [number for number in close if number in whole or _is_partly_seen(seen[number].shown)]
+        on_path = [number for number in close if number in whole or self._is_partly_seen(seen[number], last)]
         state: State = "look_alikes" if whole else "partly_seen" if on_path else "lost"
         if found and (found[0] in close or not set(close) & set(whole)):
             state, on_path = "found", found
@@ -303,10 +306,20 @@ class _View:
         self._looked_at.append(_Seen(row, col, shown))
         return self._looked_at[-1]
 
-    def _is_close(self, seen: _Seen, last: Pose) -> bool:
-        """Return whether a place is where one that moves on from the last can be."""
+    def _is_close(self, seen: _Seen, last: Pose | None, sides: float) -> bool:
+        """Return whether a place is where one that moves on from the last, by at most so many sides, can be."""
+        if last is None:
+            return False
         row, col = self.corner(last)
-        return math.hypot(seen.row - row, seen.col - col) <= CLOSE * max(self.pattern.shape)
+        return math.hypot(seen.row - row, seen.col - col) <= sides * max(self.pattern.shape)
+
+    def _is_partly_seen(self, seen: _Seen, last: Pose | None) -> bool:
+        """Return whether a place close to the last shows enough of the template."""
+        shown = seen.shown
+        if shown.kind != "differs":
+            return shown.kind == "partly_covered"
+        enough = shown.explained >= LEAST_EXPLAINED and np.array(shown.blocks).mean() >= LEAST_AGREEING
+        return bool(enough) and self._is_close(seen, last, CLOSER)
 
     def _pose_of(self, seen: _Seen, score: float) -> Pose:
         """Return where in the frame the template is, to a part of a pixel; only one seen whole tells size and angle."""
@@ -322,14 +335,6 @@ class _View:
             rotation,
             score,
         )
-
-
-def _is_partly_seen(shown: Identity) -> bool:
-    """Return whether a place close to the last shows enough of the template."""
-    if shown.kind == "partly_covered":
-        return True
-    blocks = np.array(shown.blocks)
-    return shown.kind == "differs" and shown.explained >= LEAST_EXPLAINED and blocks.mean() >= LEAST_AGREEING
 
 
 def _near(view: _View, last: Pose, min_score: float) -> Followed:
