@@ -50,7 +50,7 @@ BELIEVED, STAYING, AS_BEFORE = 8, 1, 0.02
 many px from where it was at most, and scores no more differently than this."""
 
 CLOSE = 0.5
-"""Farthest that the template moves in a frame, in its sides, while a part of it only is seen or a look-alike is near."""
+"""Farthest that the template moves in a frame, in its sides, while a part only is seen or a look-alike is near."""
 
 CLOSER, LEAST_EXPLAINED, LEAST_AGREEING = 0.25, 0.9, 0.85
 """The same where it differs in some blocks, as with a reflection in it; and how much of a place it must then explain,

@@ -81,6 +81,18 @@ def test_of_two_alike_the_one_on_the_path_is_followed_until_it_is_lost() -> None
     assert (followed.state, followed.place) == ("look_alikes", None)
 
 
+@pytest.mark.parametrize("seed", [5, 13])
+def test_a_sibling_that_covers_it_is_not_followed(seed: int) -> None:
+    first = ground()
+    on(first, sign(SIDE, seed), (120, 160), 1.0)
+    follower = cut(photographed(first), (120, 160))
+    for col in range(200, 120, -5):
+        picture = first.copy()
+        on(picture, sign(SIDE, seed, sibling=True), (120, col), 1.0)
+        followed = follower.follow(photographed(picture), TemplateQuery())
+        assert followed.place is None or followed.place.col == pytest.approx(160, abs=1)
+
+
 def test_one_that_comes_back_larger_is_found_at_the_sizes_asked_for() -> None:
     small, large = ground(), ground()
     on(small, sign(SIDE, 3), (80, 100), 1.0)
