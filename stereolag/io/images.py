@@ -185,6 +185,9 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         still = kind == "WEBP" and image.mode == "RGB" and count == 1  # OpenCV decodes it in 60 % of the time
         if (deep or still) and number == 1:
             return _upright(_by_opencv(data, kind), image), count
+        if kind == "PNG" and count == number == 1 and _is_plain(image, data):
+            with suppress(ValueError):  # Pillow reads more of what is not quite right
+                return _upright(_by_opencv(data, kind), image), count
         if 1 <= number <= count and not pages:
             image.seek(number - 1)
         image.load()
@@ -205,6 +208,19 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         )
     return pixels, count
 
+
+def _is_plain(image: PillowImage.Image, data: bytes) -> bool:
+    """Return whether OpenCV decodes a PNG to the same pixels, in less than half the time: 8 bits, nothing behind them.
+
+    Behind the pixels there may be an orientation.
+    """
+    at = data.rfind(b"IDAT")
+    ends = at + 8 + int.from_bytes(data[at - 4 : at], "big")
+    plain = image.mode in ("L", "RGB", "RGBA") and [tile[3] for tile in image.tile] == [image.mode]
+    return plain and "transparency" not in image.info and len(data) - ends == len(_PNG_END)
+
+
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 MOST_VIEWS = 4
 """Most views of one scene that a stereo camera writes into a file."""
@@ -317,8 +333,9 @@ def _by_opencv(data: bytes, kind: str) -> Image:
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise _undecodable(kind)
-    if pixels.ndim == 3 and pixels.shape[2] == 3 and pixels.dtype == np.uint8:
-        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB))
+    if pixels.ndim == 3 and pixels.dtype == np.uint8:  # in its own memory: new memory takes as long again
+        code = cv2.COLOR_BGR2RGB if pixels.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
+        return np.asarray(cv2.cvtColor(pixels, code, dst=pixels))
     return pixels if pixels.ndim == 2 else pixels[:, :, [2, 1, 0, 3][: pixels.shape[2]]]
 
 

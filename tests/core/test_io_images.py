@@ -112,6 +112,15 @@ def test_the_orientation_of_the_camera_is_applied(orientation, pixels):
     np.testing.assert_array_equal(read_image(data), upright)
 
 
+def test_of_what_is_beside_the_pixels_of_a_png_only_an_orientation_counts_even_behind_them() -> None:
+    data, upside_down = by_pillow("PNG", RGB), Image.Exif()
+    gamma = png_chunk(b"gAMA", (100_000).to_bytes(4, "big"))
+    np.testing.assert_array_equal(read_image(data[:33] + gamma + data[33:]), RGB)
+    upside_down[0x0112] = 3
+    behind = png_chunk(b"eXIf", upside_down.tobytes().removeprefix(b"Exif\0\0"))
+    np.testing.assert_array_equal(read_image(data[:-12] + behind + data[-12:]), RGB[::-1, ::-1])
+
+
 @pytest.mark.parametrize("tail", [1, 2, 100])
 def test_every_cut_jpeg_is_damaged(tail: int) -> None:
     whole = by_pillow("JPEG", np.kron(RGB, np.ones((3, 3, 1), np.uint8)))
