@@ -209,7 +209,7 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     return pixels, count
 
 
-def _is_plain(image: PillowImage.Image, data: bytes) -> bool:
+def _is_plain(image: ImageFile, data: bytes) -> bool:
     """Return whether OpenCV decodes a PNG to the same pixels, in two thirds of the time: 8 bits, nothing behind them.
 
     Behind the pixels there may be an orientation.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any, TypeAlias
 
 import cv2
@@ -58,6 +59,9 @@ Measured without noise: up to 0.05 where the template is, from 0.21 where a sibl
 
 THROUGH = 2.0
 """Difference of a block, in units of what is seen of the background there if it varies as the place does."""
+
+PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shifts of a part of the template against the rest, px."""
 
 STEADY, MOST = 0.01, 0.3
 """Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
@@ -296,14 +300,39 @@ class Fit:
         return np.asarray(total / np.maximum(inside, 1e-6) / self.variance, dtype=np.float32)
 
     def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep."""
+        """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep.
+
+        None does if all agree once the parts there are moved a little: drawn on whole pixels, a mark and its frame
+        are.
+        """
         if not counts.any():
             return counts
         left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
         steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
         noise = np.maximum(median(left[counts]), steep * median((left / steep)[counts]))
         behind = THROUGH * self.averaged(self.shown_through)
-        return np.asarray((left > np.minimum(DIFFERENT + TIMES * noise, MOST) + behind) & counts)
+        most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
+        disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
+        if not disagrees.any():
+            return disagrees
+        moved = self._with_parts_moved(disagrees)
+        away = self.seen - moved
+        still = np.asarray((self.averaged(np.square(away).sum(axis=2)) > most) & disagrees)
+        return disagrees if still.any() else still
+
+    def _with_parts_moved(self, blocks: npt.NDArray[np.bool_]) -> Plane:
+        """Return what is predicted, all of it moved by up to a pixel so that these blocks fit best."""
+        rows, cols = self.shape
+        where = self.over(blocks) & self.counted
+        best, least = self.predicted, math.inf
+        for down, right in product(PARTED, repeat=2):
+            matrix = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
+            moved = cv2.warpAffine(self.predicted, matrix, (cols, rows), borderMode=cv2.BORDER_REPLICATE)
+            moved = np.asarray(moved, dtype=np.float32).reshape(self.predicted.shape)
+            left = float(np.square((self.seen - moved)[where]).sum())
+            if left < least:
+                best, least = moved, left
+        return best
 
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""

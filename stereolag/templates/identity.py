@@ -21,7 +21,6 @@ from stereolag.templates.fits import (
     COUNTED,
     COUNTS,
     DIFFERENT,
-    DISPLACED,
     SETTLED,
     Fit,
     Plane,
@@ -154,7 +153,7 @@ def identity(
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
     counts = fit.averaged(None) > COUNTED
-    disagrees = fit.disagrees(counts) & (fit.averaged(fit.differences()) > DISPLACED)
+    disagrees = fit.disagrees(counts)
     structure = fit.structure()
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))

@@ -16,6 +16,7 @@ import numpy as np
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress, silent
 from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped, warped_shape
+from stereolag.templates.redrawn import stretched_like
 from stereolag.templates.score_maps import Places, best_position, fft_score_map, in_threads, peaks, positions_near
 
 Range = tuple[float, float]
@@ -184,13 +185,22 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
             break
     best = _apart(refined, image.shape, pattern)
     least = max(COPY, max((pose.score for pose in best), default=0.0) - BELOW)
-    best = [pose for number, pose in enumerate(best) if number < FINAL or pose.score >= least]
+    kept = [pose for number, pose in enumerate(best) if number < FINAL or pose.score >= least]
     places = in_threads(
-        [partial(fine.finished, pose, *steps) for pose in best], lambda done: progress(1 - share * (1 - done))
+        [partial(fine.finished, pose, *steps) for pose in kept], lambda done: progress(1 - share * (1 - done))
     )
-    scored = (len(refined) + FINER * len(best)) * SCORED_AROUND
-    found = _as_places(_apart(places, image.shape, pattern), image.shape, pattern)
-    return found, candidates + scored
+    if poses.rotations == (0.0, 0.0) and (pattern.weights == 1).all():
+        places += _drawn_anew([pose for pose in best if pose.score < COPY], image, pattern, poses)
+    scored = (len(refined) + FINER * len(kept)) * SCORED_AROUND
+    return _as_places(_apart(places, image.shape, pattern), image.shape, pattern), candidates + scored
+
+
+def _drawn_anew(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRange) -> list[Pose]:
+    """Return those of the poses, too poor for a copy, where the template may be drawn anew, with its size there."""
+    corners = _as_places(given, image.shape, pattern)
+    rough = zip(corners.rows.tolist(), corners.cols.tolist(), (pose.scale for pose in given), strict=True)
+    found = (one for one in stretched_like(image, pattern, list(rough)) if one is not None)
+    return [Pose(one.row, one.col, poses.within(one.size, 0.0)[0], 0.0, one.score) for one in found]
 
 
 def _coarse(

@@ -8,9 +8,9 @@ shift explains.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -23,11 +23,15 @@ from stereolag.templates.patterns import Pattern
 SOFT = 0.55
 """Spread of the blur, px of the template, after which two drawings are compared: 0.4 and 0.8 tell siblings less."""
 
-ROOM = 0.12
-"""What is looked at beyond a place, as a share of its longer side."""
+ROOM, LEAST_ROOM = 0.12, 4
+"""What is looked at beyond a place, as a share of its side, and at least, px."""
 
-COARSELY, FINELY = (-0.11, -0.055, 0.0, 0.055, 0.11), (-0.0275, 0.0, 0.0275)
-"""Steps of the logarithms of height and width."""
+COARSELY = [
+    (down, across) for down in (-0.11, -0.055, 0.0, 0.055, 0.11) for across in (-0.11, -0.055, 0.0, 0.055, 0.11)
+]
+FINELY = [(down, across) for down in (-0.0275, 0.0, 0.0275) for across in (-0.0275, 0.0, 0.0275)]
+SIZES = [(step, step) for step in (-0.22, -0.165, -0.11, -0.055, 0.0, 0.055, 0.11, 0.165, 0.22)]
+"""Steps of the logarithms of height and width, and of both alike where even the size is not known."""
 
 LEAST_LIKE = 0.85
 """Least correlation at the best height and width; where the template is, from 0.91."""
@@ -58,6 +62,9 @@ of as many of which one letter is another.
 LEAST_WIDE, LEAST_TALL = 1.8, 6
 """Least width over height of what has letters, and least height of it, px. Icons are not rounded to pixels, and a mark
 in them is less than a letter."""
+
+TALLEST = 48
+"""Greatest height of what has letters, px, that move so much that another place scores higher than theirs."""
 
 OF_HEIGHT = 0.5
 """How much of the logarithm of the size the height tells, and the width the rest: both are rounded for each letter."""
@@ -115,21 +122,13 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
         Size there over that of the template, to a tenth.
     """
     shown = _shown(template)
-    tall, wide = (last - first - 2 * BEYOND for first, last in shown)
-    if tall < LEAST_TALL or wide < LEAST_WIDE * tall:
+    around = _around(image, template, row, col, scale) if _has_letters(shown) else None
+    if around is None:
         return None
-    sides = [round(side * scale) for side in template.shape]
-    margin = max(4, round(ROOM * max(sides)))
-    around = [np.arange(start - margin, start + side + margin) for start, side in zip((row, col), sides, strict=True)]
-    inside = [(at >= 0) & (at < length) for at, length in zip(around, image.shape, strict=False)]
-    rows, cols = (np.clip(at, 0, length - 1) for at, length in zip(around, image.shape, strict=False))
-    part = image[np.ix_(rows, cols)].astype(np.float32)
-    if not np.isfinite(part).all():
-        return None
-    weights = np.outer(*inside).astype(np.float32)
+    part, weights, margins = around
     given = _blurred(np.moveaxis(template.deviations, 0, 2).astype(np.float32), SOFT)
     seen = _blurred(part - part.mean(axis=(0, 1)), SOFT * max(1.0, scale))
-    like, tall, wide, top, left = _stretched(given, seen, scale)
+    like, tall, wide, top, left = _stretched(given, seen, scale, (COARSELY, FINELY))
     if like < LEAST_LIKE:
         return None
     stretch = np.array([tall, wide]) / template.shape
@@ -166,22 +165,82 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
         middle[1] = there + 0.5 + (template.shape[1] / 2 - first - 0.5) * size
     return Redrawing(
         size=size,
-        row=row - margin + float(middle[0]),
-        col=col - margin + float(middle[1]),
+        row=row - margins[0] + float(middle[0]),
+        col=col - margins[1] + float(middle[1]),
         gain=tuple(map(float, gain)),
         contrast=math.sqrt(float(lit.var(axis=(0, 1)).sum() / drawn.var(axis=(0, 1)).sum())),
         explained=explained(seen.reshape(weights.size, -1), lit.reshape(weights.size, -1), weights.ravel()),
     )
 
 
-def _stretched(drawn: Plane, seen: Plane, scale: float) -> tuple[float, int, int, int, int]:
+class Stretched(NamedTuple):
+    """Where a template of another height and width correlates: that, the middle, px, and the size over its own."""
+
+    score: float
+    row: float
+    col: float
+    size: float
+
+
+def stretched_like(image: Image, template: Pattern, places: Sequence[tuple[int, int, float]]) -> list[Stretched | None]:
+    """Return for each place (row, col, scale) how well it is a word drawn anew; None if it is not, or none is sought.
+
+    The scale may be wrong by a quarter, as letters that move take the best score elsewhere.
+    """
+    (first, last), _ = shown = _shown(template)
+    if not _has_letters(shown) or last - first > TALLEST:
+        return [None] * len(places)
+    found: list[Stretched | None] = []
+    given = _blurred(_grey(np.moveaxis(template.deviations, 0, 2)), SOFT)
+    for row, col, scale in places:
+        around = _around(image, template, row, col, scale, 2 * ROOM)
+        found.append(None)
+        if around is not None:
+            seen = _blurred(_grey(around[0]), SOFT * max(1.0, scale))
+            like, tall, wide, top, left = _stretched(given, seen, scale, (SIZES, COARSELY))
+            if like >= LEAST_LIKE:
+                size = math.sqrt(tall * wide / math.prod(template.shape))
+                middle = top + tall / 2 - around[2][0], left + wide / 2 - around[2][1]
+                found[-1] = Stretched(like, row + middle[0], col + middle[1], size)
+    return found
+
+
+def _has_letters(shown: list[tuple[int, int]]) -> bool:
+    """Return whether what counts of a template is of the form of words."""
+    tall, wide = (last - first - 2 * BEYOND for first, last in shown)
+    return tall >= LEAST_TALL and wide >= LEAST_WIDE * tall
+
+
+def _around(
+    image: Image, template: Pattern, row: int, col: int, scale: float, room: float = ROOM
+) -> tuple[Plane, Plane, tuple[int, int]] | None:
+    """Return a place with margins, which of its pixels are in the image, and the margins; None if some have no data."""
+    sides = [round(side * scale) for side in template.shape]
+    down, across = (max(LEAST_ROOM, round(room * side)) for side in sides)
+    around = [
+        np.arange(start - margin, start + side + margin)
+        for start, side, margin in zip((row, col), sides, (down, across), strict=True)
+    ]
+    inside = [(at >= 0) & (at < length) for at, length in zip(around, image.shape, strict=False)]
+    rows, cols = (np.clip(at, 0, length - 1) for at, length in zip(around, image.shape, strict=False))
+    part = image[np.ix_(rows, cols)].astype(np.float32)
+    return (part, np.outer(*inside).astype(np.float32), (down, across)) if np.isfinite(part).all() else None
+
+
+def _grey(plane: Image) -> Plane:
+    return np.asarray(plane.mean(axis=2, dtype=np.float32, keepdims=True))
+
+
+def _stretched(
+    drawn: Plane, seen: Plane, scale: float, searches: Sequence[Sequence[tuple[float, float]]]
+) -> tuple[float, int, int, int, int]:
     """Return correlation, height, width, top and left of the template where it is most like a part of what is seen."""
     best = -2.0, 0, 0, 0, 0
     middle = np.log([scale, scale])
-    for steps in (COARSELY, FINELY):
+    for steps in searches:
         tried = {
             tuple(max(3, round(side * size)) for side, size in zip(drawn.shape, np.exp(middle + step), strict=False))
-            for step in product(steps, repeat=2)
+            for step in steps
         }
         for tall, wide in sorted(tried):
             if tall > seen.shape[0] or wide > seen.shape[1]:
