@@ -189,7 +189,7 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     places = in_threads(
         [partial(fine.finished, pose, *steps) for pose in kept], lambda done: progress(1 - share * (1 - done))
     )
-    if poses.rotations == (0.0, 0.0) and (pattern.weights == 1).all():
+    if poses.rotations == (0.0, 0.0) and not pattern.silhouette and (pattern.weights == 1).all():
         places += _drawn_anew([pose for pose in best if pose.score < COPY], image, pattern, poses)
     scored = (len(refined) + FINER * len(kept)) * SCORED_AROUND
     return _as_places(_apart(places, image.shape, pattern), image.shape, pattern), candidates + scored
@@ -198,9 +198,15 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
 def _drawn_anew(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRange) -> list[Pose]:
     """Return those of the poses, too poor for a copy, where the template may be drawn anew, with its size there."""
     corners = _as_places(given, image.shape, pattern)
-    rough = zip(corners.rows.tolist(), corners.cols.tolist(), (pose.scale for pose in given), strict=True)
-    found = (one for one in stretched_like(image, pattern, list(rough)) if one is not None)
-    return [Pose(one.row, one.col, poses.within(one.size, 0.0)[0], 0.0, one.score) for one in found]
+    jobs = [
+        partial(stretched_like, image, pattern, int(corners.rows[number]), int(corners.cols[number]), pose.scale)
+        for number, pose in enumerate(given)
+    ]
+    return [
+        Pose(found.row, found.col, poses.within(found.size, 0.0)[0], 0.0, found.score)
+        for found in in_threads(jobs, silent)
+        if found is not None
+    ]
 
 
 def _coarse(

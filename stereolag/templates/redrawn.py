@@ -63,8 +63,9 @@ LEAST_WIDE, LEAST_TALL = 1.8, 6
 """Least width over height of what has letters, and least height of it, px. Icons are not rounded to pixels, and a mark
 in them is less than a letter."""
 
-TALLEST = 48
-"""Greatest height of what has letters, px, that move so much that another place scores higher than theirs."""
+TALLEST, LEAST_BRIGHT = 48, 0.1
+"""Greatest height of what has letters, px, that move so much that another place scores higher than theirs; and least
+share of the variance of a template that is of its brightness, if that is to tell it."""
 
 OF_HEIGHT = 0.5
 """How much of the logarithm of the size the height tells, and the width the rest: both are rounded for each letter."""
@@ -182,27 +183,25 @@ class Stretched(NamedTuple):
     size: float
 
 
-def stretched_like(image: Image, template: Pattern, places: Sequence[tuple[int, int, float]]) -> list[Stretched | None]:
-    """Return for each place (row, col, scale) how well it is a word drawn anew; None if it is not, or none is sought.
+def stretched_like(image: Image, template: Pattern, row: int, col: int, scale: float) -> Stretched | None:
+    """Return how a place is like a word that is drawn anew, by brightness alone; None if it is not.
 
-    The scale may be wrong by a quarter, as letters that move take the best score elsewhere.
+    As :func:`redrawing`, but the scale may be wrong by a quarter: letters that move take the best score elsewhere.
     """
     (first, last), _ = shown = _shown(template)
-    if not _has_letters(shown) or last - first > TALLEST:
-        return [None] * len(places)
-    found: list[Stretched | None] = []
-    given = _blurred(_grey(np.moveaxis(template.deviations, 0, 2)), SOFT)
-    for row, col, scale in places:
-        around = _around(image, template, row, col, scale, 2 * ROOM)
-        found.append(None)
-        if around is not None:
-            seen = _blurred(_grey(around[0]), SOFT * max(1.0, scale))
-            like, tall, wide, top, left = _stretched(given, seen, scale, (SIZES, COARSELY))
-            if like >= LEAST_LIKE:
-                size = math.sqrt(tall * wide / math.prod(template.shape))
-                middle = top + tall / 2 - around[2][0], left + wide / 2 - around[2][1]
-                found[-1] = Stretched(like, row + middle[0], col + middle[1], size)
-    return found
+    grey = np.moveaxis(template.deviations, 0, 2).mean(axis=2, keepdims=True).astype(np.float32)
+    told = float(np.square(grey).mean()) > LEAST_BRIGHT * float(np.square(template.deviations).mean())
+    around = _around(image, template, row, col, scale, 2 * ROOM)
+    if around is None or not told or not _has_letters(shown) or last - first > TALLEST:
+        return None
+    part, _, margins = around
+    seen = (part - part.mean(axis=(0, 1))).mean(axis=2, keepdims=True)
+    planes = _blurred(grey, SOFT), _blurred(seen, SOFT * max(1.0, scale))
+    score, tall, wide, top, left = _stretched(*planes, scale, (SIZES, COARSELY))
+    if score < LEAST_LIKE:
+        return None
+    middle = row - margins[0] + top + tall / 2, col - margins[1] + left + wide / 2
+    return Stretched(score, *middle, math.sqrt(tall * wide / math.prod(template.shape)))
 
 
 def _has_letters(shown: list[tuple[int, int]]) -> bool:
@@ -225,10 +224,6 @@ def _around(
     rows, cols = (np.clip(at, 0, length - 1) for at, length in zip(around, image.shape, strict=False))
     part = image[np.ix_(rows, cols)].astype(np.float32)
     return (part, np.outer(*inside).astype(np.float32), (down, across)) if np.isfinite(part).all() else None
-
-
-def _grey(plane: Image) -> Plane:
-    return np.asarray(plane.mean(axis=2, dtype=np.float32, keepdims=True))
 
 
 def _stretched(

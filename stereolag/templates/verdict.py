@@ -64,7 +64,8 @@ class TemplateMatch:
         Size of the template there, px; for a rotated template, of that box.
     score
         Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast. At a place
-        found only because some of its blocks agree, of those alone: it is not that of the score map.
+        found only because some of its blocks agree, of those alone: it is not that of the score map. Where no size fits
+        like a copy, but a word may be drawn anew, at the best height and width.
     scale
         Size in the image over size of the template.
     rotation
