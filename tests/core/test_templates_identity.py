@@ -100,6 +100,17 @@ def test_an_icon_that_is_its_own_mirror_image_is_found_off_the_grid(mark: str, s
     assert np.abs(np.subtract(place(search), (40, 20))).max() <= 1
 
 
+@pytest.mark.parametrize(("mark", "shift", "sibling"), [("dot", (0.75, 0.5), "minus"), ("bars", (0.5, 0.75), "minus")])
+def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling_is_not(
+    mark: str, shift: tuple[float, float], sibling: str
+) -> None:
+    def framed(mark: str, shift: tuple[float, float] = (0, 0)) -> Array:
+        return np.asarray(cv2.rectangle(icon(mark, shift=shift, rounded=False), (3, 3), (28, 28), BLUE, 1))
+
+    assert match_template(screen(framed(mark, shift), framed("cross")), framed(mark)).found
+    assert not match_template(screen(framed(sibling, shift), framed("cross")), framed(mark)).found
+
+
 def test_a_mirror_image_is_told_as_such() -> None:
     search = match_template(screen(icon("arrow")[:, ::-1]), icon("arrow"))
     assert (search.found, search.reason) == (False, "mirrored")

@@ -287,6 +287,14 @@ def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_
     assert not match_template(words(size, exchanged), template, scales=(0.9, 1.6)).found
 
 
+def test_a_word_whose_letters_moved_so_far_that_other_words_score_higher_is_found() -> None:
+    named = ("Madrid", "Tokyo", "Oslo", "Engine", "Brake", "Voltage", "Current", "Pressure")
+    row = 12 + 30 * named.index("Current")
+    search = match_template(words(1.1, named), words(1.0, named)[row - 4 : row + 20, 26:100], scales=(0.9, 1.6))
+    assert search.found and search.best is not None
+    assert search.best.row + search.best.height / 2 == pytest.approx((row + 8) * 1.1, abs=2.5)
+
+
 def test_what_the_rim_cuts_off_of_the_line_above_is_not_of_the_word() -> None:
     named = tuple(word for pair in zip(("Gallery",) * 3, WORDS, strict=False) for word in pair)
     row, size = 12 + 30, 1.33
