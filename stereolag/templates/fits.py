@@ -60,6 +60,9 @@ Measured without noise: up to 0.05 where the template is, from 0.21 where a sibl
 THROUGH = 2.0
 """Difference of a block, in units of what is seen of the background there if it varies as the place does."""
 
+MOVES_AT_MOST = 3.0
+"""Roots of a block's mean squared gradient that it changes at most when it is moved by a pixel each way."""
+
 PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Shifts of a part of the template against the rest, px."""
 
@@ -314,6 +317,9 @@ class Fit:
         most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
         if not disagrees.any():
+            return disagrees
+        least = np.sqrt(left[disagrees]) - MOVES_AT_MOST * np.sqrt(steep[disagrees])
+        if (np.square(np.maximum(least, 0)) > most[disagrees]).any():
             return disagrees
         moved = self._with_parts_moved(disagrees)
         away = self.seen - moved
