@@ -318,6 +318,7 @@ class Fit:
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
         if not disagrees.any():
             return disagrees
+        # Most cannot: what a pixel's move changes is bounded by how steep a block is, and to try all moves takes long.
         least = np.sqrt(left[disagrees]) - MOVES_AT_MOST * np.sqrt(steep[disagrees])
         if (np.square(np.maximum(least, 0)) > most[disagrees]).any():
             return disagrees

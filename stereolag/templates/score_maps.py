@@ -389,8 +389,6 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
     `progress` is called in the caller's own thread, with the fraction done, at least ten times a second. If it or a job
     raises, jobs that have not started never do.
     """
-    if len(jobs) == 1 and progress is silent:  # nobody waits: a thread would only take time
-        return [jobs[0]()]
     if len(jobs) == 1 and progress is silent:  # nobody asks meanwhile, and a thread takes time
         return [jobs[0]()]
     pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
