@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache, partial
-from typing import Any, Protocol, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias, TypeVar
 
 import cv2
 import numpy as np
@@ -35,14 +35,15 @@ from stereolag.geometry.rectification import (
     scaled_image,
     turned,
 )
-from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import StoredDisparity, read_disparity, read_frame, read_image, read_stored_disparity
-from stereolag.io.pairing import PairFiles, matched_pairs
-from stereolag.io.settings import SESSION, Session, read_session
 from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
-from stereolag.samples import StereoExample
 from stereolag.stereo.opencv import StereoSGBM
+
+if TYPE_CHECKING:  # a command loads only what it reads
+    from stereolag.io.pairing import PairFiles
+    from stereolag.io.sessions import Session
+    from stereolag.samples import StereoExample
 
 T = TypeVar("T")
 
@@ -507,6 +508,8 @@ def truth_in_px(
 @cache
 def example_pair(example: StereoExample) -> Pair:
     """Return a bundled pair."""
+    from stereolag.io.calibrations import read_calibration
+
     return Pair(
         read_image(example.left),
         read_image(example.right),
@@ -588,6 +591,8 @@ class PairSet:
             truth, said = truth_in_px(guarded(read_stored_disparity)(self.read(files.truth)), left, right)
             notes += filter(None, (said,))
         if files.calibrations:
+            from stereolag.io.calibrations import read_calibration
+
             try:
                 calibration = guarded(read_calibration)(*map(self.read, files.calibrations))
             except ValueError as error:
@@ -597,7 +602,7 @@ class PairSet:
         return assemble_pair(left, right, truth, calibration, id=pair_id, notes=notes, description=description)
 
 
-Bundle: TypeAlias = Session | PairSet
+Bundle: TypeAlias = "Session | PairSet"
 """What one archive or many files can hold."""
 
 
@@ -609,6 +614,9 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
     ValueError
         There are neither, or more than is accepted.
     """
+    from stereolag.io.pairing import matched_pairs
+    from stereolag.io.sessions import SESSION, read_session
+
     digest = hashlib.sha256(b"".join(hashlib.sha256(data).digest() for _, data in files)).hexdigest()
     if len(files) == 1 and is_archive(files[0][1]):
         archive = read_archive(files[0][1])

@@ -40,6 +40,9 @@ APART_PX = 5.0
 EXACT_TREE: dict[str, bool | int | float | str] = {"algorithm": 4, "leaf_max_size": 10}
 """FLANN's tree for places of two coordinates, whose search is exact (``KDTREE_SINGLE``, Muja and Lowe 2009)."""
 
+CODES_AT_ONCE = 32
+"""Descriptors compared at a time: their distances stay in the cache."""
+
 PATCH, FARTHEST_REFINED_PX = 15, 3
 """Side of the optical-flow window that refines a match, and how far it may move a match, px."""
 
@@ -150,14 +153,14 @@ def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: fl
         keys, described = detector.detectAndCompute(view, None) if min(view.shape) >= smallest else ((), None)
         places.append(np.array([key.pt for key in keys], dtype=np.float32).reshape(-1, 2))
         codes.append(np.empty((0, 1), np.uint8) if described is None else described)
-    found: Sequence[cv2.DMatch] = ()
+    indices, distances = np.empty((2, 0), np.intp), np.empty(0)
     if binary and all(map(len, places)):
-        found = cv2.BFMatcher(norm, crossCheck=True).match(codes[0], codes[1])
+        indices, distances = mutual_matches(codes[0], codes[1])
     elif not binary and len(places[0]) and len(places[1]) > 1:
         ranked = cv2.BFMatcher(norm).knnMatch(codes[0], codes[1], k=2)
         found = [best for best, second in ranked if best.distance < LOWE_RATIO * second.distance]
-    indices = np.array([(one.queryIdx, one.trainIdx) for one in found], dtype=np.intp).reshape(-1, 2).T
-    distances = np.array([one.distance for one in found])
+        indices = np.array([(one.queryIdx, one.trainIdx) for one in found], dtype=np.intp).reshape(-1, 2).T
+        distances = np.array([one.distance for one in found])
     start, end = places[0][indices[0]], places[1][indices[1]]
     if len(start):
         flow, ok = _flow(views, start, end)
@@ -166,6 +169,42 @@ def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: fl
         if binary:
             start, end, indices, distances = start[near], end[near], indices[:, near], distances[near]
     return FeatureMatches(_at_full_size(start, end, shape, scale), places, codes, indices, distances, norm)
+
+
+def mutual_matches(left: Codes, right: Codes) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+    """Return the binary descriptors of both views that are nearest to each other, and the bits in which they differ.
+
+    The first of equally near ones counts, as in OpenCV's ``BFMatcher`` with a cross-check, which takes twice as long.
+
+    Parameters
+    ----------
+    left, right
+        (n, bytes) and (m, bytes), bytes a multiple of 8.
+
+    Returns
+    -------
+    indices
+        (2, matches) of the left and of the right descriptors, in the order of the left ones.
+    distances
+        (matches,)
+    """
+    words, others = left.view(np.uint64).T.copy(), right.view(np.uint64)
+    nearest_left = np.empty(len(right), np.intp)
+    nearest = np.full(
+        len(left), np.iinfo(np.uint32).max, np.uint32
+    )  # to each left one: bits, then the right one's index
+    for first in range(0, len(right), CODES_AT_ONCE):
+        some = others[first : first + CODES_AT_ONCE]
+        bits = np.zeros((len(some), len(left)), np.uint16)
+        for word, values in enumerate(words):
+            bits += np.bitwise_count(some[:, word, None] ^ values)
+        nearest_left[first : first + len(some)] = bits.argmin(axis=1)
+        keys = bits.astype(np.uint32) << 16
+        keys |= np.arange(first, first + len(some), dtype=np.uint32)[:, None]
+        np.minimum(nearest, keys.min(axis=0), out=nearest)
+    nearest_right = (nearest & 0xFFFF).astype(np.intp)
+    mutual = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(left)))
+    return np.stack([mutual, nearest_right[mutual]]), (nearest[mutual] >> 16).astype(np.float64)
 
 
 def _flow(

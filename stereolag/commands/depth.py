@@ -28,7 +28,6 @@ from stereolag.commands.pairs import (
 from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.calibrations import calibration_json
 from stereolag.io.depths import DEPTH_FORMATS, FARTHEST_M, depth_png, depth_tiff, too_far
 from stereolag.io.images import image_file, kitti_png, pfm, read_stored_disparity
 from stereolag.io.results import figures_of
@@ -247,6 +246,8 @@ def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[
         "disparity_kitti.png": lambda: kitti_png(disparity),
     }
     if calibration is not None:
+        from stereolag.io.calibrations import calibration_json
+
         files |= {
             "cloud.ply": lambda: cloud_ply(calibration, disparity, pair.left),
             "depth.tif": lambda: depth_tiff(calibration.depth(disparity)),

@@ -11,9 +11,7 @@ from stereolag.assess.diagnosis import Diagnosis
 from stereolag.assess.layout import Layout
 from stereolag.assess.sentences import finding_in_words
 from stereolag.commands.arguments import CommandParser, SettingsFlags, read
-from stereolag.geometry.calibration import Calibration
-from stereolag.io.calibration_layouts import UNITS
-from stereolag.io.calibrations import read_calibration
+from stereolag.geometry.calibration import UNITS, Calibration
 from stereolag.io.settings import read_matcher
 from stereolag.pair import Pair, Preparation, Rows, prepare
 from stereolag.stereo.matcher import StereoMatcher
@@ -59,6 +57,8 @@ def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
         if options.unit is not None:
             raise ValueError("--unit is that of a calibration: give --calibration too.")
         return None
+    from stereolag.io.calibrations import read_calibration
+
     return read(read_calibration, *options.calibration, length_unit_m=options.unit and UNITS[options.unit])
 
 

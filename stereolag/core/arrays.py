@@ -34,7 +34,8 @@ def percentiles(values: Array, *shares: float) -> Vector:
 
     That and ``np.median`` load NumPy's masked arrays first, which takes 0.06 s.
     """
-    ordered = np.sort(values, axis=None)
+    # Bytes by counting them, in a twentieth of the time.
+    ordered = np.sort(values, axis=None, kind="stable" if values.dtype.itemsize == 1 else None)
     places = np.array(shares) / 100 * (ordered.size - 1)
     return np.asarray(np.interp(places, np.arange(ordered.size), ordered))
 

@@ -26,7 +26,6 @@ from stereolag.figures.pictures import (
     thinned,
 )
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scene import clean_point_cloud
 from stereolag.io.images import image_png, ply
 from stereolag.stereo.matcher import DisparityMap
 
@@ -254,4 +253,6 @@ def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> byt
 
     Flying pixels are left out; above 2 million points a uniform random sample is kept, the same every time.
     """
+    from stereolag.geometry.scene import clean_point_cloud
+
     return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))

@@ -11,6 +11,9 @@ import numpy.typing as npt
 
 from stereolag.core.inputs import Image, as_image
 
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units of length, in metres."""
+
 FOCAL_PX = (1e-3, 1e7)
 BASELINE_M = (1e-9, 1e9)
 MAX_CENTRE_PX = 1e7

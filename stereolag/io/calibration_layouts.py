@@ -26,9 +26,6 @@ unit, and most, the number of disparities."""
 Reader: TypeAlias = Callable[[Sequence[Entries]], list[Parts]]
 """Returns the parts for each size of pictures that the files of one calibration are for."""
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-"""Units of length, in metres."""
-
 
 class Layout(NamedTuple):
     """A maker's layout of calibration files.
@@ -42,7 +39,7 @@ class Layout(NamedTuple):
     read
         Its reader.
     unit
-        The unit of its lengths, one of :data:`UNITS`.
+        The unit of its lengths, one of :data:`~stereolag.geometry.calibration.UNITS`.
     sure
         Whether that holds for every file; if not, for those that do not state another one.
     ignored

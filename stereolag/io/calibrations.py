@@ -14,10 +14,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
+from stereolag.geometry.calibration import UNITS, Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
-from stereolag.io.calibration_layouts import FISHEYE, UNITS, Layout, Parts, layout_of, lens_of, together, unused
+from stereolag.io.calibration_layouts import FISHEYE, Layout, Parts, layout_of, lens_of, together, unused
 from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 

@@ -23,6 +23,7 @@ from stereolag.assess.orientation import (
     best_rectification,
     find_correspondences,
     fit_rectification,
+    mutual_matches,
     robust_fit,
     row_evidence,
 )
@@ -500,3 +501,17 @@ def test_wrong_matches_in_a_sky_do_not_begin_the_range_beyond_infinity(number: i
     found = diagnose(read_image(drive.left[number]), read_image(drive.right[number]))
     assert found.suggested_range == (0, 64)
     assert all(finding.healthy for finding in found.findings)
+
+
+@pytest.mark.parametrize("kinds", [2, 256], ids=["many equal", "few equal"])
+@pytest.mark.parametrize(("left", "right"), [(70, 90), (1, 40), (33, 1)])
+def test_binary_descriptors_are_matched_as_by_opencv(left: int, right: int, kinds: int) -> None:
+    """The first of equally near ones counts, and a match is one only if both prefer each other."""
+    random = np.random.default_rng(left + right)
+    codes = [random.integers(0, kinds, (count, 32)).astype(np.uint8) for count in (left, right)]
+    codes[1][: min(left, right) // 2] = codes[0][: min(left, right) // 2]
+    codes[1][-5:] = codes[1][0]
+    indices, distances = mutual_matches(codes[0], codes[1])
+    expected = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(codes[0], codes[1])
+    assert indices.T.tolist() == [[one.queryIdx, one.trainIdx] for one in expected]
+    assert distances.tolist() == [one.distance for one in expected]

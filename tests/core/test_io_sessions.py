@@ -11,7 +11,7 @@ import pytest
 from stereolag import Calibration
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.images import image_png, image_tiff, pfm
-from stereolag.io.settings import SESSION, Colours, Session, read_session, session_json
+from stereolag.io.sessions import SESSION, Colours, Session, read_session, session_json
 from stereolag.io.sources import bundle, read_archive
 from stereolag.stereo.methods import METHODS
 

@@ -14,7 +14,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy  # scipy.fft is loaded on first use: windows of sums never need it
 
 from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image, flat_energy
@@ -431,12 +430,14 @@ class _Surfaces(ABC):
         return _Whitened(pair, lags) if pair.score == "phase" else _Products(pair, lags)
 
     def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
-        self.pair, self.lags = pair, lags
+        from scipy import fft  # windows of sums never need it
+
+        self.pair, self.lags, self.fft = pair, lags, fft
         if pair.circular:
             self.area = self.fft_shape = (pair.window, pair.window)
         else:
             self.area = (pair.window + lags.rows - 1, pair.window + lags.cols - 1)
-            rows, cols = (scipy.fft.next_fast_len(side, real=True) for side in self.area)
+            rows, cols = (fft.next_fast_len(side, real=True) for side in self.area)
             self.fft_shape = (rows, cols)
         self.bytes_per_window = 8 * 4 * self.fft_shape[0] * self.fft_shape[1]
 
@@ -463,11 +464,11 @@ class _Surfaces(ABC):
 
     def correlated(self, windows: Array, areas: Array, *, whitened: bool) -> Surface:
         """Return the (n, lag rows, lag cols) correlation of windows with their search areas; wrapped if circular."""
-        spectrum: Spectrum = scipy.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
-        spectrum *= scipy.fft.rfft2(areas, self.fft_shape, workers=-1)
+        spectrum: Spectrum = self.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
+        spectrum *= self.fft.rfft2(areas, self.fft_shape, workers=-1)
         if whitened:
             _whiten(spectrum)
-        surface: Surface = scipy.fft.irfft2(spectrum, self.fft_shape, workers=-1)
+        surface: Surface = self.fft.irfft2(spectrum, self.fft_shape, workers=-1)
         return surface
 
 

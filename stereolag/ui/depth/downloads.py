@@ -20,7 +20,8 @@ from stereolag.io.depths import FARTHEST_M, depth_png, depth_tiff, too_far
 from stereolag.io.images import check_kitti, confidence_png, image_file, image_png, kitti_png, pfm
 from stereolag.io.programs import Cameras, opencv_script, script
 from stereolag.io.results import metrics_csv
-from stereolag.io.settings import SESSION, opencv_yaml, read_matcher, session_json, settings_json
+from stereolag.io.sessions import SESSION, session_json
+from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
 from stereolag.io.sources import npy
 from stereolag.pair import Pair, upright
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
@@ -179,7 +180,7 @@ class Download:
     light
         Whether it is cheap enough to be computed along with its file.
     session
-        State of the page, as arguments of :func:`stereolag.io.settings.session_json`.
+        State of the page, as arguments of :func:`stereolag.io.sessions.session_json`.
     estimated_bad
         Estimated bad-2 of the maps shown, %, by method name; empty unless it was estimated.
     """

@@ -15,8 +15,7 @@ from stereolag.assess.layout import Layout
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
-from stereolag.geometry.calibration import Calibration
-from stereolag.io.calibration_layouts import UNITS
+from stereolag.geometry.calibration import UNITS, Calibration
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES, read_calibration
 from stereolag.io.guard import guarded
 from stereolag.io.images import (
@@ -27,7 +26,7 @@ from stereolag.io.images import (
     read_frame,
     read_stored_disparity,
 )
-from stereolag.io.settings import Session
+from stereolag.io.sessions import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
     DIVISORS,

@@ -12,7 +12,7 @@ import streamlit as st
 from stereolag import samples
 from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import PALETTES
-from stereolag.io.settings import Colours, Session
+from stereolag.io.sessions import Colours, Session
 from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
@@ -111,7 +111,7 @@ def _prefix(kind: type[StereoMatcher]) -> str:
 
 
 def saved_state(view: DepthView, factor: float) -> dict[str, Any]:
-    """Return the state of the page, as arguments of :func:`stereolag.io.settings.session_json`.
+    """Return the state of the page, as arguments of :func:`stereolag.io.sessions.session_json`.
 
     Settings and colours are for the pair at its own size, `factor` times that shown; settings that are not allowed at
     that size are left out.
