@@ -33,7 +33,7 @@ from stereolag.io.images import image_file, kitti_png, pfm, read_stored_disparit
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
-from stereolag.loops.compilation import nothing_kept
+from stereolag.loops.compilation import load_loader, nothing_kept
 from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
@@ -41,6 +41,9 @@ WORDING = ("The images are raw", "The pair was rectified with its calibration", 
 
 FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels")
 """Figures of a map with ground truth."""
+
+WRITTEN_AT_ONCE = 3
+"""Files made and written at a time, most of which only wait for the disk."""
 
 ROWS_TO_LOAD = 16
 """Rows matched to load the loops, in addition to those of a window."""
@@ -65,8 +68,9 @@ def run(arguments: Sequence[str]) -> int:
         _check_depth(parser, options)
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
-    pair, said = _read_pair(options)
-    with ThreadPoolExecutor(1) as aside:  # loading takes as long as a diagnosis
+    with ThreadPoolExecutor(1) as aside:  # loading takes as long as reading, and as a diagnosis
+        aside.submit(load_loader)
+        pair, said = _read_pair(options)
         loaded = aside.submit(_load_loops, matcher, pair)
         diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
         loaded.result()
@@ -273,13 +277,14 @@ def _written(folder: Path, files: Mapping[str, Callable[[], bytes]]) -> tuple[li
     left_out
         Error of each format that cannot store the map, by file name.
     """
-    names: list[str] = []
-    left_out: dict[str, str] = {}
-    for name, make in files.items():
+
+    def write(name: str) -> str:
         try:
-            write_file(folder / name, make())
+            write_file(folder / name, files[name]())
         except ValueError as error:
-            left_out[name] = str(error)
-        else:
-            names.append(name)
-    return names, left_out
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(WRITTEN_AT_ONCE) as writers:
+        refused = dict(zip(files, writers.map(write, files), strict=True))
+    return [name for name, why in refused.items() if not why], {name: why for name, why in refused.items() if why}

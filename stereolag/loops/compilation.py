@@ -146,6 +146,12 @@ def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
         return None
 
 
+def load_loader() -> None:
+    """Load what loads machine code, which otherwise waits for the first call of a loop."""
+    with _COMPILING:
+        numba_inside.runtime()
+
+
 def _kind(value: Any) -> Hashable:
     """Return what machine code depends on of an argument: all but its values and sizes.
 

@@ -27,7 +27,19 @@ if TYPE_CHECKING:
     from llvmlite import ir
     from numba.core import cgutils, types
 
-__all__ = ["LANES", "MachineCode", "cgutils", "compile_loop", "ir", "load", "numba", "processor", "types", "version"]
+__all__ = [
+    "LANES",
+    "MachineCode",
+    "cgutils",
+    "compile_loop",
+    "ir",
+    "load",
+    "numba",
+    "processor",
+    "runtime",
+    "types",
+    "version",
+]
 
 LANES = 16
 """Numbers that the registers hold side by side."""
@@ -160,7 +172,7 @@ def load(kept: MachineCode, function: FunctionType) -> Callable[..., Any] | None
     callable or None
         The function to call; None if the process lacks a symbol that the code calls (LLVM would end the process).
     """
-    binding, make_function, environment = _runtime()
+    binding, make_function, environment = runtime()
     machine = binding.Target.from_default_triple().create_target_machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     if any(binding.address_of_symbol(name) is None for name in kept.calls):
@@ -184,7 +196,7 @@ def load(kept: MachineCode, function: FunctionType) -> Callable[..., Any] | None
 
 
 @cache
-def _runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
+def runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
     """Load all that machine code calls; return LLVM's loader, and Numba's functions and environments of Python objects.
 
     Numba later finds its C modules loaded, and gives their symbols the same addresses again.
