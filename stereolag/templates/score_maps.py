@@ -59,17 +59,15 @@ class Memory(threading.local):
         return self._parts[name][:size].reshape(shape)
 
 
-def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
+def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
     """Return the score of each window, -1..1, NaN where the window is flat.
 
     Parameters
     ----------
     products
-        (rows, cols), the sum of products of the deviations of window and template.
+        (rows, cols), the sum of products of the deviations of the window and of a template whose norm is 1.
     energy
         (rows, cols), the sum of squared deviations of the window.
-    norm
-        Root of the weighted sum of squared deviations of the template.
     tolerance
         A window with no more energy than this is flat.
     out
@@ -80,7 +78,6 @@ def pearson(products: Plane, energy: Plane, norm: float, tolerance: float, out: 
         spread = energy[rows].astype(products.dtype)
         if spread.min() <= tolerance:
             spread[spread <= tolerance] = np.nan
-        spread *= norm**2
         np.divide(products[rows], np.sqrt(spread, out=spread), out=scores[rows], casting="same_kind")
         np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
     return scores
@@ -203,7 +200,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
     planes = _centred(image, np.empty((image.shape[2], *image.shape[:2])))
     squares = np.square(planes).sum(axis=0)
     height, width = pattern.shape
-    kernels = pattern.weights * pattern.deviations
+    kernels = pattern.weights * pattern.deviations / pattern.norm
     channels, rows, cols = len(planes), image.shape[0] - height + 1, image.shape[1] - width + 1
     products, square_sums, sums = np.zeros((rows, cols)), np.zeros((rows, cols)), np.zeros((channels, rows, cols))
     for row in range(rows):
@@ -215,7 +212,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
                 products[row] += np.correlate(pixels, kernels[channel, line], "valid")
             progress((row + (line + 1) / height) / rows)
     energy = square_sums - np.square(sums).sum(axis=0) / pattern.count
-    return without_gaps(pearson(products, energy, pattern.norm, _flatness(image, planes, pattern)), image, pattern)
+    return without_gaps(pearson(products, energy, _flatness(image, planes, pattern)), image, pattern)
 
 
 def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
@@ -238,7 +235,7 @@ def with_gaps(image: Image, shape: tuple[int, int]) -> Mask | None:
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
     """Return the score of every position by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
 
-    The transforms of 8-bit images are in single precision, which takes half the time; :func:`best_position` gives a
+    8-bit images are correlated in single precision, which takes a third of the time; :func:`best_position` gives a
     place its exact score. Without a mask, their sums over windows are exact. Others are in double precision. The tiles
     run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
     """
@@ -246,12 +243,11 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
     (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
-    shape = fft_rows, fft_cols
-    kind = np.float32 if image.dtype == np.uint8 else np.float64
-    kernels = [_spectrum(plane, shape) for plane in (pattern.weights * pattern.deviations).astype(kind)]
+    engine = (_Single if image.dtype == np.uint8 else _Double)((fft_rows, fft_cols))
+    kernels = [engine.template(plane) for plane in pattern.weights * pattern.deviations / pattern.norm]
     # If all pixels count the same, running sums are faster.
-    weights = None if (pattern.weights == 1).all() else _spectrum(pattern.weights.astype(kind), shape)
-    scores, memory = np.empty(places, dtype=np.float32), Memory()
+    weights = None if (pattern.weights == 1).all() else engine.template(pattern.weights)
+    scores = np.empty(places, dtype=np.float32)
     tiles = [
         partial(
             _score_tile,
@@ -260,7 +256,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             pattern,
             kernels,
             weights,
-            memory,
+            engine,
         )
         for row in range(0, places[0], down)
         for col in range(0, places[1], across)
@@ -270,18 +266,15 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
 
 
 def _score_tile(
-    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, memory: Memory
+    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, engine: _Single
 ) -> None:
     """Write the scores of one tile.
 
-    `block` is the part of the image that its positions cover; `kernels` and `weights` are packed spectra of the
-    template, the latter None if all of it counts the same.
+    `block` is the part of the image that its positions cover; `kernels` and `weights` are the template's as the engine
+    takes them, the latter None if all of it counts the same.
     """
-    shape, kind = kernels[0].shape, kernels[0].dtype
-    spectra = memory.part("spectra", (len(kernels), *shape), kind)
-    spectra[:, block.shape[0] :] = 0
-    spectra[:, : block.shape[0], block.shape[1] :] = 0
-    planes = _centred(block, spectra[:, : block.shape[0], : block.shape[1]])
+    shape, places = block.shape[:2], scores.shape
+    planes = _centred(block, engine.planes("planes", len(kernels), shape))
     tolerance = _flatness(block, planes, pattern)
     # Sums of integers are integers: rounded to the nearest, they are exact.
     exact = _exact(planes, block, pattern)
@@ -290,47 +283,98 @@ def _score_tile(
         given = list(planes)
         if block.dtype == np.uint8:
             given = [block[:, :, 0]] if len(planes) == 1 else [cv2.extractChannel(block, one) for one in range(3)]
-        energy_of = WindowEnergy(given, *pattern.shape, memory).of
+        energy_of = WindowEnergy(given, *pattern.shape, engine.memory).of
     else:
-        squares = memory.part("energy", shape, kind)
-        squares[:] = 0
-        np.einsum("crx,crx->rx", planes, planes, out=squares[: block.shape[0], : block.shape[1]])
-        cv2.dft(squares, dst=squares, nonzeroRows=block.shape[0])
-        energy = _positions(_times(squares, weights, out=squares), scores.shape, exact)
+        squares = engine.planes("squares", 1, shape)
+        np.einsum("crx,crx->rx", planes, planes, out=squares[0])
+        energy = engine.correlated(engine.operands("squares", squares), [weights], places, "energy", exact)
         energy_of = energy.__getitem__
-    for spectrum, template in zip(spectra, kernels, strict=True):
-        cv2.dft(spectrum, dst=spectrum, nonzeroRows=block.shape[0])
-        if weights is not None:
-            weighted = _times(spectrum, weights, out=memory.part("sums", shape, kind))
-            sums = _positions(weighted, scores.shape, exact)
-            energy -= np.multiply(np.square(sums, out=sums), 1 / kind.type(pattern.count), out=sums)
-        _times(spectrum, template, out=spectrum)
-    total = spectra[0]
-    for spectrum in spectra[1:]:
-        total += spectrum
-    products = _positions(total, scores.shape, exact=False)
-    for some in strips(scores.shape):
-        pearson(products[some], energy_of(some), pattern.norm, tolerance, scores[some])
+    operands = engine.operands("planes", planes)
+    if weights is not None:
+        for operand in operands:
+            sums = engine.correlated([operand], [weights], places, "sums", exact)
+            energy -= np.multiply(np.square(sums, out=sums), 1 / sums.dtype.type(pattern.count), out=sums)
+    products = engine.correlated(operands, kernels, places, "products")
+    for some in strips(places):
+        pearson(products[some], energy_of(some), tolerance, scores[some])
 
 
-def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
-    """Return the packed spectrum of a plane that is padded with zeros to `shape`."""
-    padded = np.zeros(shape, dtype=plane.dtype)
-    padded[: plane.shape[0], : plane.shape[1]] = plane
-    return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
+class _Single:
+    """Correlations in single precision by OpenCV's template matching, which has a fast transform of its own.
+
+    Parameters
+    ----------
+    shape
+        Rows and columns of the transforms of a tile, which other precisions need.
+    """
+
+    kind = np.dtype(np.float32)
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self.memory = Memory()
+
+    def template(self, plane: Plane) -> Plane:
+        """Return a plane of a template as :meth:`correlated` takes it."""
+        return plane.astype(self.kind)
+
+    def planes(self, name: str, count: int, shape: tuple[int, ...]) -> Plane:
+        """Return memory for so many planes of a tile."""
+        return self.memory.part(name, (count, *shape), self.kind)
+
+    def operands(self, name: str, planes: Plane) -> list[Plane]:
+        """Return planes, written to the memory of that name, as :meth:`correlated` takes them."""
+        return list(planes)
+
+    def correlated(
+        self, images: list[Plane], templates: list[Plane], places: tuple[int, ...], name: str, exact: bool = False
+    ) -> Plane:
+        """Return the sum of the correlations of each image with its template, in the memory of that name.
+
+        At so many places; `exact`: whether the sums are of whole numbers, without rounding.
+        """
+        total = self.memory.part(name, places, self.kind)
+        for number, (image, template) in enumerate(zip(images, templates, strict=True)):
+            part = self.memory.part("part", places, self.kind) if number else total
+            cv2.matchTemplate(image, template, cv2.TM_CCORR, result=part)
+            if number:
+                total += part
+        return np.rint(total, out=total) if exact else total
 
 
-def _times(image: Plane, template: Plane, out: Plane) -> Plane:
-    """Return the packed spectrum of a circular correlation from those of its operands; `out` may be one of them."""
-    return np.asarray(cv2.mulSpectrums(image, template, 0, c=out, conjB=True))
+class _Double(_Single):
+    """The same in double precision, by transforms of that shape."""
 
+    kind = np.dtype(np.float64)
 
-def _positions(spectrum: Plane, shape: tuple[int, ...], exact: bool) -> Plane:
-    """Return the inverse transform of a packed spectrum, in its memory; only the first rows and columns."""
-    inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
-    cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=shape[0])
-    positions = spectrum[: shape[0], : shape[1]]
-    return np.rint(positions, out=positions) if exact else positions
+    def template(self, plane: Plane) -> Plane:
+        padded = np.zeros(self.shape, dtype=self.kind)
+        padded[: plane.shape[0], : plane.shape[1]] = plane
+        return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
+
+    def planes(self, name: str, count: int, shape: tuple[int, ...]) -> Plane:
+        padded = self.memory.part(name, (count, *self.shape), self.kind)
+        padded[:, shape[0] :] = 0
+        padded[:, : shape[0], shape[1] :] = 0
+        return padded[:, : shape[0], : shape[1]]
+
+    def operands(self, name: str, planes: Plane) -> list[Plane]:
+        spectra = self.memory.part(name, (len(planes), *self.shape), self.kind)
+        return [np.asarray(cv2.dft(spectrum, dst=spectrum, nonzeroRows=planes.shape[1])) for spectrum in spectra]
+
+    def correlated(
+        self, images: list[Plane], templates: list[Plane], places: tuple[int, ...], name: str, exact: bool = False
+    ) -> Plane:
+        total = self.memory.part(name, self.shape, self.kind)
+        for number, (image, template) in enumerate(zip(images, templates, strict=True)):
+            part = self.memory.part("part", self.shape, self.kind) if number else total
+            cv2.mulSpectrums(image, template, 0, c=part, conjB=True)
+            if number:
+                total += part
+        inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
+        cv2.dft(total, dst=total, flags=inverse, nonzeroRows=places[0])
+        at = total[: places[0], : places[1]]
+        return np.rint(at, out=at) if exact else at
 
 
 def _centred(image: Image, out: Plane) -> Plane:

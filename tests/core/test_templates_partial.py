@@ -53,17 +53,18 @@ def shape_of(seed: int, side: int = 48) -> Array:
     return np.asarray(cv2.resize(fine, (side, side), interpolation=cv2.INTER_AREA) / 255)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_both_maps_are_the_weighted_definition(seed: int) -> None:
+    """Under a mask, as far as single precision goes: in windows with little contrast beside others with much."""
     image, template = photograph(seed, 40, 50), photograph(seed + 1, 12, 15)
     mask = np.random.default_rng(seed).random((12, 15))
     pattern = pattern_of(template, weights_of(opacity(template, mask)))
     expected = [
         [score_at(image, pattern.deviations, pattern.weights, row, col) for col in range(36)] for row in range(29)
     ]
-    for method in METHODS:
-        found = match_template(image, template, mask=mask, method=method).score_map
-        np.testing.assert_allclose(np.asarray(found), expected, atol=1e-5)
+    fast, exact = (np.asarray(match_template(image, template, mask=mask, method=one).score_map) for one in METHODS)
+    np.testing.assert_allclose(exact, expected, atol=1e-6)
+    np.testing.assert_allclose(fast, expected, atol=2.5e-5)
 
 
 @pytest.mark.parametrize("seed", range(4))
