@@ -149,6 +149,8 @@ def _tile_amounts(
     work = tables + max(min(channels, 2) * points, points + places + max(values, planes * floats))
     if masked:
         work = max(planes + points, 3 * points + 3 * places)
+    if 4 * height * width > (down + height - 1) * (across + width - 1):
+        work += 4 * points  # OpenCV's own transforms of such a template, in double precision whatever it is given
     # Freed spectra, which the allocator may keep.
     slack = 2 * min(points, HEAP_BLOCK // 8)
     transforms = channels + masked + count * (channels + 1 + (channels + 2) * masked)
