@@ -126,7 +126,8 @@ class Fit:
             blur = _Blur(self.weights)
         self._counts = self._flat(self.weights)
         self._given = self._flat(self.template)
-        self._about = np.atleast_2d(np.cov(self._given.T, bias=True))
+        covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
+        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]
         self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
         # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())

@@ -211,10 +211,13 @@ def _roughly(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[i
     """
     down, right = (side // 2 for side in pattern.shape)
     least = STEADY * pattern.norm / math.sqrt(pattern.count)
-    plane = np.moveaxis(_surrounded(image, 0, 0, *image.shape[:2]), 0, 2)
-    gaps = np.isnan(plane).any(axis=2) if image.dtype.kind == "f" else np.zeros(0, dtype=bool)
-    plane[gaps] = 0
-    evened = _evened(plane, np.asarray(~gaps, dtype=np.float32) if gaps.any() else None, least)
+    plane, gaps = image, None
+    if image.dtype != np.uint8:
+        plane = np.moveaxis(_surrounded(image, 0, 0, *image.shape[:2]), 0, 2)
+        gaps = np.isnan(plane).any(axis=2)
+        plane[gaps] = 0
+    known = np.asarray(~gaps, dtype=np.float32) if gaps is not None and gaps.any() else None
+    evened = _evened(plane, known, least)
     around = cv2.copyMakeBorder(evened, down, down, right, right, cv2.BORDER_CONSTANT, value=(MIDDLE,) * 4)
     try:
         small = pattern_of(_evened(pattern.colours, pattern.weights.astype(np.float32), least), pattern.weights)
@@ -233,12 +236,19 @@ def _evened(image: Image, weights: Plane | None, least: float) -> Image:
         spread = cv2.GaussianBlur(plane, (7, 7), EVENED, borderType=border)
         return np.asarray(spread, dtype=np.float32).reshape(plane.shape)
 
-    counts: Plane | float = 1.0 if weights is None else weights[:, :, np.newaxis]
-    share = np.maximum(blurred(np.asarray(counts)), 1e-3) if weights is not None else 1.0
+    def averaged(plane: Plane) -> Plane:
+        return blurred(plane) if counts is None else np.asarray(blurred(plane * counts) / share)
+
+    counts = None if weights is None else weights[:, :, np.newaxis]
+    share = 1.0 if counts is None else np.maximum(blurred(counts), 1e-3)
     away = image.astype(np.float32)
-    away -= blurred(away * counts) / share
-    squares = blurred(np.square(away).sum(axis=2, keepdims=True) * counts) / share + least**2
-    away *= (FULL / np.sqrt(squares, out=squares)) * (np.asarray(counts) > 0)
+    away -= averaged(away)
+    squares = np.square(away) if away.shape[2] == 1 else np.square(away).sum(axis=2, keepdims=True)
+    squares = averaged(squares)
+    squares += least**2
+    away *= np.divide(FULL, np.sqrt(squares, out=squares), out=squares)
+    if counts is not None:
+        away *= counts > 0
     return np.asarray(cv2.add(away, np.array([MIDDLE] * 4, dtype=np.float64), dtype=cv2.CV_8U)).reshape(image.shape)
 
 

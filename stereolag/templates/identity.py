@@ -217,11 +217,11 @@ def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> 
         seen, shown, behind = part[:, :, channel][on], over[:, :, channel][on], through[on]
         terms = np.column_stack([shown, behind, behind * rows, behind * cols])
         weighted = terms * weights[:, np.newaxis]
-        ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([1e-9 + 1e-9 * float(shown @ shown), 0, 0, 0])
+        ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([1e-9 + 1e-9 * float(np.square(shown).sum()), 0, 0, 0])
         fitted = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen)
         gains.append(float(fitted[0]))
-        left += float(weights @ np.square(seen - terms @ fitted))
-        varies += float(weights @ np.square(seen - np.average(seen, weights=weights)))
+        left += float((weights * np.square(seen - terms @ fitted)).sum())
+        varies += float((weights * np.square(seen - np.average(seen, weights=weights))).sum())
     if not all(1 / AS_BRIGHT <= gain <= AS_BRIGHT for gain in gains):
         return None
     return tuple(gains), max(0.0, 1 - left / varies) if varies > 0 else 0.0

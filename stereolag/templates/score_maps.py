@@ -78,7 +78,7 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
         spread = energy[rows].astype(products.dtype)
         if spread.min() <= tolerance:
             spread[spread <= tolerance] = np.nan
-        np.divide(products[rows], np.sqrt(spread, out=spread), out=scores[rows], casting="same_kind")
+        np.multiply(products[rows], cv2.pow(spread, -0.5, dst=spread), out=scores[rows], casting="same_kind")
         np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
     return scores
 
@@ -160,7 +160,8 @@ def scores_at(
         pixels = windows[rows[some], cols[some]][:, :, counts].astype(np.float64)
         # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
         pixels -= pixels[:, :, :1].copy()
-        pixels -= (pixels @ (shares / shares.sum()))[:, :, np.newaxis]
+        # Not "@": the linear algebra library starts threads for it, which then wait busily for more.
+        pixels -= np.einsum("ncp,p->nc", pixels, shares / shares.sum())[:, :, np.newaxis]
         weighted = pixels * shares
         norms = np.sqrt(np.einsum("ncp,ncp->n", weighted, pixels) * (shares * template**2).sum())
         np.divide(np.einsum("ncp,cp->n", weighted, template), norms, out=scores[some], where=norms > 0)
@@ -242,8 +243,8 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     image = image[:, :, : len(pattern.deviations)]
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
-    (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
-    engine = (_Single if image.dtype == np.uint8 else _Double)((fft_rows, fft_cols))
+    (down, across), transformed = tiling(places, pattern.shape)
+    engine = (_Single if image.dtype == np.uint8 else _Double)(transformed)
     kernels = [engine.template(plane) for plane in pattern.weights * pattern.deviations / pattern.norm]
     # If all pixels count the same, running sums are faster.
     weights = None if (pattern.weights == 1).all() else engine.template(pattern.weights)
@@ -414,8 +415,21 @@ def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
     return NOISE * float(np.finfo(planes.dtype).eps) * held
 
 
-def tiling(places: int, size: int) -> tuple[int, int]:
-    """Return, along one axis, how many positions a tile takes and the length of its FFT, for the least work in all."""
+ALONE = 2**17
+"""Most places of a map that one thread takes alone."""
+
+
+def tiling(places: tuple[int, int], shape: tuple[int, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return how many positions a tile takes down and across, and the shape of its FFT, for the least work in all."""
+    (down, rows), (across, cols) = (_along(*axis) for axis in zip(places, shape, strict=False))
+    if (down, across) == places and math.prod(places) > ALONE:
+        down = -(-down // 2)
+        rows = _fft_length(down + shape[0] - 1)
+    return (down, across), (rows, cols)
+
+
+def _along(places: int, size: int) -> tuple[int, int]:
+    """Return, along one axis, how many positions a tile takes and the length of its FFT."""
     longest = max(LONGEST_FFT, 2 * _fft_length(size))
     fewest = -(-places // (longest - size + 1))
     choices = [(-(-places // tiles), tiles) for tiles in range(fewest, 2 * fewest + 1)]

@@ -138,9 +138,9 @@ def _tile_amounts(
     image_shape: Sequence[int], template_shape: Sequence[int], channels: int, masked: bool, floats: bool
 ) -> _Tiles:
     (rows, cols), (height, width) = image_shape[:2], template_shape[:2]
-    (down, fft_rows), (across, fft_cols) = tiling(rows - height + 1, height), tiling(cols - width + 1, width)
+    (down, across), transformed = tiling((rows - height + 1, cols - width + 1), (height, width))
     count = -(-(rows - height + 1) // down) * -(-(cols - width + 1) // across)
-    points = fft_rows * fft_cols
+    points = math.prod(transformed)
     # The channels; the spectra of one of them and of the sum, or the sum with the energy, norm and squares of the
     # windows, and their summed-area tables; under a mask those of the mask too.
     planes = channels * (down + height - 1) * (across + width - 1)
