@@ -457,7 +457,8 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
             done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
             for future in done:
                 future.result()
-            progress(1 - len(pending) / len(jobs))
+            for left in reversed(range(max(1, len(done)))):  # one by one, as short jobs end together
+                progress(1 - (len(pending) + left) / len(jobs))
         return [future.result() for future in futures]
     finally:
         pool.shutdown(cancel_futures=True)
