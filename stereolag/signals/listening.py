@@ -33,12 +33,15 @@ class Heard:
         Level of both channels, decibels of full scale: the effective value of their samples without their mean.
     alike
         Whether both channels have the same samples, so that there is one microphone behind both.
+    seconds
+        How much there is of each channel.
     result
         The lag; None if a channel is silent, if both are alike, or if there are too few samples yet.
     """
 
     levels: tuple[float, float]
     alike: bool
+    seconds: float
     result: SignalLag | None
 
     @property
@@ -54,8 +57,7 @@ class Heard:
         """
         if self.result is None or self.result.verdict != "sure":
             return float("nan")
-        over_time = self.result.over_time
-        return over_time.end if over_time is not None and over_time.shows else self.result.lag_subsample
+        return self.result.lag_at(self.seconds)
 
 
 class Listening:
@@ -96,11 +98,12 @@ class Listening:
         signals = self.signals
         levels = _level(signals[0]), _level(signals[1])
         alike = np.array_equal(*self.samples)
+        seconds = self.samples.shape[1] / self.sampling_rate
         if alike or min(levels) < SILENT_DB or self.samples.shape[1] < _FEWEST:
-            return Heard(levels, alike and max(levels) >= SILENT_DB, None)
+            return Heard(levels, alike and max(levels) >= SILENT_DB, seconds, None)
         reach = None if max_lag is None else min(max_lag, self.samples.shape[1] - 1)
         result = signal_lag(*signals, sampling_rate=self.sampling_rate, speed=speed, max_lag=reach)
-        return Heard(levels, False, result)
+        return Heard(levels, False, seconds, result)
 
 
 def _level(signal: Vector) -> float:

@@ -345,7 +345,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
     for lag in [*smeared, *(peak.lag for peak in order)]:
         common = overlap_slices(samples_1.size, samples_2.size, round(lag))[0]
         reach = 0.008 * (common.stop - common.start)
-        if len(tried) == (1 if best.score > 1 else _TRIED):
+        if len(tried) >= (1 if best.score > 1 else _TRIED):
             break
         if any(abs(lag - other) <= max(48, reach) for other in tried):
             continue
@@ -361,7 +361,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             continue
         found_there = _along(over_time, samples_1, samples_2, searched)
         # A step out of reach shows as a second lag, and only once the drift no longer smears it.
-        farthest = max(abs(peak.lag) for peak in found_there.peaks if peak.score > 1 or peak is found_there.peaks[0])
+        farthest = max((abs(peak.lag) for peak in found_there.peaks if peak.score > 1), default=0.0)
         if farthest > near:
             wider = follow_lag(*held, round(lag), 48 + round(farthest))
             if wider is not None and wider.steps:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy import ndimage
 
 from benchmarks.verdict import drifting
 from stereolag.signals.listening import Listening
@@ -37,6 +38,17 @@ def test_a_lag_is_found_and_followed_when_the_source_moves() -> None:
     # While the seconds kept hold little of the new lag, the old one may stand; any other is never called sure.
     assert all(np.isnan(lag) or min(abs(lag - 37), abs(lag + 21)) < 0.1 for lag in found)
     np.testing.assert_allclose(found[19:], -21, atol=0.1)  # four pieces, 0.8 s later
+
+
+@pytest.mark.parametrize("ppm", [-5000, 5600])
+@pytest.mark.parametrize("seed", [2, 12])
+def test_a_walking_source_is_where_it_is_at_the_last_sample(ppm: int, seed: int) -> None:
+    # Of half the bandwidth, so that its peak under a lag that changes is smeared over hundreds of samples.
+    lags = np.round(100 + ppm * 1e-6 * np.arange(2 * RATE)).astype(int)
+    both = ndimage.uniform_filter1d(heard(lags, seed=seed).astype(float), 3, axis=1)
+    listening = Listening(RATE)
+    listening.add(both.astype(np.int16))
+    assert listening.measured(speed=333.0).lag_now == pytest.approx(lags[-1], abs=2)
 
 
 def test_two_clocks_are_told_from_one() -> None:

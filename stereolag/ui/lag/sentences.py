@@ -575,7 +575,7 @@ def heard_now_in_words(heard: Heard, devices: int) -> str:
         return said
     over_time = result.over_time if result.over_time is not None and result.over_time.shows else None
     if devices == 1:
-        return said if over_time is None else _HEARD["moved"].format(before=over_time.start, now=over_time.end)
+        return said if over_time is None else _HEARD["moved"].format(before=over_time.start, now=heard.lag_now)
     if over_time is None:
         sensor = 2 if heard.lag_now >= 0 else 1
         said = f"Sensor {sensor} hears it {abs(heard.lag_now):,.1f} samples later."
