@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import base64
 import json
 import statistics
 import time
@@ -78,6 +79,18 @@ async def stream(
     return answers[len(answers) // 4 :]  # the first ones find nothing in the caches
 
 
+async def carried(visitor: Visitor, seconds: float) -> list[tuple[float, float]]:
+    """Send frames over Streamlit's own connection for a while; returned as by :func:`stream`."""
+    data, answers = packed_item({}, [frame()]).data, []
+    end = time.perf_counter() + seconds
+    while (sent := time.perf_counter()) < end:
+        message = {"number": len(answers) + 1, "data": base64.b64encode(data).decode()}
+        await visitor.tell("carrier", "message", message)
+        now = time.perf_counter()
+        answers.append((now, now - sent))
+    return answers[len(answers) // 4 :]
+
+
 def rate(answers: list[tuple[float, float]]) -> float:
     """Return the answers a second."""
     return (len(answers) - 1) / (answers[-1][0] - answers[0][0])
@@ -94,6 +107,10 @@ async def alone(server: Server) -> Figures:
                 title = f"{name}, {in_flight} in flight"
                 figures[f"{title}: maps a second"] = round(rate(answers), 1)
                 figures[f"{title}: latency, median ms"] = round(1000 * statistics.median(one for _, one in answers))
+            title = f"{name}, over Streamlit's own connection"
+            answers = await carried(visitor, SECONDS)
+            figures[f"{title}: maps a second"] = round(rate(answers), 1)
+            figures[f"{title}: latency, median ms"] = round(1000 * statistics.median(one for _, one in answers))
     return figures
 
 

@@ -191,6 +191,15 @@ class Visitor:
         drawn, widget = self._widget(key)
         await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
 
+    async def tell(self, component: str, event: str, value: object) -> None:
+        """Send a value of a component to Python, as its ``setTriggerValue`` does, and wait until the script has run."""
+        drawn = next(
+            one for one in self._drawn.values() if one.element.bidi_component.component_name == f"stereolag.{component}"
+        )
+        state = WidgetState(id=f"$$STREAMLIT_INTERNAL_KEY_{drawn.element.bidi_component.id}__events")
+        state.json_trigger_value = json.dumps([{"event": event, "value": value}])
+        await self._set(state, drawn.fragment)
+
     async def press_for_map(self, key: str) -> None:
         """Press a button and wait for another map."""
         async with self.another_map():
@@ -230,7 +239,7 @@ class Visitor:
         self._states[state.id] = state
         finished = self._finished
         await self._send(self._rerun(fragment))
-        if state.WhichOneof("value") == "trigger_value":
+        if state.WhichOneof("value") in {"trigger_value", "json_trigger_value"}:
             del self._states[state.id]
         await self._until(lambda: self._finished > finished, f"the run after a change of {_key_of(state.id)}")
 

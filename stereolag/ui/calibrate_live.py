@@ -30,7 +30,7 @@ from stereolag.ui.components import component, packed_item
 from stereolag.ui.depth.live import ask_arrangement
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, Whole, frame, open_stream
+from stereolag.ui.streams import Message, Whole, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
 
 ALIKE = 3
@@ -243,7 +243,7 @@ def show_live() -> None:
     with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
     with result_place:
-        address = stream.address()
+        address = connected(stream)
         _boards(
             key=f"{KEY}.boards",
             data={

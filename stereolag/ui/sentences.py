@@ -124,11 +124,11 @@ LIVE_WORDS = {
     "asking": "The browser asks whether this page may use it …",
     "connecting": "Connecting …",
     "on": "Live",
+    "carried": "Live, over the page's own connection: slower",
     "paused": "Paused while this tab is hidden.",
     "waiting": "All places are taken. Ahead of you: {ahead}.",
     "insecure": "A browser gives a page the camera and microphone only at https addresses and on localhost. Ask the "
     "operator of this server for an https address.",
-    "unmounted": "This server was started in a way that leaves out live streams: start it with `stereolag app`.",
     "NotAllowedError": "The browser does not allow it: allow the camera or microphone for this page in the address "
     "bar, then start again.",
     "NotFoundError": "No such device is connected. Connect one, then start again.",

@@ -3,14 +3,18 @@
 A page opens a stream in each of its runs, with the function that answers; its component sends messages packed as items,
 at most :data:`IN_FLIGHT` at a time, so that the newest is always on its way. Since each run brings a new function, a
 moved control acts on the next message, and nothing is mounted again. The websocket is a route of the app beside
-Streamlit's own: a message takes no run of a script.
+Streamlit's own: a message takes no run of a script. Where no such socket opens, since the app was started without its
+routes or a proxy lets only Streamlit's through, messages come one at a time over Streamlit's, each with a run of a
+fragment: slower, and otherwise the same.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import math
 import secrets
+import threading
 import time
 import weakref
 from collections import deque
@@ -22,7 +26,7 @@ from typing import Annotated, Any, TypeVar
 from urllib.parse import urlsplit
 
 import streamlit as st
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.server import ServerProtocol
@@ -32,7 +36,8 @@ from stereolag.core.jobs import limits
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_camera_frame
 from stereolag.loops.bands import available_cores
-from stereolag.ui.components import packed_item
+from stereolag.ui.components import component, packed_item
+from stereolag.ui.navigation import fragment
 from stereolag.ui.sentences import LIVE_WORDS
 
 PATH = "/live"
@@ -70,6 +75,13 @@ class Message(BaseModel):
 M = TypeVar("M", bound=Message)
 
 
+class _Carried(BaseModel):
+    """A message that came over Streamlit's own connection, with the number by which its answer is known."""
+
+    number: Whole
+    data: Base64Bytes
+
+
 class _Places(BaseModel):
     """A header as it is sent: where the parts begin after it, and how long each is."""
 
@@ -83,6 +95,8 @@ class Stream:
 
     Attributes
     ----------
+    name
+        Tells it from the visitor's others.
     token
         Proves that a connection belongs to the visitor; known to the page alone.
     kind
@@ -96,19 +110,15 @@ class Stream:
         The last message that was answered.
     """
 
-    def __init__(self, kind: type[Message], answer: Callable[[Any], bytes]) -> None:
+    def __init__(self, name: str, kind: type[Message], answer: Callable[[Any], bytes]) -> None:
+        self.name = name
         self.token = secrets.token_urlsafe(32)
         self.kind = kind
         self.answer = answer
         self.kept: dict[str, Any] = {}
         self.latest: Any = None
         self.connection: object = None
-
-    def address(self) -> dict[str, Any]:
-        """Return the part of a component's data that ``web/shared/live.js`` needs to connect."""
-        base = st.get_option("server.baseUrlPath").strip("/")
-        path = f"/{base}{PATH}" if base else PATH
-        return {"address": path if _mounted else None, "token": self.token, "words": LIVE_WORDS}
+        self.carrier = Carrier(self.token)
 
     def answered(self, message: Message) -> bytes:
         """Return the answer to a message, or the sentence that says why there is none."""
@@ -120,6 +130,50 @@ class Stream:
         return answer
 
 
+class Carrier:
+    """The way of a stream's messages over Streamlit's own connection, one at a time; each is one run of a fragment.
+
+    Attributes
+    ----------
+    item
+        The last answer, packed, for ``web/carrier``: the token of its stream, the number of the message, and either the
+        answer or the code with which the stream ends.
+    """
+
+    def __init__(self, token: str) -> None:
+        self._token = token
+        self._number = 0
+        self._began = self._last = -math.inf
+        self.item = self._packed()
+
+    def _packed(self, *parts: bytes, **more: int) -> bytes:
+        return packed_item({"token": self._token, "number": self._number, **more}, parts).data
+
+    def take(self, stream: Stream, sent: object) -> None:
+        """Answer a message that the browser sent, unless it is the last one once more."""
+        most, now = limits(), time.monotonic()
+        if now - self._last > IDLE_S:
+            self._began = now
+        self._last = now
+        try:
+            carried = _Carried.model_validate(sent)
+            if carried.number == self._number:
+                return
+            self._number = carried.number
+            if len(carried.data) > most.max_live_message_mb * 2**20:
+                raise _Closed(TOO_LARGE)
+            message = parse_message(carried.data, stream.kind)
+            if now - self._began > SECONDS_PER_MINUTE * most.max_live_minutes:
+                raise _Closed(TOO_LONG)
+            if not _places().hold(self._token):
+                raise _Closed(FULL)
+            self.item = self._packed(stream.answered(message))
+        except ValueError:
+            self.item = self._packed(end=MALFORMED)
+        except _Closed as closed:
+            self.item = self._packed(end=closed.code)
+
+
 _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary()
 """All streams by their tokens; each lives as long as the session of its visitor."""
 
@@ -128,10 +182,34 @@ _mounted: list[BaseRoute] = []
 
 def open_stream(name: str, kind: type[M], answer: Callable[[M], bytes] | None = None) -> Stream:
     """Return the visitor's stream of a name; `answer` answers its messages, of a kind, from now on, if given."""
-    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(kind, _not_ready))
+    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(name, kind, _not_ready))
     stream.answer = answer or stream.answer
     _streams[stream.token] = stream
     return stream
+
+
+_carrier = component("carrier")
+
+
+def connected(stream: Stream) -> dict[str, Any]:
+    """Return the part of a component's data that ``web/shared/live.js`` needs to send messages to a stream.
+
+    Beside the component, it mounts the way by which they come where no socket opens.
+    """
+    _mount_carrier(stream)
+    base = st.get_option("server.baseUrlPath").strip("/")
+    path = f"/{base}{PATH}" if base else PATH
+    return {"address": path if _mounted else None, "token": stream.token, "words": LIVE_WORDS}
+
+
+@fragment
+def _mount_carrier(stream: Stream) -> None:
+    key = f"live.{stream.name}.carrier"
+
+    def take() -> None:
+        stream.carrier.take(stream, st.session_state[key].message)
+
+    _carrier(key=key, data=stream.carrier.item, on_message_change=take)
 
 
 def _not_ready(message: Message) -> bytes:
@@ -165,7 +243,10 @@ class Places:
     """
 
     def __init__(self, count: int) -> None:
-        self._free = count
+        self._count = count
+        self._running = 0
+        self._held: dict[str, float] = {}
+        self._lock = threading.Lock()
         self._waiting: deque[asyncio.Future[None]] = deque()
 
     @property
@@ -173,10 +254,28 @@ class Places:
         """Return the number of streams that wait for a place."""
         return len(self._waiting)
 
+    def _free(self) -> int:
+        since = time.monotonic() - IDLE_S
+        self._held = {token: at for token, at in self._held.items() if at > since}
+        return self._count - self._running - len(self._held)
+
+    def hold(self, token: str) -> bool:
+        """Take a place, or keep it, for ``IDLE_S`` from now; return whether there is one. Of any thread."""
+        with self._lock:
+            if token not in self._held and (self._waiting or self._free() < 1):
+                return False
+            self._held[token] = time.monotonic()
+            return True
+
+    def _take_free(self) -> bool:
+        with self._lock:
+            taken = self._free() > 0
+            self._running += taken
+            return taken
+
     async def take(self, tell: Callable[[int], Any]) -> None:
         """Wait for a place; `tell` is awaited with the number of streams ahead, at first and whenever it changes."""
-        if self._free and not self._waiting:
-            self._free -= 1
+        if not self._waiting and self._take_free():
             return
         turn = asyncio.get_running_loop().create_future()
         self._waiting.append(turn)
@@ -188,6 +287,9 @@ class Places:
                     ahead = now
                     await tell(ahead)
                 await asyncio.wait([turn], timeout=0.5)
+                if not turn.done() and self._waiting[0] is turn and self._take_free():
+                    self._waiting.popleft()
+                    return
         except BaseException:
             if turn.done():
                 self.give()
@@ -200,7 +302,8 @@ class Places:
         if self._waiting:
             self._waiting.popleft().set_result(None)
         else:
-            self._free += 1
+            with self._lock:
+                self._running -= 1
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import threading
@@ -73,7 +74,7 @@ def open_stream(port: int) -> Iterator[Callable[..., tuple[Stream, ClientConnect
     open_sockets = ExitStack()
 
     def opened(answer: Callable[[Numbered], bytes] = echo) -> tuple[Stream, ClientConnection]:
-        stream = Stream(Numbered, answer)
+        stream = Stream("test", Numbered, answer)
         streams._streams[stream.token] = stream
         kept.append(stream)
         socket = open_sockets.enter_context(connected(port))
@@ -200,7 +201,7 @@ def test_whatever_a_page_is_sent_is_answered_or_refused(
     kind, answer = answering_pages()[page]
     with suppress(ValueError):
         message = parse_message(packed_item(header | wrong, parts).data, kind)
-        assert unpacked(Stream(kind, answer).answered(message))[0]["digest"]
+        assert unpacked(Stream(page, kind, answer).answered(message))[0]["digest"]
 
 
 @pytest.mark.parametrize(
@@ -330,6 +331,47 @@ def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pyte
         _, socket = open_stream()
         socket.send(packed_item({}).data)
         assert code_of_end(socket) == streams.TOO_LONG
+
+
+def by_streamlit(stream: Stream, number: int, data: bytes) -> dict[str, Any]:
+    """Return the answer, or the end, of a message that came over Streamlit's own connection."""
+    stream.carrier.take(stream, {"number": number, "data": base64.b64encode(data).decode()})
+    header, parts = unpacked(stream.carrier.item)
+    assert (header["token"], header["number"]) == (stream.token, number)
+    return header if "end" in header else unpacked(parts[0])[0]
+
+
+def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_the_same_rules(
+    open_stream: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(streams, "IDLE_S", 0.5)
+    answered = []
+
+    def noted(message: Numbered) -> bytes:
+        answered.append(message.number)
+        return echo(message)
+
+    first, second = (Stream(name, Numbered, noted) for name in ("first", "second"))
+    with limited(max_live_message_mb=1, max_live_streams=1):
+        assert by_streamlit(first, 5, packed_item({"number": 1}).data)["number"] == 1
+        assert by_streamlit(first, 5, packed_item({"number": 1}).data)["number"] == 1  # sent again
+        assert answered == [1]
+        assert by_streamlit(second, 1, packed_item({}).data)["end"] == streams.FULL
+        _, socket = open_stream()
+        socket.send(packed_item({"number": 7}).data)
+        assert told(socket) == {"state": "waiting", "ahead": 1}
+        assert by_streamlit(first, 6, packed_item({"number": 2}).data)["number"] == 2
+        assert next_answer(socket)["number"] == 7  # nothing more came, and the place is the next one's
+        assert by_streamlit(first, 7, packed_item({}).data)["end"] == streams.FULL
+        socket.close()
+        assert by_streamlit(first, 8, bytes(2 * 2**20))["end"] == streams.TOO_LARGE
+        assert by_streamlit(first, 9, b"garbage")["end"] == streams.MALFORMED
+        first.carrier.take(first, {"number": 10, "data": "no base64"})
+        assert unpacked(first.carrier.item)[0]["end"] == streams.MALFORMED
+    monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.0)
+    with limited(max_live_minutes=1):
+        by_streamlit(first, 11, packed_item({}).data)
+        assert by_streamlit(first, 12, packed_item({}).data)["end"] == streams.TOO_LONG
 
 
 def test_frames_are_decoded_within_limits() -> None:

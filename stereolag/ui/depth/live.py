@@ -35,7 +35,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, Stream, frame, open_stream
+from stereolag.ui.streams import Message, Stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN
 
 CAMERA = "depth.camera"
@@ -79,7 +79,7 @@ _stereo_camera = component("stereo_camera")
 
 def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
     """Draw the component of a stereo camera, which sends its frames to a stream: all of them, or those it records."""
-    address = stream.address()
+    address = connected(stream)
     data = {
         **address,
         "words": address["words"] | LIVE_CAMERA_WORDS,

@@ -18,7 +18,7 @@ from stereolag.ui.controls import control
 from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.sentences import LISTENING_WORDS, heard_now_in_words
 from stereolag.ui.navigation import HALF_WIDTH, fragment
-from stereolag.ui.streams import Message, Whole, open_stream
+from stereolag.ui.streams import Message, Whole, connected, open_stream
 from stereolag.ui.uploads import Upload
 
 _listening = component("listening")
@@ -102,7 +102,7 @@ def _panel() -> None:
         max_lag = control(LagSearch, "max_lag", key="lag.live.max", when_empty="every lag")
     ear = ear_of_visitor()
     stream = open_stream("lag", Piece, lambda piece: answer(ear, piece, speed=speed, max_lag=max_lag))
-    address = stream.address()
+    address = connected(stream)
     with panel:
         found = _listening(
             key="lag.live",

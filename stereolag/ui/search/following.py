@@ -18,7 +18,7 @@ from stereolag.ui.controls import adopt_value
 from stereolag.ui.inputs import PICTURES
 from stereolag.ui.search.hand_marks import LEAST_SIDE, read_box
 from stereolag.ui.search.sentences import FOLLOWING_WORDS, FROZEN, FROZEN_TEMPLATE, NO_BOX_YET
-from stereolag.ui.streams import Message, Stream, Whole, frame, open_stream
+from stereolag.ui.streams import Message, Stream, Whole, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 
 KEY: Final = "template.following"
@@ -46,7 +46,7 @@ def show_following(query: TemplateQuery) -> None:
         st.rerun()
     stream = open_stream("search", Frame)
     stream.answer = partial(answer, stream.kept, query)
-    address = stream.address()
+    address = connected(stream)
     _following(
         key=KEY,
         data={**address, "told": FOLLOWING_WORDS, "least": LEAST_SIDE},

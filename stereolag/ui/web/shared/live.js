@@ -1,11 +1,14 @@
 // Live media: a panel that sends frames of a camera or pieces of sound to the server, and draws what comes back.
 
 import { button, element, say } from "./dom.js";
+import { eventOf, received } from "./exchange.js";
 import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
 const LOOK_MS = 20;
+const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message of the page's own connection
+const TEXT_BYTES = 32_768; // turned into text at once
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
@@ -48,6 +51,55 @@ export async function jpeg(canvas, quality = QUALITY) {
   return new Uint8Array(await blob.arrayBuffer());
 }
 
+// Stands in for a socket: sends messages one at a time over the page's own connection, with the component "carrier".
+class Carried {
+  constructor(token) {
+    this.token = token;
+    this.most = 1;
+    /** @type {number} */
+    this.readyState = WebSocket.OPEN;
+    /** @type {any} */
+    this.onopen = null;
+    /** @type {any} */
+    this.onmessage = null;
+    /** @type {any} */
+    this.onclose = null;
+    this.hear = () => this.take(received("carrier", token));
+    window.addEventListener(eventOf("carrier"), this.hear);
+    setTimeout(() => this.onopen());
+  }
+
+  take(answer) {
+    if (!this.message || answer?.number !== this.message.number) return;
+    this.forget();
+    if (answer.end) this.onclose({ code: answer.end });
+    else this.onmessage({ data: answer.parts[0] });
+  }
+
+  forget() {
+    clearInterval(this.again);
+    this.message = null;
+  }
+
+  send(message) {
+    if (typeof message === "string") return; // the token: this connection is the visitor's own
+    let text = "";
+    for (let at = 0; at < message.length; at += TEXT_BYTES) {
+      text += String.fromCharCode(...message.subarray(at, at + TEXT_BYTES));
+    }
+    this.message = { number: Date.now(), data: btoa(text) };
+    const send = () => received("carrier", this.token)?.send(this.message);
+    this.again = setInterval(send, AGAIN_MS);
+    send();
+  }
+
+  close() {
+    this.forget();
+    this.readyState = WebSocket.CLOSED;
+    window.removeEventListener(eventOf("carrier"), this.hear);
+  }
+}
+
 export class LivePanel extends Panel {
   constructor(parent, name) {
     super(parent, name);
@@ -85,7 +137,6 @@ export class LivePanel extends Panel {
     this.running = {};
     const run = this.running;
     if (!window.isSecureContext || !navigator.mediaDevices) return this.stop("insecure");
-    if (!this.data.address) return this.stop("unmounted");
     this.show("asking");
     let media;
     try {
@@ -100,14 +151,19 @@ export class LivePanel extends Panel {
     this.connect(run);
   }
 
-  connect(run) {
+  connect(run, carried = !this.data.address) {
     const { protocol, host } = window.location;
-    const socket = new WebSocket(`${protocol === "https:" ? "wss:" : "ws:"}//${host}${this.data.address}`);
+    /** @type {any} */
+    const socket = carried
+      ? new Carried(this.data.token)
+      : new WebSocket(`${protocol === "https:" ? "wss:" : "ws:"}//${host}${this.data.address}`);
     Object.assign(socket, { binaryType: "arraybuffer" });
+    let opened = false;
     this.socket = socket;
     this.sent = [];
     this.answers = [];
     socket.onopen = () => {
+      opened = true;
       socket.send(this.data.token);
       this.showState();
       this.send(run);
@@ -126,7 +182,11 @@ export class LivePanel extends Panel {
       this.showState();
       if (!item.error) this.answered(item);
     };
-    socket.onclose = ({ code }) => this.running === run && this.stop(String(code) in this.words ? String(code) : "lost");
+    socket.onclose = ({ code }) => {
+      if (this.running !== run) return;
+      if (opened) this.stop(String(code) in this.words ? String(code) : "lost");
+      else this.connect(run, true);
+    };
   }
 
   // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones, and none in a hidden tab. It looks
@@ -135,7 +195,7 @@ export class LivePanel extends Panel {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
       if (this.media.ended) return this.stop("unplugged");
-      const message = document.hidden || this.sent.length >= IN_FLIGHT ? null : await this.grab();
+      const message = document.hidden || this.sent.length >= (socket.most ?? IN_FLIGHT) ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
         this.sent.push(message.at ?? performance.now());
         socket.send(packed(message.header ?? {}, message.parts));
@@ -172,7 +232,7 @@ export class LivePanel extends Panel {
     if (document.hidden) this.show("paused");
     else if (this.ahead) this.show("waiting", { ahead: this.ahead });
     else {
-      this.show("on");
+      this.show(this.socket instanceof Carried ? "carried" : "on");
       if (this.fault) say(this.state, this.fault);
     }
   }
