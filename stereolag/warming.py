@@ -17,6 +17,7 @@ import numpy as np
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import available_cores
+from stereolag.loops.compilation import compile_alone
 from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.matcher import StereoMatcher
@@ -92,7 +93,7 @@ def _run_part(number: int) -> None:
 
 def compile_all() -> None:
     """Compile every loop, in a process for each core."""
-    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as processes:
+    with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
         list(processes.map(_run_part, range(len(PARTS))))
 
 

@@ -25,7 +25,6 @@ from stereolag.commands.pairs import (
     rectified_as_asked,
     said_of_calibration,
 )
-from stereolag.core.settings import FitsImage, marker
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.depths import DEPTH_FORMATS, FARTHEST_M, depth_png, depth_tiff, too_far
@@ -33,8 +32,9 @@ from stereolag.io.images import image_file, kitti_png, pfm, read_stored_disparit
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy, write_file
-from stereolag.loops.compilation import load_loader, nothing_kept
+from stereolag.loops.compilation import load_loader
 from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
+from stereolag.stereo.compiling import few_rows
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 WORDING = ("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
@@ -44,9 +44,6 @@ FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels
 
 WRITTEN_AT_ONCE = 3
 """Files made and written at a time, most of which only wait for the disk."""
-
-ROWS_TO_LOAD = 16
-"""Rows matched to load the loops, in addition to those of a window."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -181,16 +178,8 @@ def _rectified_here(pair: Pair) -> bool:
 
 def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:
     """Match a few rows, so that loading or compiling the loops does not count towards the time of the map."""
-    sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
-    rows = max(sides, default=0) + ROWS_TO_LOAD
-    images = pair.left[:rows], pair.right[:rows]
     with suppress(ValueError):  # the map itself will be refused too
-        if nothing_kept():
-            from stereolag.stereo.compiling import compile_with_help
-
-            compile_with_help(matcher, *images)
-        else:
-            matcher.compute(*images)
+        matcher.compute(*few_rows(matcher, pair.left, pair.right))
 
 
 def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:

@@ -14,14 +14,16 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import pickle
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Hashable, Set
-from contextlib import suppress
+from collections.abc import Callable, Hashable, Iterator, Set
+from contextlib import contextmanager, suppress
 from functools import cache, partial, update_wrapper
 from importlib import import_module
 from pathlib import Path
@@ -267,6 +269,52 @@ FOLDER: Path | None = _find_folder()
 """Folder of the machine code on disk; None if it is not kept."""
 
 
-def nothing_kept() -> bool:
-    """Return whether the folder is still empty: another process can compile a share of the loops for this one."""
-    return FOLDER is not None and not any(FOLDER.rglob("*.code"))
+_FIRST = threading.Lock()
+"""Taken for good by the first that would be helped to compile, or by a process that wants no help."""
+
+
+def compile_alone() -> bool:
+    """Have no other process started by this one to help it compile; return whether one could have been until now."""
+    return _FIRST.acquire(blocking=False)
+
+
+@contextmanager
+def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
+    """Let another process compile a share of the loops meanwhile, if no machine code is kept yet.
+
+    A process compiles one loop at a time; what another one has compiled it finds on disk.
+
+    Parameters
+    ----------
+    module
+        Its function ``compile_share`` is called there.
+    arguments
+        Those of the call.
+    """
+    helper = None
+    nothing_kept = compile_alone() and FOLDER is not None and not any(FOLDER.rglob("*.code"))
+    if nothing_kept and sys.executable and not hasattr(sys, "frozen"):
+        code = f"import pickle, sys; from {module} import compile_share; compile_share(*pickle.load(sys.stdin.buffer))"
+        with suppress(OSError):
+            # Not by multiprocessing, which would run a script again that does not expect it.
+            helper = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-P",
+                    "-c",
+                    code,
+                ],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+    try:
+        if helper is not None and helper.stdin is not None:
+            with suppress(OSError), helper.stdin:
+                pickle.dump(arguments, helper.stdin)
+        yield
+    finally:
+        if helper is not None:
+            helper.kill()
+            helper.wait()

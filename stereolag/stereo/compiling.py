@@ -1,30 +1,35 @@
-"""The first compilation of a matcher's loops, shared between two processes."""
+"""A share of the first compilation of a matcher's loops, for another process."""
 
 from __future__ import annotations
-
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
+from stereolag.core.settings import FitsImage, marker
+from stereolag.loops.compilation import compile_alone
 from stereolag.stereo.finishing.stages import Finishing, finished
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import WindowMatches
 
-
-def compile_with_help(matcher: StereoMatcher, left: Image, right: Image) -> None:
-    """Match two small images, while another process compiles the loops of all stages after the search.
-
-    A process compiles one loop at a time. Their machine code is kept on disk, where this process finds it.
-    """
-    with ProcessPoolExecutor(1, get_context("spawn")) as helper:
-        helper.submit(_complete, matcher, left, right)
-        matcher.compute(left, right)
+ROWS = 16
+"""Rows matched, in addition to those of a window."""
 
 
-def _complete(matcher: StereoMatcher, left: Image, right: Image) -> None:
+def few_rows(matcher: StereoMatcher, *images: Image) -> list[Image]:
+    """Return the upper rows of images, as many as the matcher's loops need to be compiled or loaded."""
+    sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
+    return [image[: max(sides, default=0) + ROWS] for image in images]
+
+
+def compile_share(matcher: StereoMatcher, shape: tuple[int, ...], dtype: str) -> None:
+    """Compile the loops of all stages after the search, for images of a shape and dtype."""
+    compile_alone()
+    (image,) = few_rows(matcher, np.zeros(shape, dtype))
+    complete(matcher, image, image)
+
+
+def complete(matcher: StereoMatcher, left: Image, right: Image) -> None:
     """Complete a map of random matches as a matcher does."""
     random = np.random.default_rng(0)
     if isinstance(matcher, CorrelationMatcher):

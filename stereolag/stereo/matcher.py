@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from abc import abstractmethod
+from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
@@ -19,6 +20,7 @@ from stereolag.core.inputs import Image, as_stereo_pair, in_eight_bits, transpar
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
 from stereolag.core.showing import Shown
+from stereolag.loops.compilation import compiling_beside
 from stereolag.loops.memory import keep_freed_memory
 
 
@@ -104,6 +106,8 @@ class StereoMatcher(Settings):
     """Settings that most visitors want; all others are folded away below them. If empty, all are shown."""
     gives_reasons: ClassVar[bool] = True
     """Whether the reasons in its maps say why a pixel is blank."""
+    is_compiled: ClassVar[bool] = False
+    """Whether it matches and completes its maps by compiled loops."""
 
     @classmethod
     def other_name(cls, name: str) -> str:
@@ -147,7 +151,10 @@ class StereoMatcher(Settings):
         keep_freed_memory()
         start = time.perf_counter()
         left_image, right_image = with_border_transparent(left_image), with_border_transparent(right_image)
-        found = self.match(*in_eight_bits(left_image, right_image), progress or silent)
+        images = in_eight_bits(left_image, right_image)
+        stages_after = "stereolag.stereo.compiling", self, images[0].shape, images[0].dtype.str
+        with compiling_beside(*stages_after) if self.is_compiled else nullcontext():
+            found = self.match(*images, progress or silent)
         found = without_outside(found, left_image)
         return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)
 

@@ -364,9 +364,32 @@ def test_the_process_that_helps_compiles_what_completes_a_map(monkeypatch: pytes
     matcher.compute(left, np.roll(left, -4, axis=1))
     needed = {one for one in called if ".finishing." in one[0] or ".pixels." in one[0]}
     called.clear()
-    compiling._complete(matcher, left, left)
+    compiling.complete(matcher, left, left)
     assert not any(".scores." in name or ".cost." in name for name, _ in called)
     assert len(called) > 5 and len(needed - called) <= 0.2 * len(needed), needed - called
+
+
+def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "sharing.py").write_text("def compile_share(path, text):\n    open(path, 'w').write(text)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(compilation, "FOLDER", tmp_path)
+    monkeypatch.setattr(compilation, "_FIRST", threading.Lock())
+    started: list[object] = []
+    start = subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda *asked, **more: started.append(asked) or start(*asked, **more))
+    told = tmp_path / "told"
+    with compilation.compiling_beside("sharing", str(told), "compiled"):
+        while not (told.exists() and told.read_text()):
+            time.sleep(0.01)
+    assert told.read_text() == "compiled"
+    with compilation.compiling_beside("sharing", str(told), "again"):
+        pass
+    assert len(started) == 1
+    monkeypatch.setattr(compilation, "_FIRST", threading.Lock())
+    (tmp_path / "loop.code").touch()
+    with compilation.compiling_beside("sharing", str(told), "again"):
+        pass
+    assert len(started) == 1
 
 
 def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.MonkeyPatch) -> None:

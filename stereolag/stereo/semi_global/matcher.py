@@ -85,6 +85,7 @@ class SemiGlobalMatcher(StereoMatcher):
     """
 
     title = "Semi-global"
+    is_compiled = True
     short_name = "sgm"
     first_shown = ("window_size", "num_disparities", "min_disparity", "optimisation")
 

@@ -127,6 +127,7 @@ class CorrelationMatcher(StereoMatcher):
     """
 
     title = "Convolution"
+    is_compiled = True
     short_name = "correlation"
     first_shown = ("window_size", "overlap", "search", "score")
 
