@@ -217,7 +217,8 @@ def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> 
         seen, shown, behind = part[:, :, channel][on], over[:, :, channel][on], through[on]
         terms = np.column_stack([shown, behind, behind * rows, behind * cols])
         weighted = terms * weights[:, np.newaxis]
-        ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([1e-9 + 1e-9 * float(np.square(shown).sum()), 0, 0, 0])
+        strength = 1e-9 + 1e-9 * float(np.square(shown).sum())
+        ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([strength, 0, 0, 0])
         fitted = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen)
         gains.append(float(fitted[0]))
         left += float((weights * np.square(seen - terms @ fitted)).sum())
