@@ -127,7 +127,7 @@ class Fit:
         self._counts = self._flat(self.weights)
         self._given = self._flat(self.template)
         covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
-        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]
+        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
         self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
         # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())

@@ -309,7 +309,7 @@ class _Single:
         Rows and columns of the transforms of a tile, which other precisions need.
     """
 
-    kind = np.dtype(np.float32)
+    kind: np.dtype[Any] = np.dtype(np.float32)
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
