@@ -49,6 +49,9 @@ _USUAL_PPM = 300
 _ALL, _MOST = 0.9, 0.6
 """Shares of the blocks on a line from which on nothing else is tried."""
 
+_OTHER_DRIFT = 5.0
+"""Standard errors by which two lines differ that are not of one clock."""
+
 _ECHO_SHARE = 0.25
 """A lag belongs to its stretch alone if its mean height elsewhere is below this share."""
 
@@ -157,8 +160,10 @@ class LagOverTime:
 
     @property
     def middle(self) -> float:
-        """Lag in the middle of the longest stretch, samples."""
-        return self.longest.lag_at((self.longest.begin + self.longest.end) / 2)
+        """Lag in the middle of the part of the longest stretch in which it was measured, samples."""
+        one = self.longest
+        first, last = (one.places[0], one.places[-1]) if one.places else (one.begin, one.end)
+        return one.lag_at((first + last) / 2)
 
     @property
     def start(self) -> float:
@@ -319,13 +324,30 @@ def _followed(
         for part in np.split(np.arange(starts.size), cuts)
         if (line := _line(places[part[clear[part]]], lags[part[clear[part]]])) is not None
     ]
-    lines = _steps_alone(_merged(lines), heights, places, lag - reach)
+    lines = _steps_alone(_of_one_clock(_merged(lines), places), heights, places, lag - reach)
     if not lines:
         return 0.0, None
     share = sum(len(line.places) for line in lines) / starts.size
     finer = [_refined(recording_1, recording_2, line) for line in _between(lines, begin, end)]
     confirmed = _merged([one for one in finer if one is not None]) or lines
     return share, LagOverTime(tuple(_between(confirmed, begin, end)))
+
+
+def _of_one_clock(lines: list[Stretch], places: npt.NDArray[np.floating]) -> list[Stretch]:
+    """Return the lines, without those that a few blocks make by chance.
+
+    Missing samples do not change the drift, so a line of another drift needs almost all blocks of its time.
+    """
+    if len(lines) < 2:
+        return lines
+    best = max(lines, key=lambda line: len(line.places))
+
+    def holds(line: Stretch) -> bool:
+        there = int(((places >= line.places[0]) & (places <= line.places[-1])).sum())
+        error = math.hypot(line.slope_error, best.slope_error)
+        return len(line.places) >= _ALL * there or abs(line.slope - best.slope) <= _OTHER_DRIFT * error
+
+    return _merged([line for line in lines if holds(line)])
 
 
 def _steps_alone(

@@ -10,6 +10,7 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.recordings import trial
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
 from stereolag import samples
 from stereolag.io.recordings import read_signal
@@ -245,6 +246,24 @@ def test_missing_samples_are_a_step_where_they_are_missing(missing: int) -> None
     assert result.lag_at(2.0) == pytest.approx(lag, abs=0.2)
     assert result.lag_at(12.0) == pytest.approx(lag - missing, abs=0.2)
     assert result.lag in (lag, lag - missing)
+
+
+@pytest.mark.parametrize("seed", [510, 526])
+def test_all_stretches_are_of_one_clock_and_the_lag_is_from_where_it_was_measured(seed: int) -> None:
+    drawn = trial("drift and dropped buffers", seed)
+    result = signal_lag(*drawn.recordings, sampling_rate=drawn.rate)
+    assert result.verdict == "sure"
+    assert result.over_time is not None
+    drifts = np.array([1e6 * one.slope for one in result.over_time.stretches])
+    assert drifts == pytest.approx(np.full(drifts.size, drawn.ppm), abs=5)
+    ends = [place for place, _ in drawn.steps[1:]] + [drawn.recordings[0].size]
+    stretches = [
+        sorted((lag, lag + drawn.ppm * 1e-6 * (end - place)))
+        for (place, lag), end in zip(drawn.steps, ends, strict=True)
+    ]
+    before = drawn.lags[0] + drawn.ppm * 1e-6 * drawn.steps[0][0]
+    stretches.append(sorted((drawn.lags[0], before)))
+    assert any(low - 0.5 <= result.judgement.lag <= high + 0.5 for low, high in stretches)
 
 
 @pytest.mark.parametrize("ppm", [-1000.0, 3000.0])
