@@ -1,7 +1,7 @@
 // A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
 // It takes its next picture once the one before was answered, so that answers and pictures go together.
 (() => {
-  const [COLS, ROWS, SIDE, LAST] = [640, 480, 64, 200];
+  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 200];
   const COVERED = [60, 90];
   const AWAY = [120, 165];
   let seed = 7;
@@ -18,11 +18,12 @@
   }
   const sign = (sibling) => {
     const drawn = drawing(SIDE, SIDE);
+    drawn.scale(SIDE / 64, SIDE / 64); // drawn on a grid of 64 cells
     drawn.fillStyle = "#d8d2c0";
-    drawn.fillRect(0, 0, SIDE, SIDE);
+    drawn.fillRect(0, 0, 64, 64);
     drawn.strokeStyle = "#203048";
     drawn.lineWidth = 5;
-    drawn.strokeRect(2.5, 2.5, SIDE - 5, SIDE - 5);
+    drawn.strokeRect(2.5, 2.5, 59, 59);
     const last = sibling ? [46, 48] : [14, 50];
     for (const [x, y, r, colour] of [[20, 20, 8, "#b03028"], [44, 24, 6, "#2870a8"], [30, 44, 9, "#388048"], [...last, 6, "#604080"]]) {
       drawn.fillStyle = colour;
@@ -45,7 +46,7 @@
   const paint = (number) => {
     const { row, col } = placeAt(number);
     context.drawImage(ground.canvas, 0, 0);
-    context.drawImage(other, 90, 380);
+    context.drawImage(other, 0.14 * COLS, 0.79 * ROWS);
     const side = SIDE * (1 + 0.05 * Math.sin(number / 40));
     context.drawImage(own, col - side / 2, row - side / 2, side, side);
     context.fillStyle = "#506888";
@@ -59,7 +60,7 @@
   };
 
   const sent = []; // numbers of the pictures that are not answered yet
-  const scene = { number: 0, told: [], placeAt, SIDE, LAST, refused: "", tracks: [] };
+  const scene = { number: 0, told: [], placeAt, COLS, SIDE, LAST, refused: "", tracks: [] };
   /** @type {any} */ (window).scene = scene;
   const take = () => paint(scene.number); // what is painted is the camera's next picture
   navigator.mediaDevices.getUserMedia = async () => {

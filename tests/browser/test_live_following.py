@@ -56,8 +56,8 @@ def test_a_sign_is_followed_through_two_hundred_frames_and_a_frame_is_frozen(pag
     canvas = panel.locator("canvas")
     canvas.scroll_into_view_if_needed()
     box = box_of(canvas)
-    scale = box["width"] / 640
-    first, side = page.evaluate("[scene.placeAt(0), scene.SIDE]")
+    first, side, cols = page.evaluate("[scene.placeAt(0), scene.SIDE, scene.COLS]")
+    scale = box["width"] / cols
     corners = [
         (box["x"] + (first["col"] + away) * scale, box["y"] + (first["row"] + away) * scale)
         for away in (-side / 2, side / 2)
@@ -74,7 +74,7 @@ def test_a_sign_is_followed_through_two_hundred_frames_and_a_frame_is_frozen(pag
     for one in told:
         if one["place"] is not None:
             away = math.dist(*([at["row"], at["col"]] for at in (one["place"], one["truth"])))
-            assert away < 4 and not one["unseen"], one
+            assert away < 2.5 and not one["unseen"], one
     assert all(one["state"] == "lost" for one in told if one["unseen"])
     states = [one["state"] for one in told if not one["unseen"] and not 115 <= one["number"] < 170]
     assert states.count("found") > 0.9 * len(states)

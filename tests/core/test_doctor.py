@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from scipy.spatial import cKDTree
 from straight_and_raw import ENTRIES, RECTIFYING, raw_pair, straight_pair
 
 from stereolag import read_calibration, read_disparity, read_image, rectify
+from stereolag.assess import diagnosis as examining
+from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, Remedy, apply_remedy, diagnose, judge_range
 from stereolag.assess.orientation import (
     Correspondences,
@@ -66,6 +69,23 @@ def covered(diagnosis: Diagnosis, disparities: np.ndarray) -> float:
     assert diagnosis.suggested_range is not None
     first, count = diagnosis.suggested_range
     return float(np.mean((disparities >= first) & (disparities < first + count)))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _matched_once() -> Iterator[None]:
+    """Match each pair once: a diagnosis and its remedy ask for the same, which takes half of all time."""
+    known: dict[tuple[object, ...], Correspondences] = {}
+
+    def matched_once(left: np.ndarray, right: np.ndarray) -> Correspondences:
+        pair = tuple((one.shape, one.dtype, one.tobytes()) for one in (left, right))
+        if pair not in known:
+            known[pair] = find_correspondences(left, right)
+        return known[pair]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(examining, "find_correspondences", matched_once)
+        patch.setattr(orientation, "find_correspondences", matched_once)
+        yield
 
 
 # Rectified pairs

@@ -5,8 +5,8 @@ from __future__ import annotations
 from benchmarks.recordings import KINDS
 from benchmarks.verdict import judged
 
-SEED = 7001
-"""Beyond those of the tables, which tell how often a lag is sure and right."""
+SEED = 7004
+"""Beyond those of the tables, which tell how often a lag is sure and right; its recordings are short."""
 
 
 def test_a_lag_is_never_sure_and_wrong_and_mostly_sure_and_right() -> None:
