@@ -99,7 +99,11 @@ def their_answer(given: Trial) -> Answer:
     if mask is None and template.ndim == 3 and template.shape[2] == 4:
         mask = template[:, :, 3]
     picture, template = (one if one.ndim == 2 else one[:, :, :3] for one in (picture, template))
-    if picture.dtype != np.uint8:
+    if picture.ndim != template.ndim:
+        picture, template = (
+            one if one.ndim == 2 else one.mean(axis=2, dtype=np.float32) for one in (picture, template)
+        )
+    if {picture.dtype, template.dtype} != {np.dtype(np.uint8)}:
         picture, template = picture.astype(np.float32), template.astype(np.float32)
     height, width = template.shape[:2]
     if height > picture.shape[0] or width > picture.shape[1]:

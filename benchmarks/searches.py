@@ -17,6 +17,7 @@ They are drawn without knowledge of how the search works. The rules of truth:
 
 from __future__ import annotations
 
+import colorsys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
@@ -39,6 +40,7 @@ from benchmarks.screens import (
     Panel,
     Random,
     Text,
+    Theme,
     Widget,
     button_at,
     coverage,
@@ -55,6 +57,7 @@ from benchmarks.screens import (
     photographs,
     product,
     put,
+    rounded,
     siblings,
     sprite,
     text_width,
@@ -438,6 +441,204 @@ def _outside(random: Random, least: float, most: float) -> Trial:
         if shown.shape[0] > place.height and shown.shape[1] > place.width and has_detail(seen):
             there = replace(place, row=place.row - top, col=place.col - left)
             return Trial(shown, cut(picture, place), (there,))
+
+
+# --- Drawn over ---------------------------------------------------------------------------------------------------------
+
+
+def _word_or_piece(random: Random) -> tuple[Array, Place]:
+    """Return a screen and the place of a button, a word, or a part with several widgets."""
+    if random.random() < 0.4:
+        return screen_piece(random)
+    screen, widget = screen_with(random, is_word)
+    picture = screen.drawn()
+    return picture, box(widget, 1, int(random.integers(2, 7)), picture.shape)
+
+
+def _mixed(picture: Array, rows: slice, cols: slice, colour: Array, share: float | Array) -> None:
+    """Mix a colour into a part of a picture, in place."""
+    part = picture[rows, cols]
+    part[:] = np.rint(part + np.asarray(share) * (colour - part.astype(float)))
+
+
+def text_cursors(random: Random) -> Trial:
+    """A word, a button or a part of a screen, with a text cursor of 1 or 2 px over it."""
+    picture, place = _word_or_piece(random)
+    shown = picture.copy()
+    high, wide = min(int(random.integers(15, 23)), int(place.height)), int(random.integers(1, 3))
+    row = int(place.row) + int(random.integers(int(place.height) - high + 1))
+    col = int(place.col) + int(random.integers(2, int(place.width) - wide - 1))
+    ground = np.median(shown[row : row + high, col : col + wide], axis=(0, 1))
+    ink = (0, 0, 0) if ground.mean() > 110 else (255, 255, 255)
+    shown[row : row + high, col : col + wide] = ink
+    return Trial(shown, cut(picture, place), (place,))
+
+
+POINTER = ("1 1", "1 17", "5 13.5", "8 20", "10.5 19", "7.5 12.5", "12.5 12.5")
+"""The corners of an arrow, x and y, px."""
+
+
+def mouse_pointers(random: Random) -> Trial:
+    """A part of a screen or a photograph, with the arrow of the mouse over it."""
+    picture, place = screen_piece(random) if random.random() < 0.6 else piece(random, 60)
+    shown, scale = picture.copy(), float(random.choice([1, 1.25, 1.5]))
+    corners = np.array([corner.split() for corner in POINTER], float) * scale
+    row = place.row + float(random.uniform(0, max(1, place.height - 22 * scale)))
+    col = place.col + float(random.uniform(0, max(1, place.width - 14 * scale)))
+    at = np.rint((corners + [col, row]) * 16).astype(np.int32)
+    fill, line = ((255, 255, 255), (0, 0, 0)) if random.random() < 0.6 else ((0, 0, 0), (255, 255, 255))
+    cv2.fillPoly(shown, [at], fill, cv2.LINE_AA, 4)
+    cv2.polylines(shown, [at], True, line, 1, cv2.LINE_AA, 4)
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def selected(random: Random) -> Trial:
+    """A word, a button or a part of a screen, tinted as what is selected is: all of it, or its rows or columns."""
+    picture, place = _word_or_piece(random)
+    shown, colour = picture.copy(), random.uniform([0, 60, 150], [90, 150, 255])
+    rows, cols = (slice(int(start), int(start + size)) for start, size in zip((place.row, place.col), (place.height, place.width), strict=True))  # fmt: skip
+    way, part = int(random.integers(3)), random.uniform(0.3, 0.8)
+    if way == 1:
+        rows = slice(rows.start, rows.start + int(part * place.height))
+    if way == 2:
+        cols = slice(cols.start, cols.start + int(part * place.width))
+    _mixed(shown, rows, cols, colour, float(random.uniform(0.15, 0.45)))
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def focus_rings(random: Random) -> Trial:
+    """A button or a word within a ring, or a dotted line, as what has the focus is."""
+    screen, widget = screen_with(random, is_word)
+    picture = screen.drawn()
+    margin = int(random.integers(3, 7))
+    place = box(widget, 1, margin, picture.shape)
+    shown, thick, away = picture.copy(), int(random.integers(1, 3)), int(random.integers(0, 3))
+    colour = random.uniform([0, 60, 150], [90, 150, 255])
+    top, left = int(widget.row) - away - thick, int(widget.col) - away - thick
+    bottom, right = int(np.ceil(widget.row + widget.height)) + away + thick, int(np.ceil(widget.col + widget.width)) + away + thick  # fmt: skip
+    ring = np.zeros(shown.shape[:2], bool)
+    ring[max(top, 0) : bottom, max(left, 0) : right] = True
+    ring[max(top + thick, 0) : bottom - thick, max(left + thick, 0) : right - thick] = False
+    if random.random() < 0.3:
+        ring &= np.add.outer(np.arange(shown.shape[0]), np.arange(shown.shape[1])) % 2 == 0
+    shown[ring] = colour
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def badges(random: Random) -> Trial:
+    """A button or a part of a screen, with a red dot with a number over a corner."""
+    picture, place = _word_or_piece(random)
+    shown, reach = picture.copy(), int(random.integers(6, 10))
+    row, col = place.row + reach * random.uniform(0, 0.8), place.col + place.width - reach * random.uniform(0, 0.8)
+    middle = round(16 * col), round(16 * row)
+    cv2.circle(shown, middle, 16 * reach, (220, 30, 40), -1, cv2.LINE_AA, 4)
+    digit = str(int(random.integers(1, 10)))
+    cv2.putText(
+        shown, digit, (round(col) - 3, round(row) + 4), cv2.FONT_HERSHEY_PLAIN, 0.8, (255, 255, 255), 1, cv2.LINE_AA
+    )
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def scroll_bars(random: Random) -> Trial:
+    """A part of a screen or a photograph, with a scroll bar over its right or lower side."""
+    picture, place = screen_piece(random) if random.random() < 0.6 else piece(random, 70)
+    shown, wide, tone = picture.copy(), int(random.integers(8, 16)), int(random.integers(190, 245))
+    if random.random() < 0.5:
+        shown, place = shown.swapaxes(0, 1), Place(place.col, place.row, place.width, place.height)
+    col = int(place.col + place.width) - wide + int(random.integers(0, 3))
+    bar = shown[:, col : col + wide]
+    bar[:] = tone
+    first = int(random.integers(bar.shape[0] // 2))
+    bar[first : first + bar.shape[0] // 3, 2:-2] = tone - 60
+    if shown.base is not None:
+        shown, place = (
+            np.ascontiguousarray(shown.swapaxes(0, 1)),
+            Place(place.col, place.row, place.width, place.height),
+        )
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def drop_shadows(random: Random) -> Trial:
+    """A button, a word's box or an icon, with a shadow around it that the template does not have."""
+    screen, widget = screen_with(
+        random, lambda one: is_word(one) and any(isinstance(part, Panel) for part in one.parts)
+    )
+    picture = screen.drawn()
+    place = box(widget, 1, int(random.integers(2, 7)), picture.shape)
+    away = np.zeros(picture.shape[:2], np.float32)
+    down, right = int(random.integers(0, 4)), int(random.integers(-1, 3))
+    rows = slice(max(0, int(widget.row) + down), int(np.ceil(widget.row + widget.height)) + down)
+    cols = slice(max(0, int(widget.col) + right), int(np.ceil(widget.col + widget.width)) + right)
+    away[rows, cols] = random.uniform(0.25, 0.6)
+    away = cv2.GaussianBlur(away, (0, 0), float(random.uniform(1.5, 5)))
+    own = slice(int(widget.row), int(np.ceil(widget.row + widget.height))), slice(int(widget.col), int(np.ceil(widget.col + widget.width)))  # fmt: skip
+    inside = rounded(own[0].stop - own[0].start, own[1].stop - own[1].start, max(part.radius for part in widget.parts if isinstance(part, Panel)))  # fmt: skip
+    away[own][: inside.shape[0], : inside.shape[1]] *= (1 - inside)[: away[own].shape[0], : away[own].shape[1]]
+    shown = np.rint(picture * (1 - away[:, :, None])).astype(np.uint8)
+    return Trial(shown, cut(picture, place), (place,))
+
+
+def _message(random: Random, text: str, row: float, look: Theme, width: float) -> Widget:
+    """Return a line of a chat: a bubble with words in it."""
+    parts = (Panel(row, 40, 26, width, look.card, look.border, 8), Text(row + 5, 52, 13, text, look.ink))
+    return Widget(text, row, 40, 26, width, parts)
+
+
+def _chat(random: Random, there: bool) -> Trial:
+    look = theme(random)
+    texts = [" ".join(str(one) for one in random.choice(WORDS, int(random.integers(2, 6)))) for _ in range(11)]
+    width = float(random.integers(220, 320))
+    rows = [20 + 34 * number for number in range(10)]
+    shown = Layout(380, 420, look, tuple(_message(random, text, row, look, width) for text, row in zip(texts, rows, strict=False)))  # fmt: skip
+    picture = as_jpeg(shown.drawn(), int(random.integers(60, 81)))
+    number = int(random.integers(10))
+    wanted = texts[number] if there else texts[10]
+    at = _message(random, wanted, rows[number], look, width)
+    place = box(at, 1, int(random.integers(0, 5)), picture.shape)
+    template = cut(shown.exchanged(shown.widgets[number], at).drawn(), place)
+    return Trial(picture, template, (place,) if there else ())
+
+
+def messages(random: Random) -> Trial:
+    """A message in a chat, compressed by JPEG of quality 60 to 80."""
+    return _chat(random, True)
+
+
+def other_messages(random: Random) -> Trial:
+    """A message that is not in the chat, but others are in equal bubbles."""
+    return _chat(random, False)
+
+
+def buttons_of_a_near_colour(random: Random) -> Trial:
+    """A coloured button with a white or dark word, of which only one in another colour of about its brightness is there."""
+    hue = float(random.uniform(0, 360))
+    other = hue + float(random.choice([-1, 1])) * float(random.uniform(30, 70))
+    light, vivid = float(random.uniform(0.3, 0.6)), float(random.uniform(0.5, 1))
+
+    def colour(angle: float) -> Colour:
+        shown = colorsys.hls_to_rgb(angle % 360 / 360, light, vivid)
+        return tuple(round(255 * one) for one in shown)  # type: ignore[return-value]
+
+    look, word = theme(random), str(random.choice(WORDS))
+    height, width = float(random.integers(24, 40)), float(random.integers(80, 120))
+    one, another = (button_at(word, 40, 60, height, width, look, colour(angle)) for angle in (hue, other))
+    shape = 160, 300
+    picture, plain = (Layout(*shape, look, (shown,)).drawn() for shown in (another, one))
+    place = box(one, 1, int(random.integers(0, 5)), shape)
+    return Trial(by_a_camera(picture, random) if random.random() < 0.4 else picture, cut(plain, place), ())
+
+
+def grey_in_colours(random: Random) -> Trial:
+    """The grey of a part, in 8 or 16 bits, in a picture in colours of 8 or 16 bits; or the other way round."""
+    picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+
+    def deep(shown: Array) -> Array:
+        return shown.astype(np.uint16) * 257 if random.random() < 0.6 else shown
+
+    if random.random() < 0.7:
+        return Trial(deep(picture), deep(cut(grey, place)), (place,))
+    return Trial(deep(grey), deep(cut(picture, place)), (place,))
 
 
 # --- Alpha and masks --------------------------------------------------------------------------------------------------
@@ -1101,6 +1302,15 @@ KINDS: dict[str, Kind] = {
         covered_by_30_to_40_percent,
         outside_by_5_to_30_percent,
         outside_by_30_to_50_percent,
+        text_cursors,
+        mouse_pointers,
+        selected,
+        focus_rings,
+        badges,
+        scroll_bars,
+        drop_shadows,
+        messages,
+        grey_in_colours,
         soft_alpha,
         glows,
         blurred_masks,
@@ -1126,6 +1336,8 @@ KINDS: dict[str, Kind] = {
         siblings_without_room,
         lamps_of_another_colour,
         buttons_of_another_colour,
+        buttons_of_a_near_colour,
+        other_messages,
         icons_of_another_colour,
         disabled_alone,
         other_silhouettes,
