@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median, percentiles
 from stereolag.core.inputs import Image
+from stereolag.templates.drawn_over import drawn_over
 from stereolag.templates.fits import (
     BLUR_OF_COLOURS,
     COUNTED,
@@ -158,6 +159,16 @@ def identity(
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
     kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all())
+    if (
+        kind in ("differs", "not_there")
+        and not posed
+        and image.dtype == pattern.colours.dtype == np.uint8
+        and (pattern.weights == 1).all()
+    ):
+        over = drawn_over(image, pattern, row, col)
+        if over is not None:
+            beside = averaged(over, agrees.shape) == 0
+            return _told("partly_covered", 1.0, (1.0,) * len(fit.gain), fit.explained_in(beside), beside)
     if kind in ("differs", "not_there") and resized is not None and fit.recoloured < RECOLOURED:
         anew = redrawing(image, resized[0], row, col, resized[1])
         if anew is not None:

@@ -1,0 +1,167 @@
+"""Whether a place shows the template, but for a thing that a screen draws over whatever is there.
+
+A text cursor, the arrow of the mouse, the ring around what has the focus, the tint of a selection, the shadow of
+something in front of its ground: no sibling differs by such a thing alone, and all other pixels are the template's.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from stereolag.core.arrays import Mask, median
+from stereolag.core.inputs import Image
+from stereolag.templates.fits import Plane
+from stereolag.templates.patterns import Pattern
+
+LEAST_AREA, LEAST_LONG = 2304, 1.6
+"""Least number of pixels of a template, or least width over height: an icon with a stroke more is its sibling."""
+
+CURSOR = (13, 3)
+"""Least length and greatest width of a text cursor, px: strokes of letters are shorter."""
+
+THICKEST, OF_SIDE, OF_TEMPLATE = 4, 0.4, 0.4
+"""Greatest thickness of a ring, px, least share of each of its sides that is seen, and of the template within it."""
+
+ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (11.5, 11.5)])
+"""The corners of the arrow of the mouse, x and y, at 100 % of a screen, px."""
+
+ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 12
+"""Its sizes, the least share that it and what differs have in common, and how many times its size a template has."""
+
+LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
+"""Least contrast under a tint, and least share of the variance there that the tinted template explains."""
+
+DARKEST, SMOOTH, NEUTRAL, FADES, DARK = 0.3, 0.08, 0.08, 0.05, 40.0
+"""Darkest shadow, largest step of it from one pixel to the next, largest difference of it between channels, least by
+which it fades, and the least value at which its share can be told."""
+
+LIKE, NOISY, MOST = 6.0, 5.0, 0.75
+"""Greatest difference of pixels that are the same, grey levels of 255, unless it is so many times the median; and the
+largest share of the pixels that may differ by more."""
+
+ONE, ALL = 0.9, 0.97
+"""Least share of what differs that is one thing, and that is within the outline of what it is taken for."""
+
+
+def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | None:
+    """Return which pixels are drawn over, (rows, cols), None if that is not all by which a place differs.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels) uint8, as many channels as the pattern.
+    pattern
+        The template in its own size, all of whose pixels count the same.
+    row, col
+        The place, exactly.
+    """
+    rows, cols = pattern.shape
+    if rows * cols < LEAST_AREA and cols < LEAST_LONG * rows:
+        return None
+    part = image[max(row, 0) : row + rows, max(col, 0) : col + cols]
+    if part.shape != pattern.colours.shape:
+        return None
+    seen, template = part.astype(np.float32), pattern.colours.astype(np.float32)
+    away = np.abs(seen - template).max(axis=2)
+    noise = max(LIKE, NOISY * median(away))
+    differ = away > noise
+    if not 0 < differ.mean() <= MOST:
+        return None
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(
+        cv2.morphologyEx(np.asarray(differ, dtype=np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    )
+    thing = differ & (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+    alone = thing.sum() >= ONE * differ.sum()
+    over = (
+        (alone and (_is_cursor(thing, seen, noise) or _is_arrow(thing)))
+        or _is_ring(differ, seen, noise)
+        or _is_tint(differ, template, seen)
+        or _is_shadow(differ, template, seen)
+    )
+    return differ if over else None
+
+
+def _box(differ: Mask) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all that differs."""
+    rows, cols = (np.flatnonzero(differ.any(axis=axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
+def _is_uniform(values: Plane, noise: float) -> bool:
+    """Return whether values (pixels, channels) are of one colour."""
+    middle = [median(channel) for channel in values.T]
+    return bool((np.abs(values - middle).max(axis=1) <= noise).mean() >= ONE)
+
+
+def _is_cursor(differ: Mask, seen: Plane, noise: float) -> bool:
+    rows, cols = _box(differ)
+    part = seen[rows, cols]
+    return part.shape[0] >= CURSOR[0] and part.shape[1] <= CURSOR[1] and _is_uniform(part[differ[rows, cols]], noise)
+
+
+def _is_ring(differ: Mask, seen: Plane, noise: float) -> bool:
+    rows, cols = _box(differ)
+    part = differ[rows, cols]
+    if min(part.shape) < 4 * THICKEST or part.size < OF_TEMPLATE * differ.size:
+        return False
+    inner = part[THICKEST:-THICKEST, THICKEST:-THICKEST]
+    if inner.sum() > (1 - ALL) * part.sum():
+        return False
+    sides = (part[:THICKEST].any(axis=0), part[-THICKEST:].any(axis=0), part[:, :THICKEST].any(axis=1), part[:, -THICKEST:].any(axis=1))  # fmt: skip
+    return all(side.mean() >= OF_SIDE for side in sides) and _is_uniform(seen[rows, cols][part], noise)
+
+
+def _is_arrow(differ: Mask) -> bool:
+    rows, cols = _box(differ)
+    height, width = rows.stop - rows.start, cols.stop - cols.start
+    if height * width * BESIDE_ARROW > differ.size:
+        return False
+    found, _ = cv2.findContours(differ[rows, cols].astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    filled = cv2.drawContours(np.zeros((height, width), np.uint8), found, -1, 1, -1) > 0
+    for size in ARROW_SIZES:
+        tall, wide = (math.ceil(size * side) + 2 for side in ARROW[:, ::-1].max(axis=0))
+        if abs(tall - height) > 2 + 0.1 * tall or abs(wide - width) > 2 + 0.1 * wide:
+            continue
+        corners = np.rint(16 * (ARROW * size + 1)).astype(np.int32)
+        arrow = cv2.fillPoly(np.zeros((max(tall, height), max(wide, width)), np.uint8), [corners], 1, cv2.LINE_8, 4)
+        arrow = cv2.dilate(arrow, np.ones((3, 3), np.uint8)) > 0
+        other = np.zeros_like(arrow)
+        for down in range(arrow.shape[0] - height + 1):
+            for right in range(arrow.shape[1] - width + 1):
+                other[:] = False
+                other[down : down + height, right : right + width] = filled
+                if (other & arrow).sum() >= LIKE_ARROW * (other | arrow).sum():
+                    return True
+    return False
+
+
+def _is_tint(differ: Mask, template: Plane, seen: Plane) -> bool:
+    """Return whether all that differs is in rows or columns that something translucent of one colour covers."""
+    rows, cols = _box(differ)
+    tall, wide = (one.stop - one.start == side for one, side in zip((rows, cols), differ.shape, strict=True))
+    if tall == wide or differ[rows, cols].mean() < ONE:
+        return False
+    below, shown = (plane[rows, cols].reshape(-1, plane.shape[2]) for plane in (template, seen))
+    below, shown = (plane - plane.mean(axis=0, dtype=np.float64) for plane in (below, shown))
+    gain = float((below * shown).sum()) / max(float(np.square(below).sum()), 1e-12)
+    left = float(np.square(shown - gain * below).sum())
+    return LEAST_GAIN <= gain <= 1 and left <= (1 - LEAST_TINTED) * float(np.square(shown).sum())
+
+
+def _is_shadow(differ: Mask, template: Plane, seen: Plane) -> bool:
+    """Return whether all that differs is darker by a share that fades and is the same in all channels."""
+    light = template.min(axis=2) > DARK
+    shares = np.where(light[:, :, np.newaxis], seen / np.maximum(template, 1), 1)
+    share, where = shares.mean(axis=2), differ & light
+    if where.sum() < ALL * differ.sum() or share[where].min() < DARKEST or share[where].max() > 1:
+        return False
+    if np.ptp(shares[where], axis=1).max() > NEUTRAL or np.ptp(share[where]) < FADES:
+        return False
+    steps = [
+        np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]]
+        for axis in (0, 1)
+    ]
+    return all(not step.size or float(np.mean(step <= SMOOTH)) >= ALL for step in steps)
