@@ -86,6 +86,11 @@ ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
 
 
+WHITE, NEUTRAL, LEAST_WHITE, COLOURED = 200, 12, 8, 25
+"""Least value of white, greatest difference of its channels, least number of such pixels, and the difference from which
+a light colours it, grey levels of 255."""
+
+
 def blocks_of(shape: tuple[int, int]) -> tuple[int, int]:
     """Return rows and columns of the blocks of a template."""
     side = max(LEAST_BLOCK, math.sqrt(shape[0] * shape[1]) / BLOCKS)
@@ -149,12 +154,30 @@ class Fit:
             for one in (self.template, self.predicted, self.seen)
         )
         trusted = (trust * (self._counts >= COUNTS)).astype(np.float64)
-        self.recoloured = _recoloured(soft, lit, shown, trusted, image.dtype)
+        self.recoloured, light = _recoloured(soft, lit, shown, trusted, image.dtype)
+        if light is not None and image.dtype == np.uint8 and self._keeps_white(pattern, mean, light):
+            self.recoloured = 1.0
         if _squares(self._residual()).max() >= NONE * self.variance:
             self._curves = self._tones(trust.astype(np.float64))
             self.predicted = self._as_seen(self.template)
         behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
+
+    def _keeps_white(self, pattern: Pattern, mean: Matrix, light: Matrix) -> bool:
+        """Return whether what is white is seen in no colour, though the gains and the offset of a light colour it.
+
+        A few letters on a button count as little as their area, but tell that its other colour is not due to light.
+        """
+        white = (pattern.colours.min(axis=2) >= WHITE) & (np.ptp(pattern.colours, axis=2) <= NEUTRAL) & self.counted
+        if white.sum() < LEAST_WHITE:
+            return False
+        lit = np.clip(pattern.colours[white] * light[:-1] + light[-1], 0, 255)
+        seen = self._beside[white] + mean
+        return bool(
+            median(np.ptp(seen, axis=1)) <= NEUTRAL
+            and median(np.ptp(lit, axis=1)) > COLOURED
+            and seen.min(axis=1).mean() > WHITE / 2
+        )
 
     def _aligned(self, place: _Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
@@ -477,15 +500,19 @@ class _Motions:
         return moved
 
 
-def _recoloured(given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]) -> float:
+def _recoloured(
+    given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]
+) -> tuple[float, Matrix | None]:
     """Return how far the fitted colours are from a gain of each channel and an offset of all, as a share of variance.
+
+    And those gains and the offset, None of a single channel.
 
     A light or a camera multiplies channels; haze and exposure add to all. Pixels that the image clips could be
     brighter, and do not count in the fit.
     """
     channels = given.shape[1]
     if channels == 1:
-        return 0.0
+        return 0.0, None
     top = float(np.iinfo(dtype).max) if dtype.kind == "u" else math.inf
     products, sums = np.zeros((channels + 1, channels + 1)), np.zeros(channels + 1)
     for one in range(channels):
@@ -495,10 +522,10 @@ def _recoloured(given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, d
         products[at] += terms.T @ (terms * weights[:, np.newaxis])
         sums[[one, channels]] += terms.T @ (weights * predicted[:, one])
     products[np.diag_indices(channels + 1)] += 1e-12 * (1 + np.trace(products))
-    *gains, offset = np.linalg.solve(products, sums)
-    lit = np.minimum(given * gains + offset, top)
+    light = np.linalg.solve(products, sums)
+    lit = np.minimum(given * light[:-1] + light[-1], top)
     away = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
-    return float(np.average(away, weights=trust) / max(predicted.var(axis=0).sum(), 1e-12))
+    return float(np.average(away, weights=trust) / max(predicted.var(axis=0).sum(), 1e-12)), light
 
 
 def beyond(one: Plane, other: Plane) -> Plane:
