@@ -31,6 +31,12 @@ ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (
 ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 12
 """Its sizes, the least share that it and what differs have in common, and how many times its size a template has."""
 
+BAR, OF_BAR = 24, 0.75
+"""Greatest width of a bar along a side, px, and least share of it that differs."""
+
+BADGE, ROUND = (8, 40), (0.68, 0.95)
+"""Least and greatest height of a badge, px, and of its box that it fills."""
+
 LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
 """Least contrast under a tint, and least share of the variance there that the tinted template explains."""
 
@@ -77,6 +83,8 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
     alone = thing.sum() >= ONE * differ.sum()
     over = (
         (alone and (_is_cursor(thing, seen, noise) or _is_arrow(thing)))
+        or (alone and _is_bar(differ, seen, noise))
+        or (alone and _is_badge(thing, image, row, col, noise))
         or _is_ring(differ, seen, noise)
         or _is_tint(differ, template, seen)
         or _is_shadow(differ, template, seen)
@@ -112,6 +120,45 @@ def _is_ring(differ: Mask, seen: Plane, noise: float) -> bool:
         return False
     sides = (part[:THICKEST].any(axis=0), part[-THICKEST:].any(axis=0), part[:, :THICKEST].any(axis=1), part[:, -THICKEST:].any(axis=1))  # fmt: skip
     return all(side.mean() >= OF_SIDE for side in sides) and _is_uniform(seen[rows, cols][part], noise)
+
+
+def _is_bar(differ: Mask, seen: Plane, noise: float) -> bool:
+    """Return whether what differs is a bar of one or two colours along a whole side of the template."""
+    rows, cols = _box(differ)
+    part, sides = seen[rows, cols], differ.shape
+    along = [one.stop - one.start == side for one, side in zip((rows, cols), sides, strict=True)]
+    at_rim = [one.start == 0 or one.stop == side for one, side in zip((rows, cols), sides, strict=True)]
+    wide = min(part.shape[:2])
+    if along[0] == along[1] or not all(at_rim) or wide > min(BAR, OF_TEMPLATE * min(sides)) or wide < 3:
+        return False
+    if differ[rows, cols].mean() < OF_BAR:
+        return False
+    values = part.reshape(-1, part.shape[2])
+    first = np.abs(values - [median(channel) for channel in values.T]).max(axis=1) <= noise
+    return bool(first.mean() >= ONE) or (bool(first.mean() >= 1 / 3) and _is_uniform(values[~first], noise))
+
+
+def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bool:
+    """Return whether what differs is of a disc or a pill of one colour, with something in it, seen in the image."""
+    rows, cols = (at + corner for at, corner in zip(np.nonzero(thing), (row, col), strict=True))
+    top, left = max(0, int(rows.min()) - BADGE[1]), max(0, int(cols.min()) - BADGE[1])
+    around = image[top : int(rows.max()) + BADGE[1], left : int(cols.max()) + BADGE[1]]
+    own = rows - top, cols - left
+    colour = [median(channel) for channel in around[own].T]
+    like = np.asarray(np.abs(around - np.float32(colour)).max(axis=2) <= noise, dtype=np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(like)
+    inside = labels[own][like[own] > 0]
+    if not inside.size:
+        return False
+    disc = 1 + int(np.argmax(np.bincount(inside, minlength=len(stats))[1:]))
+    height, width = int(stats[disc, cv2.CC_STAT_HEIGHT]), int(stats[disc, cv2.CC_STAT_WIDTH])
+    if not BADGE[0] <= height <= BADGE[1] or not 0.85 * height <= width <= 3 * height:
+        return False
+    found, _ = cv2.findContours(np.asarray(labels == disc, dtype=np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    filled = cv2.drawContours(np.zeros(like.shape, np.uint8), found, -1, 1, -1)
+    share = float(filled.sum()) / (height * width)
+    reached = cv2.dilate(filled, np.ones((5, 5), np.uint8)) > 0
+    return ROUND[0] <= share <= ROUND[1] and bool(reached[own].mean() >= ALL)
 
 
 def _is_arrow(differ: Mask) -> bool:

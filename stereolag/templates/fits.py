@@ -86,6 +86,9 @@ ALMOST_WHITE = 0.985
 """Share of the largest value of an integer type from which pixels are taken for clipped."""
 
 
+TINTED, TINT = (0.4, 1.0), 0.1
+"""Gains under a tint, and the share of what gains of the channels leave that it has to leave at most."""
+
 WHITE, NEUTRAL, LEAST_WHITE, COLOURED = 200, 12, 8, 25
 """Least value of white, greatest difference of its channels, least number of such pixels, and the difference from which
 a light colours it, grey levels of 255."""
@@ -505,7 +508,8 @@ def _recoloured(
 ) -> tuple[float, Matrix | None]:
     """Return how far the fitted colours are from a gain of each channel and an offset of all, as a share of variance.
 
-    And those gains and the offset, None of a single channel.
+    Or from a gain of all and an offset of each, as under a tint. And the gains and the offset, None of a single channel
+    or under a tint.
 
     A light or a camera multiplies channels; haze and exposure add to all. Pixels that the image clips could be
     brighter, and do not count in the fit.
@@ -525,7 +529,13 @@ def _recoloured(
     light = np.linalg.solve(products, sums)
     lit = np.minimum(given * light[:-1] + light[-1], top)
     away = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
-    return float(np.average(away, weights=trust) / max(predicted.var(axis=0).sum(), 1e-12)), light
+    shares = trust / trust.sum()
+    own, other = given - shares @ given, predicted - shares @ predicted
+    gain = float((shares @ (own * other)).sum() / max(float((shares @ np.square(own)).sum()), 1e-12))
+    left = float((shares @ np.square(other - gain * own)).sum())
+    varies = max(float(predicted.var(axis=0).sum()), 1e-12)
+    share = float(shares @ away) / varies
+    return (left / varies, None) if TINTED[0] <= gain <= TINTED[1] and left < TINT * share * varies else (share, light)
 
 
 def beyond(one: Plane, other: Plane) -> Plane:
