@@ -11,12 +11,12 @@ import math
 import cv2
 import numpy as np
 
-from stereolag.core.arrays import Mask, median
+from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.fits import Plane
 from stereolag.templates.patterns import Pattern
 
-LEAST_AREA, LEAST_LONG = 2304, 1.6
+LEAST_AREA, LEAST_LONG = 2304, 1.2
 """Least number of pixels of a template, or least width over height: an icon with a stroke more is its sibling."""
 
 CURSOR = (13, 3)
@@ -28,7 +28,7 @@ THICKEST, OF_SIDE, OF_TEMPLATE = 4, 0.4, 0.4
 ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (11.5, 11.5)])
 """The corners of the arrow of the mouse, x and y, at 100 % of a screen, px."""
 
-ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 12
+ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 8
 """Its sizes, the least share that it and what differs have in common, and how many times its size a template has."""
 
 BAR, OF_BAR = 24, 0.75
@@ -44,9 +44,9 @@ DARKEST, SMOOTH, NEUTRAL, FADES, DARK = 0.3, 0.08, 0.08, 0.05, 40.0
 """Darkest shadow, largest step of it from one pixel to the next, largest difference of it between channels, least by
 which it fades, and the least value at which its share can be told."""
 
-LIKE, NOISY, MOST = 6.0, 5.0, 0.75
-"""Greatest difference of pixels that are the same, grey levels of 255, unless it is so many times the median; and the
-largest share of the pixels that may differ by more."""
+LIKE, NOISY, AS_THEY_ARE, MOST = 6.0, 5.0, 20, 0.75
+"""Greatest difference of pixels that are the same, grey levels of 255, unless it is so many times this percentile; and
+the largest share of the pixels that may differ by more."""
 
 ONE, ALL = 0.9, 0.97
 """Least share of what differs that is one thing, and that is within the outline of what it is taken for."""
@@ -72,7 +72,7 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
         return None
     seen, template = part.astype(np.float32), pattern.colours.astype(np.float32)
     away = np.abs(seen - template).max(axis=2)
-    noise = max(LIKE, NOISY * median(away))
+    noise = max(LIKE, NOISY * float(percentiles(away, AS_THEY_ARE)[0]))
     differ = away > noise
     if not 0 < differ.mean() <= MOST:
         return None
@@ -118,7 +118,7 @@ def _is_ring(differ: Mask, seen: Plane, noise: float) -> bool:
     inner = part[THICKEST:-THICKEST, THICKEST:-THICKEST]
     if inner.sum() > (1 - ALL) * part.sum():
         return False
-    sides = (part[:THICKEST].any(axis=0), part[-THICKEST:].any(axis=0), part[:, :THICKEST].any(axis=1), part[:, -THICKEST:].any(axis=1))  # fmt: skip
+    sides = [side.any(axis=0) for turned in (part, part.T) for side in (turned[:THICKEST], turned[-THICKEST:])]
     return all(side.mean() >= OF_SIDE for side in sides) and _is_uniform(seen[rows, cols][part], noise)
 
 
@@ -155,7 +155,7 @@ def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bo
     if not BADGE[0] <= height <= BADGE[1] or not 0.85 * height <= width <= 3 * height:
         return False
     found, _ = cv2.findContours(np.asarray(labels == disc, dtype=np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    filled = cv2.drawContours(np.zeros(like.shape, np.uint8), found, -1, 1, -1)
+    filled = cv2.fillConvexPoly(np.zeros(like.shape, np.uint8), cv2.convexHull(np.concatenate(found)), 1)
     share = float(filled.sum()) / (height * width)
     reached = cv2.dilate(filled, np.ones((5, 5), np.uint8)) > 0
     return ROUND[0] <= share <= ROUND[1] and bool(reached[own].mean() >= ALL)
