@@ -443,7 +443,7 @@ def _outside(random: Random, least: float, most: float) -> Trial:
             return Trial(shown, cut(picture, place), (there,))
 
 
-# --- Drawn over ---------------------------------------------------------------------------------------------------------
+# --- Drawn over -------------------------------------------------------------------------------------------------------
 
 
 def _word_or_piece(random: Random) -> tuple[Array, Place]:
@@ -474,6 +474,15 @@ def text_cursors(random: Random) -> Trial:
     return Trial(shown, cut(picture, place), (place,))
 
 
+def _pixels(widget: Widget, beyond: int = 0) -> tuple[slice, slice]:
+    """Return the rows and columns of a widget and so many pixels around it."""
+    first, last = (int(widget.row), int(widget.col)), (widget.row + widget.height, widget.col + widget.width)
+    rows, cols = (
+        slice(max(0, start - beyond), int(np.ceil(end)) + beyond) for start, end in zip(first, last, strict=True)
+    )
+    return rows, cols
+
+
 POINTER = ("1 1", "1 17", "5 13.5", "8 20", "10.5 19", "7.5 12.5", "12.5 12.5")
 """The corners of an arrow, x and y, px."""
 
@@ -485,7 +494,7 @@ def mouse_pointers(random: Random) -> Trial:
     corners = np.array([corner.split() for corner in POINTER], float) * scale
     row = place.row + float(random.uniform(0, max(1, place.height - 22 * scale)))
     col = place.col + float(random.uniform(0, max(1, place.width - 14 * scale)))
-    at = np.rint((corners + [col, row]) * 16).astype(np.int32)
+    at = np.rint((corners + np.array([col, row])) * 16).astype(np.int32)
     fill, line = ((255, 255, 255), (0, 0, 0)) if random.random() < 0.6 else ((0, 0, 0), (255, 255, 255))
     cv2.fillPoly(shown, [at], fill, cv2.LINE_AA, 4)
     cv2.polylines(shown, [at], True, line, 1, cv2.LINE_AA, 4)
@@ -496,7 +505,8 @@ def selected(random: Random) -> Trial:
     """A word, a button or a part of a screen, tinted as what is selected is: all of it, or its rows or columns."""
     picture, place = _word_or_piece(random)
     shown, colour = picture.copy(), random.uniform([0, 60, 150], [90, 150, 255])
-    rows, cols = (slice(int(start), int(start + size)) for start, size in zip((place.row, place.col), (place.height, place.width), strict=True))  # fmt: skip
+    rows = slice(int(place.row), int(place.row + place.height))
+    cols = slice(int(place.col), int(place.col + place.width))
     way, part = int(random.integers(3)), random.uniform(0.3, 0.8)
     if way == 1:
         rows = slice(rows.start, rows.start + int(part * place.height))
@@ -514,11 +524,10 @@ def focus_rings(random: Random) -> Trial:
     place = box(widget, 1, margin, picture.shape)
     shown, thick, away = picture.copy(), int(random.integers(1, 3)), int(random.integers(0, 3))
     colour = random.uniform([0, 60, 150], [90, 150, 255])
-    top, left = int(widget.row) - away - thick, int(widget.col) - away - thick
-    bottom, right = int(np.ceil(widget.row + widget.height)) + away + thick, int(np.ceil(widget.col + widget.width)) + away + thick  # fmt: skip
+    rows, cols = _pixels(widget, away + thick)
     ring = np.zeros(shown.shape[:2], bool)
-    ring[max(top, 0) : bottom, max(left, 0) : right] = True
-    ring[max(top + thick, 0) : bottom - thick, max(left + thick, 0) : right - thick] = False
+    ring[rows, cols] = True
+    ring[_pixels(widget, away)] = False
     if random.random() < 0.3:
         ring &= np.add.outer(np.arange(shown.shape[0]), np.arange(shown.shape[1])) % 2 == 0
     shown[ring] = colour
@@ -565,20 +574,21 @@ def drop_shadows(random: Random) -> Trial:
     )
     picture = screen.drawn()
     place = box(widget, 1, int(random.integers(2, 7)), picture.shape)
-    away = np.zeros(picture.shape[:2], np.float32)
+    away: Array = np.zeros(picture.shape[:2], np.float32)
     down, right = int(random.integers(0, 4)), int(random.integers(-1, 3))
-    rows = slice(max(0, int(widget.row) + down), int(np.ceil(widget.row + widget.height)) + down)
-    cols = slice(max(0, int(widget.col) + right), int(np.ceil(widget.col + widget.width)) + right)
-    away[rows, cols] = random.uniform(0.25, 0.6)
-    away = cv2.GaussianBlur(away, (0, 0), float(random.uniform(1.5, 5)))
-    own = slice(int(widget.row), int(np.ceil(widget.row + widget.height))), slice(int(widget.col), int(np.ceil(widget.col + widget.width)))  # fmt: skip
-    inside = rounded(own[0].stop - own[0].start, own[1].stop - own[1].start, max(part.radius for part in widget.parts if isinstance(part, Panel)))  # fmt: skip
-    away[own][: inside.shape[0], : inside.shape[1]] *= (1 - inside)[: away[own].shape[0], : away[own].shape[1]]
+    rows, cols = _pixels(widget)
+    away[rows.start + down : rows.stop + down, max(0, cols.start + right) : cols.stop + right] = random.uniform(
+        0.25, 0.6
+    )
+    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(1.5, 5))))
+    radius = max(part.radius for part in widget.parts if isinstance(part, Panel))
+    own = away[rows, cols]
+    own *= 1 - rounded(*own.shape, radius)
     shown = np.rint(picture * (1 - away[:, :, None])).astype(np.uint8)
     return Trial(shown, cut(picture, place), (place,))
 
 
-def _message(random: Random, text: str, row: float, look: Theme, width: float) -> Widget:
+def _message(text: str, row: float, look: Theme, width: float) -> Widget:
     """Return a line of a chat: a bubble with words in it."""
     parts = (Panel(row, 40, 26, width, look.card, look.border, 8), Text(row + 5, 52, 13, text, look.ink))
     return Widget(text, row, 40, 26, width, parts)
@@ -589,11 +599,12 @@ def _chat(random: Random, there: bool) -> Trial:
     texts = [" ".join(str(one) for one in random.choice(WORDS, int(random.integers(2, 6)))) for _ in range(11)]
     width = float(random.integers(220, 320))
     rows = [20 + 34 * number for number in range(10)]
-    shown = Layout(380, 420, look, tuple(_message(random, text, row, look, width) for text, row in zip(texts, rows, strict=False)))  # fmt: skip
+    lines = (_message(text, row, look, width) for text, row in zip(texts, rows, strict=False))
+    shown = Layout(380, 420, look, tuple(lines))
     picture = as_jpeg(shown.drawn(), int(random.integers(60, 81)))
     number = int(random.integers(10))
     wanted = texts[number] if there else texts[10]
-    at = _message(random, wanted, rows[number], look, width)
+    at = _message(wanted, rows[number], look, width)
     place = box(at, 1, int(random.integers(0, 5)), picture.shape)
     template = cut(shown.exchanged(shown.widgets[number], at).drawn(), place)
     return Trial(picture, template, (place,) if there else ())
@@ -610,7 +621,7 @@ def other_messages(random: Random) -> Trial:
 
 
 def buttons_of_a_near_colour(random: Random) -> Trial:
-    """A coloured button with a white or dark word, of which only one in another colour of about its brightness is there."""
+    """A coloured button with a white or dark word, of which only one in another hue is there."""
     hue = float(random.uniform(0, 360))
     other = hue + float(random.choice([-1, 1])) * float(random.uniform(30, 70))
     light, vivid = float(random.uniform(0.3, 0.6)), float(random.uniform(0.5, 1))

@@ -16,7 +16,7 @@ from stereolag.core.inputs import Image
 from stereolag.templates.fits import Plane
 from stereolag.templates.patterns import Pattern
 
-LEAST_AREA, LEAST_LONG = 2304, 1.2
+LEAST_AREA, LEAST_LONG = 4900, 1.2
 """Least number of pixels of a template, or least width over height: an icon with a stroke more is its sibling."""
 
 CURSOR = (13, 3)

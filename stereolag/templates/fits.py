@@ -89,9 +89,9 @@ ALMOST_WHITE = 0.985
 TINTED, TINT = (0.4, 1.0), 0.1
 """Gains under a tint, and the share of what gains of the channels leave that it has to leave at most."""
 
-WHITE, NEUTRAL, LEAST_WHITE, COLOURED = 200, 12, 8, 25
-"""Least value of white, greatest difference of its channels, least number of such pixels, and the difference from which
-a light colours it, grey levels of 255."""
+WHITE, NEUTRAL, NEARLY, LEAST_WHITE, COLOURED = 200, 12, 20, 8, 25
+"""Least value of white, greatest difference of its channels in the template and where it is seen, least number of such
+pixels, and by how much more the channels differ in a light that colours it, grey levels of 255."""
 
 
 def blocks_of(shape: tuple[int, int]) -> tuple[int, int]:
@@ -176,11 +176,9 @@ class Fit:
             return False
         lit = np.clip(pattern.colours[white] * light[:-1] + light[-1], 0, 255)
         seen = self._beside[white] + mean
-        return bool(
-            median(np.ptp(seen, axis=1)) <= NEUTRAL
-            and median(np.ptp(lit, axis=1)) > COLOURED
-            and seen.min(axis=1).mean() > WHITE / 2
-        )
+        is_white = seen.min(axis=1).mean() > WHITE / 2
+        kept, coloured = (median(np.ptp(one, axis=1)) for one in (seen, lit))
+        return bool(is_white and kept <= NEARLY and coloured > kept + COLOURED)
 
     def _aligned(self, place: _Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""

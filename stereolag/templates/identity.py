@@ -165,9 +165,9 @@ def identity(
         and image.dtype == pattern.colours.dtype == np.uint8
         and (pattern.weights == 1).all()
     ):
-        over = drawn_over(image, pattern, row, col)
-        if over is not None:
-            beside = averaged(over, agrees.shape) == 0
+        covering = drawn_over(image, pattern, row, col)
+        if covering is not None:
+            beside = averaged(covering, agrees.shape) == 0
             return _told("partly_covered", 1.0, (1.0,) * len(fit.gain), fit.explained_in(beside), beside)
     if kind in ("differs", "not_there") and resized is not None and fit.recoloured < RECOLOURED:
         anew = redrawing(image, resized[0], row, col, resized[1])

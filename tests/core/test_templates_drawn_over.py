@@ -1,0 +1,148 @@
+"""Things that a screen draws over a place: the template is there; a sibling in the same box is not."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from stereolag import match_template
+from stereolag.templates.drawn_over import drawn_over
+from stereolag.templates.patterns import compared
+
+Array = npt.NDArray[np.uint8]
+WORDS = ("Save", "Open", "Close", "Print", "Export", "Import", "Search", "Reset", "Undo", "Help", "Filter", "Apply")
+SEEDS = range(4)
+
+
+def screen(random: np.random.Generator, words: list[str], ground: int = 245) -> Array:
+    """Return a screen of three columns of buttons of 96 × 30 px, 48 px apart, with these words."""
+    picture = np.full((220, 360, 3), ground, np.uint8)
+    fill, ink = (225, 230, 235) if ground > 127 else (60, 64, 70), (30, 30, 40) if ground > 127 else (230, 230, 235)
+    for number, word in enumerate(words):
+        left, top = 16 + 112 * (number % 3), 16 + 48 * (number // 3)
+        cv2.rectangle(picture, (left, top), (left + 96, top + 30), fill, -1)
+        cv2.rectangle(picture, (left, top), (left + 96, top + 30), (150, 155, 165), 1)
+        cv2.putText(picture, word, (left + 14, top + 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, 1, cv2.LINE_AA)
+    return picture
+
+
+def words_of(random: np.random.Generator) -> tuple[list[str], int, tuple[int, int]]:
+    """Return words of a screen, the number of one of them, and the (row, col) of a box of 44 × 110 px around it."""
+    words = [str(word) for word in random.permutation(WORDS)]
+    number = int(random.integers(12))
+    return words, number, (16 + 48 * (number // 3) - 7, 16 + 112 * (number % 3) - 7)
+
+
+def text_cursor(part: Array, random: np.random.Generator) -> None:
+    row, col = int(random.integers(4, 22)), int(random.integers(12, 90))
+    part[row : row + 17, col : col + int(random.integers(1, 3))] = 0
+
+
+def arrow(part: Array, random: np.random.Generator) -> None:
+    at = np.array([(1, 1), (1, 17), (5, 13.5), (8, 20), (10.5, 19), (7.5, 12.5), (12.5, 12.5)])
+    corners = np.rint(16 * (at + random.uniform([4, 4], [90, 20]))).astype(np.int32)
+    cv2.fillPoly(part, [corners], (255, 255, 255), cv2.LINE_AA, 4)
+    cv2.polylines(part, [corners], True, (0, 0, 0), 1, cv2.LINE_AA, 4)
+
+
+def focus_ring(part: Array, random: np.random.Generator) -> None:
+    away = int(random.integers(1, 5))
+    cv2.rectangle(part, (away, away), (109 - away, 43 - away), (140, 165, 215), 1)
+
+
+def selection(part: Array, random: np.random.Generator) -> None:
+    rows = part[: int(random.integers(15, 36))]
+    rows[:] = np.rint(0.7 * rows + 0.3 * np.array([0, 90, 220]))
+
+
+def shadow(part: Array, random: np.random.Generator) -> None:
+    away: npt.NDArray[np.floating] = np.zeros(part.shape[:2], np.float32)
+    away[9:41, 8:106] = random.uniform(0.3, 0.5)
+    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(2, 4))), np.float32)
+    away[7:38, 7:104] = 0
+    part[:] = np.rint(part * (1 - away[:, :, np.newaxis]))
+
+
+def scroll_bar(part: Array, random: np.random.Generator) -> None:
+    part[:, -int(random.integers(9, 15)) :] = 190
+    part[8:24, -6:] = 110
+
+
+def badge(part: Array, random: np.random.Generator) -> None:
+    cv2.circle(part, (102, 8), 7, (220, 30, 40), -1, cv2.LINE_AA)
+
+
+THINGS = (text_cursor, arrow, focus_ring, selection, shadow, scroll_bar, badge)
+
+
+@pytest.mark.parametrize("thing", THINGS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_button_is_found_under_what_a_screen_draws_over_it(thing: object, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    words, _, (row, col) = words_of(random)
+    picture = screen(random, words)
+    template = picture[row : row + 44, col : col + 110].copy()
+    assert callable(thing)
+    thing(picture[row : row + 44, col : col + 110], random)
+    search = match_template(picture, template)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (row, col)
+
+
+@pytest.mark.parametrize("thing", (None, *THINGS))
+@pytest.mark.parametrize("seed", SEEDS)
+def test_another_word_in_the_same_box_is_not_found_with_or_without_it(thing: object, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    words, number, (row, col) = words_of(random)
+    template = screen(random, words)[row : row + 44, col : col + 110].copy()
+    words[number] = words[number - 1]
+    picture = screen(random, words)
+    if callable(thing):
+        thing(picture[row : row + 44, col : col + 110], random)
+    assert not match_template(picture, template).found
+
+
+@pytest.mark.parametrize("side", [24, 32, 48])
+def test_an_icon_with_a_stroke_more_is_its_sibling(side: int) -> None:
+    minus = np.full((side, side, 3), 240, np.uint8)
+    cv2.rectangle(minus, (2, 2), (side - 3, side - 3), (90, 90, 100), 1)
+    minus[side // 2 - 1 : side // 2 + 1, side // 5 : -(side // 5)] = 40
+    plus = minus.copy()
+    plus[side // 5 : -(side // 5), side // 2 - 1 : side // 2 + 1] = 40
+    picture = np.full((200, 200, 3), 240, np.uint8)
+    picture[70 : 70 + side, 90 : 90 + side] = plus
+    assert not match_template(picture, minus).found
+    if side < 48:
+        assert drawn_over(*compared(picture, minus, None), 70, 90) is None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_button_in_another_colour_whose_letters_stay_white_is_another(seed: int) -> None:
+    """On a dark ground, gains of the channels make any colour of any other: teal is blue in another light."""
+    random = np.random.default_rng(seed)
+
+    def button(fill: tuple[int, int, int]) -> Array:
+        shown = np.full((44, 110, 3), 28, np.uint8)
+        cv2.rectangle(shown, (7, 7), (103, 37), fill, -1)
+        word = str(np.random.default_rng(seed).choice(WORDS))
+        cv2.putText(shown, word, (20, 27), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+        return shown
+
+    teal, blue = (int(random.integers(0, 40)), 150, 140), (int(random.integers(0, 40)), 100, 210)
+    picture = np.full((160, 240, 3), 28, np.uint8)
+    picture[50:94, 60:170] = button(blue)
+    assert match_template(picture, button(teal)).reason == "other_colours"
+    lit = np.rint(picture * [0.75, 0.9, 1.0]).astype(np.uint8)
+    assert match_template(lit, button(blue)).found
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_button_is_found_under_a_tint_of_all_of_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    words, _, (row, col) = words_of(random)
+    picture = screen(random, words)
+    template = picture[row : row + 44, col : col + 110].copy()
+    tinted = np.rint(0.65 * picture + 0.35 * random.uniform([0, 60, 150], [90, 150, 255])).astype(np.uint8)
+    search = match_template(tinted, template)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (row, col)
