@@ -145,7 +145,7 @@ def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bo
     around = image[top : int(rows.max()) + BADGE[1], left : int(cols.max()) + BADGE[1]]
     own = rows - top, cols - left
     colour = [median(channel) for channel in around[own].T]
-    like = np.asarray(np.abs(around - np.float32(colour)).max(axis=2) <= noise, dtype=np.uint8)
+    like = np.asarray(np.abs(around - np.asarray(colour, dtype=np.float32)).max(axis=2) <= noise, dtype=np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(like)
     inside = labels[own][like[own] > 0]
     if not inside.size:
@@ -174,13 +174,13 @@ def _is_arrow(differ: Mask) -> bool:
             continue
         corners = np.rint(16 * (ARROW * size + 1)).astype(np.int32)
         arrow = cv2.fillPoly(np.zeros((max(tall, height), max(wide, width)), np.uint8), [corners], 1, cv2.LINE_8, 4)
-        arrow = cv2.dilate(arrow, np.ones((3, 3), np.uint8)) > 0
-        other = np.zeros_like(arrow)
-        for down in range(arrow.shape[0] - height + 1):
-            for right in range(arrow.shape[1] - width + 1):
+        shape = np.asarray(cv2.dilate(arrow, np.ones((3, 3), np.uint8)) > 0)
+        other = np.zeros_like(shape)
+        for down in range(shape.shape[0] - height + 1):
+            for right in range(shape.shape[1] - width + 1):
                 other[:] = False
                 other[down : down + height, right : right + width] = filled
-                if (other & arrow).sum() >= LIKE_ARROW * (other | arrow).sum():
+                if (other & shape).sum() >= LIKE_ARROW * (other | shape).sum():
                     return True
     return False
 
