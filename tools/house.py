@@ -22,7 +22,7 @@ MANY_PARAMETERS = 12
 
 INSIDE = re.compile(
     r"\bstreamlit\.(?:runtime|proto|elements|web|delta_generator|testing|components\.v2\.)"
-    r"|\bnumba\.(?:core|misc|np)\b|\bfrom streamlit import runtime\b|\bgc\.freeze\b"
+    r"|\bnumba\.(?:core|misc|np)\b|\bfrom streamlit import runtime\b"
     r"|data-testid|\.st[A-Z]\w+|\[data-test"
 )
 """Imports of names that Streamlit and Numba do not document, and the marks of Streamlit's own elements."""

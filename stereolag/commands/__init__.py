@@ -42,9 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in MEASURING:
         os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it reads all that is installed, for none
-        os.environ.setdefault(
-            "OPENBLAS_NUM_THREADS", "1"
-        )  # else a second thread keeps a core busy, waiting for matrices
+        # Else a second thread keeps a core busy, waiting for matrices.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         gc.disable()  # there is no garbage among what is imported
         from stereolag.commands.arguments import guarded
 
