@@ -59,6 +59,11 @@ class Memory(threading.local):
         return self._parts[name][:size].reshape(shape)
 
 
+_AS_GOOD_AS_ONE = np.float32(1 - 2.0**-20)
+"""Score from which on a window is the template: sums in single precision are off by a few roundings, differently so at
+each of several copies."""
+
+
 def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
     """Return the score of each window, -1..1, NaN where the window is flat.
 
@@ -80,6 +85,7 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
             spread[spread <= tolerance] = np.nan
         np.multiply(products[rows], cv2.pow(spread, -0.5, dst=spread), out=scores[rows], casting="same_kind")
         np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
+        scores[rows][scores[rows] > _AS_GOOD_AS_ONE] = 1.0
     return scores
 
 
