@@ -130,7 +130,7 @@ def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[
     from numba import typeof
 
     signature = tuple(map(typeof, arguments))
-    with _no_collection(), _code_for_python_only():
+    with _no_collection():
         function = dispatcher.compile(signature)
     made = dispatcher.overloads[signature]
     if made.lifted or made.reload_init or made.library.has_dynamic_globals:
@@ -142,38 +142,7 @@ def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[
         each.name for group in (module.functions, module.global_variables) for each in group if each.is_declaration
     ]
     calls = tuple(name for name in named if not name.startswith("llvm."))
-    kept = MachineCode(code, made.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
-    return load(kept, dispatcher.py_func) or function, kept
-
-
-@contextmanager
-def _code_for_python_only() -> Iterator[None]:
-    """Let Numba make machine code of what Python calls, not once more of every function in it: a tenth of the time.
-
-    The others are linked into it before.
-    """
-    codegen = import_module("numba.core.codegen")
-    library, generator = codegen.JITCodeLibrary, codegen.JITCPUCodegen
-    finalize, set_environment = library._finalize_final_module, generator.set_env
-
-    def finalize_if_called(made: Any) -> None:
-        if any(one.name.startswith("_ZN7cpython") and not one.is_declaration for one in made._final_module.functions):
-            finalize(made)
-        else:
-            made._finalize_dynamic_globals()
-            made._finalized = True
-
-    def set_if_there(made: Any, name: str, environment: Any) -> None:
-        if made._engine.get_global_value_address(name):
-            set_environment(made, name, environment)
-
-    with import_module("numba.core.compiler_lock").global_compiler_lock:  # nobody else compiles meanwhile
-        library._finalize_final_module, generator.set_env = finalize_if_called, set_if_there
-        try:
-            yield
-        finally:
-            del library._finalize_final_module
-            generator.set_env = set_environment
+    return function, MachineCode(code, made.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
 
 
 @contextmanager
