@@ -179,7 +179,7 @@ def mutual_matches(left: Codes, right: Codes) -> tuple[npt.NDArray[np.intp], npt
     Parameters
     ----------
     left, right
-        (n, bytes) and (m, bytes), bytes a multiple of 8.
+        (n, bytes) and (m, bytes), bytes a multiple of 8, m at most 65,536.
 
     Returns
     -------
@@ -190,9 +190,8 @@ def mutual_matches(left: Codes, right: Codes) -> tuple[npt.NDArray[np.intp], npt
     """
     words, others = left.view(np.uint64).T.copy(), right.view(np.uint64)
     nearest_left = np.empty(len(right), np.intp)
-    nearest = np.full(
-        len(left), np.iinfo(np.uint32).max, np.uint32
-    )  # to each left one: bits, then the right one's index
+    # To each left one: the bits, then the index of the right one.
+    nearest = np.full(len(left), np.iinfo(np.uint32).max, np.uint32)
     for first in range(0, len(right), CODES_AT_ONCE):
         some = others[first : first + CODES_AT_ONCE]
         bits = np.zeros((len(some), len(left)), np.uint16)

@@ -172,6 +172,7 @@ class Carrier:
             self.item = self._packed(end=MALFORMED)
         except _Closed as closed:
             self.item = self._packed(end=closed.code)
+            self._last = -math.inf  # the next message begins a stream of its own
 
 
 _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary()

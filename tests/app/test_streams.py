@@ -372,6 +372,7 @@ def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_
     with limited(max_live_minutes=1):
         by_streamlit(first, 11, packed_item({}).data)
         assert by_streamlit(first, 12, packed_item({}).data)["end"] == streams.TOO_LONG
+        assert "end" not in by_streamlit(first, 13, packed_item({}).data)  # started again
 
 
 def test_frames_are_decoded_within_limits() -> None:
