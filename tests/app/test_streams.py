@@ -370,9 +370,10 @@ def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_
         assert unpacked(first.carrier.item)[0]["end"] == streams.MALFORMED
     monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.0)
     with limited(max_live_minutes=1):
-        by_streamlit(first, 11, packed_item({}).data)
-        assert by_streamlit(first, 12, packed_item({}).data)["end"] == streams.TOO_LONG
-        assert "end" not in by_streamlit(first, 13, packed_item({}).data)  # started again
+        timed = Stream("timed", Numbered, echo)
+        ends = ["end" in by_streamlit(timed, number, packed_item({}).data) for number in (1, 2, 3)]
+        assert ends == [False, True, False]  # the third begins anew
+        assert by_streamlit(timed, 4, packed_item({}).data)["end"] == streams.TOO_LONG
 
 
 def test_frames_are_decoded_within_limits() -> None:
