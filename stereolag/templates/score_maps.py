@@ -80,12 +80,14 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
     """
     scores = np.empty(products.shape, dtype=np.float32) if out is None else out
     for rows in strips(scores.shape):
-        spread = energy[rows].astype(products.dtype)
-        if spread.min() <= tolerance:
+        some, spread = scores[rows], energy[rows].astype(products.dtype)
+        flat = spread.min() <= tolerance
+        if flat:
             spread[spread <= tolerance] = np.nan
-        np.multiply(products[rows], cv2.pow(spread, -0.5, dst=spread), out=scores[rows], casting="same_kind")
-        np.clip(scores[rows], -1.0, 1.0, out=scores[rows])
-        scores[rows][scores[rows] > _AS_GOOD_AS_ONE] = 1.0
+        np.multiply(products[rows], cv2.pow(spread, -0.5, dst=spread), out=some, casting="same_kind")
+        if flat or some.max() > _AS_GOOD_AS_ONE or some.min() < -1:
+            np.clip(some, -1.0, 1.0, out=some)
+            some[some > _AS_GOOD_AS_ONE] = 1.0
     return scores
 
 
@@ -133,8 +135,8 @@ class WindowEnergy:
         return energy
 
     def _sums(self, table: npt.NDArray[Any], rows: slice) -> npt.NDArray[Any]:
-        down = table[rows.start + self._height : rows.stop + self._height] - table[rows]
-        return np.asarray(down[:, self._width :] - down[:, : -self._width])
+        down = cv2.subtract(table[rows.start + self._height : rows.stop + self._height], table[rows])
+        return np.asarray(cv2.subtract(down[:, self._width :], down[:, : -self._width]))
 
 
 VALUES_AT_ONCE = 1_000_000
@@ -472,7 +474,7 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
 
 Scores = npt.NDArray[np.floating[Any]]
 
-ROWS_AT_ONCE = 256
+ROWS_AT_ONCE = 64
 """Rows of a score map searched for peaks at a time, to keep the copies small."""
 
 PEAKS_AT_ONCE = 256

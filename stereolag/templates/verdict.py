@@ -225,8 +225,8 @@ def judged(
         return otherwise
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
     rivals = places.best(MOST_RIVALS, taken=found or best)
-    for one in rivals[:1] if kept else ():
-        looked.identity(one)
+    if kept and rivals and places.scores[rivals[0]] >= places.scores[best[0]] - FAR_BELOW:
+        looked.identity(rivals[0])
     others = [one for one in kept if one not in found]
     return TemplateSearch(
         matches=[looked.match(one) for one in (found + others)[:max_matches]],
