@@ -27,7 +27,7 @@ setup:
 
 installed: $(VENV)/.loops-warm $(VENV)/.app-imported $(VENV)/.command-ready
 
-setup-dev: setup $(VENV)/.dev-ready node_modules/.ready
+setup-dev: setup $(VENV)/.dev-ready $(VENV)/.all-loops-warm node_modules/.ready
 
 test: check
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
@@ -83,7 +83,13 @@ node_modules/.ready: package.json package-lock.json $(VENV)/.dev-ready
 	$(BIN)/npm ci --silent
 	@touch $@
 
-# Compiling once here spares the app's first visitor the wait: the machine code is kept on disk.
+# Compiling once here spares the app's first visitor the wait: the machine code is kept on disk. The app compiles the
+# loops that no page runs as it opens, in the background.
 $(VENV)/.loops-warm: $(VENV)/.measuring-ready $(LOOPS)
+	$(BIN)/python -m stereolag.warming pages
+	@touch $@
+
+$(VENV)/.all-loops-warm: $(VENV)/.loops-warm
 	$(BIN)/python -m stereolag.warming
 	@touch $@
+

@@ -1,13 +1,18 @@
-"""``python -m stereolag.warming``: run every measurement once on small inputs, for every type of image and recording.
+"""Measurements run once on small inputs, for every type of image and recording.
 
 This compiles loops that were never compiled, keeping their machine code on disk, and loads the others. Later
-measurements wait for neither, and the times shown are those of the computation alone.
+measurements wait for neither, and the times shown are those of the computation alone. ``python -m stereolag.warming``
+compiles all of them, ``python -m stereolag.warming pages`` those that the pages run as they open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from multiprocessing import get_context
 from typing import Any
@@ -17,7 +22,7 @@ import numpy as np
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import available_cores
-from stereolag.loops.compilation import compile_alone
+from stereolag.loops.compilation import FOLDER, compile_alone
 from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.matcher import StereoMatcher
@@ -30,13 +35,12 @@ LAG_METHODS: tuple[dict[str, Any], ...] = (
 )
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
 STRIP = SearchArea.rectified(16)
-MATCHERS = (
-    CorrelationMatcher(window_size=7, search=STRIP, engine="window_sums", ambiguity=AmbiguityTest()),
-    CorrelationMatcher(window_size=7, search=STRIP, left_right=LeftRightCheck()),
-    CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="window_sums"),
-    CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="fft"),
-    preset("fast", num_disparities=16),
+OTHER_MATCHERS = (
     preset("accurate", num_disparities=16),
+    CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="fft"),
+    CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="window_sums"),
+    CorrelationMatcher(window_size=7, search=STRIP, left_right=LeftRightCheck()),
+    CorrelationMatcher(window_size=7, search=STRIP, engine="window_sums", ambiguity=AmbiguityTest()),
 )
 
 
@@ -48,7 +52,7 @@ def _measure_sounds() -> None:
     signal_lag(long, long, max_lag=30)
 
 
-def _measure_pictures() -> None:
+def _search_pictures() -> None:
     for picture in _pictures():
         grey, part = picture[..., 0], picture[20:40, 30:50]
         masked = np.dstack([part, np.full(part.shape[:2], 255, part.dtype)])
@@ -56,7 +60,11 @@ def _measure_pictures() -> None:
         for image, template in ((picture, masked), (picture, part), (grey, part[..., 0])):
             match_template(image, template, method="fft")
             match_template(image, template, method="sampled", seed=0)
-        optical_flow(grey, np.roll(grey, 2, axis=1), search=8)
+
+
+def _measure_flow() -> None:
+    for picture in _pictures():
+        optical_flow(picture[..., 0], np.roll(picture[..., 0], 2, axis=1), search=8)
 
 
 def _match(matcher: StereoMatcher) -> None:
@@ -72,30 +80,74 @@ def _pictures() -> list[Image]:
     return [random.integers(0, 255, (60, 80, 3)).astype(kind) for kind in IMAGE_TYPES]
 
 
-PARTS: tuple[Callable[[], None], ...] = (
-    *(partial(_match, matcher) for matcher in reversed(MATCHERS)),
-    _measure_pictures,
+Part = Callable[[], None]
+
+OF_PAGES: Sequence[Part] = (
+    partial(_match, preset("fast", num_disparities=16)),
+    _search_pictures,
     _measure_sounds,
 )
-"""All measurements, those with the most loops first."""
+"""The measurements that the pages run as they open."""
+
+PARTS: Sequence[Part] = (
+    partial(_match, OTHER_MATCHERS[0]),
+    *OF_PAGES,
+    *(partial(_match, one) for one in OTHER_MATCHERS[1:]),
+    _measure_flow,
+)
+"""All measurements, the one with the most loops first."""
+
+ALL_COMPILED = None if FOLDER is None else FOLDER / "all"
+"""A file that is there once every loop is compiled."""
 
 
 @cache
 def warm() -> None:
-    """Run every measurement once on small images and recordings; once per process is enough."""
-    for part in PARTS:
+    """Run every measurement once, or those of the pages alone while others are still to be compiled.
+
+    Once per process is enough.
+    """
+    complete = ALL_COMPILED is not None and ALL_COMPILED.exists()
+    for part in PARTS if complete else OF_PAGES:
         part()
 
 
-def _run_part(number: int) -> None:
-    PARTS[number]()
+@contextmanager
+def compiling_the_rest() -> Iterator[None]:
+    """Have a process compile meanwhile, behind all others, the loops that `warm` has left."""
+    if ALL_COMPILED is None or ALL_COMPILED.exists():
+        yield
+        return
+    command = [sys.executable, "-P", "-m", "stereolag.warming", "rest"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    compiling = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment)
+    try:
+        yield
+    finally:
+        compiling.kill()
+        compiling.wait()
 
 
-def compile_all() -> None:
-    """Compile every loop, in a process for each core."""
-    with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
-        list(processes.map(_run_part, range(len(PARTS))))
+def _run_part(part: Part) -> None:
+    part()
+
+
+def main(asked: Sequence[str]) -> None:
+    """Compile the loops of the pages, or all of them, side by side; the rest one by one, behind all else."""
+    parts = OF_PAGES if "pages" in asked else PARTS
+    if "rest" in asked:
+        if hasattr(os, "nice"):
+            os.nice(10)
+        compile_alone()
+        for part in parts:  # no processes of its own, which would outlive it
+            part()
+    else:
+        with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
+            list(processes.map(_run_part, parts))
+    if parts is PARTS and ALL_COMPILED is not None:
+        with suppress(OSError):  # a full disk
+            ALL_COMPILED.touch()
 
 
 if __name__ == "__main__":
-    compile_all()
+    main(sys.argv[1:])

@@ -14,7 +14,9 @@ import socket
 import subprocess
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from importlib import import_module
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -117,21 +119,33 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
             print(f"stereolag serves no page: {fault}", file=sys.stderr)
         return 1 if fault else 0
     try:
-        fault = port_fault(options.port, remedy) or page_fault()
+        fault = port_fault(options.port, remedy)
+        if not fault:
+            with ThreadPoolExecutor(1) as beside:
+                prepared = beside.submit(_prepare)
+                fault = page_fault()
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
+        prepared.result()
         from stereolag.io.guard import start_guard
-        from stereolag.warming import warm
+        from stereolag.ui.streamlit_inside import run_server
+        from stereolag.warming import compiling_the_rest
 
         start_guard()
-        warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
-        from stereolag.ui.streamlit_inside import run_server
-
-        run_server(APP, options.port, [*others])
+        with compiling_the_rest():
+            run_server(APP, options.port, [*others])
     except KeyboardInterrupt:  # before the server handles it
         return 130
     return 0
+
+
+def _prepare() -> None:
+    """Import what the pages need and run their loops, which otherwise the first visitor would wait for."""
+    from stereolag.warming import warm
+
+    warm()
+    import_module("stereolag.ui.streamlit_inside")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

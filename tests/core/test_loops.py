@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import inspect
 import json
@@ -34,8 +35,9 @@ from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
 from stereolag.samples import recordings, stereo_pairs
 from stereolag.stereo import compiling
+from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import PresetName
-from stereolag.warming import warm
+from stereolag.warming import OF_PAGES, PARTS
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
@@ -392,8 +394,12 @@ def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytes
     assert len(started) == 1
 
 
-def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    warm()
+@pytest.mark.parametrize("all_of_them", [False, True], ids=["pages", "all"])
+def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.MonkeyPatch, all_of_them: bool) -> None:
+    for loop in (one for one in gc.get_objects() if type(one) is Loop):  # isinstance would ask dead proxies
+        monkeypatch.setattr(loop, "_code", {})
+    for part in PARTS if all_of_them else OF_PAGES:
+        part()
     late: list[str] = []
     find = Loop._found
 
@@ -402,12 +408,17 @@ def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.Monkey
         return find(loop, *asked)
 
     monkeypatch.setattr(Loop, "_found", noted)
+    matchers: list[StereoMatcher] = [sl.preset("fast")]
+    if all_of_them:
+        matchers += [*map(sl.preset, get_args(PresetName)), sl.CorrelationMatcher(), sl.SemiGlobalMatcher()]
     for example in ("cube", "square"):
         pair = stereo_pairs()[example]
         images = sl.read_image(pair.left), sl.read_image(pair.right)
-        for matcher in (*map(sl.preset, get_args(PresetName)), sl.CorrelationMatcher(), sl.SemiGlobalMatcher()):
+        for matcher in matchers:
             matcher.compute(*images)
-    sl.optical_flow(*images)
+    if all_of_them:
+        sl.optical_flow(*images)
+    sl.match_template(images[0], images[0][20:60, 30:80])
     for heard in recordings().values():
         sl.signal_lag(sl.read_signal(heard.signal_1), sl.read_signal(heard.signal_2))
     assert not late
