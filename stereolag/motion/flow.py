@@ -18,6 +18,7 @@ from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import keep_freed_memory
 from stereolag.motion.candidates import NO_SCORE, Candidates, Flow, best_of_neighbours, leaves_frame, match_level
 from stereolag.motion.levels import (
     ForwardBackwardCheck,
@@ -310,6 +311,7 @@ class FlowMatcher(Settings):
                 "the window must fit into them."
             )
         check_memory(self.estimate(images[0].shape, images[0].dtype))
+        keep_freed_memory()
         start = time.perf_counter()
         grey = rescale_extreme_floats(*map(as_grey, images))
         if self.subtract_minimum:
