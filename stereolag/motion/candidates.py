@@ -15,10 +15,10 @@ from stereolag.core.inputs import Image
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill
-from stereolag.loops.vector_lanes import LANES, item
+from stereolag.loops.vector_lanes import LANES, cast, item, load, splat, store
 from stereolag.stereo.windows.engines import comparable, match_windows
 from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
-from stereolag.stereo.windows.scores import Windows, describe_windows, sum_columns
+from stereolag.stereo.windows.scores import Windows, change, changing_rows, describe_windows, row_change, sum_columns
 from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
 
 Flow: TypeAlias = npt.NDArray[np.float32]
@@ -110,7 +110,7 @@ class _Best(NamedTuple):
 
     @classmethod
     def of(cls, matches: WindowMatches) -> _Best:
-        offset_dy, offset_dx = fit_peaks(matches.around)
+        offset_dy, offset_dx = fit_peaks(matches.around, None)
         found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
         score = np.where(np.isnan(matches.score), NO_SCORE, matches.score)
         return cls(score, matches.dy, matches.dx, found)
@@ -141,14 +141,18 @@ def _strips(reach: int) -> Iterator[tuple[int, int]]:
 
 
 class _Windows(NamedTuple):
-    """Windows of one image, a pixel apart, and the image in the type of their sums."""
+    """Windows of one image, a pixel apart, and the image as its products are summed."""
 
-    pixels: Array
-    """(rows, cols)."""
+    rows: Array
+    """(rows, cols) of :func:`~stereolag.stereo.windows.scores.changing_rows`, below as many zeros as a window has."""
     total: Array
     """(rows, cols) of windows: sum of the pixels."""
     inverse: FloatMap
     """(rows, cols) of windows: 1 / norm; NaN for a flat window, or one out of the image."""
+
+
+LARGEST_IN_INTEGERS = 13
+"""Side of the largest window of uint8 whose covariance, times its number of pixels, fits 32 bits."""
 
 
 def _match_near(first: Image, second: Image, flow: Flow, window: int, reach: int) -> Candidates:
@@ -158,12 +162,17 @@ def _match_near(first: Image, second: Image, flow: Flow, window: int, reach: int
     the lag, and what is kept for a second look is used at once, a row at a time.
     """
     first, second, _, floor = comparable(first, second, window, "zncc")
+    if window > LARGEST_IN_INTEGERS:
+        first, second = first.astype(np.float64), second.astype(np.float64)
     found = Candidates(*(np.empty(shape, np.float32) for shape in (flow.shape, flow.shape[1:], flow.shape[1:])))
+    places = np.mgrid[: 2 * reach + 1, : 2 * reach + 1].reshape(2, -1)
+    # From the middle outwards: the shorter of two equal lags is first.
+    order = places[:, np.argsort(np.square(places - reach).sum(axis=0), kind="stable")].T.copy()
 
     def match(start: int, end: int) -> None:
         left = _described(first, window, floor, start, end, 0, found.texture[start:end])
         right = _described(second, window, floor, start, end, reach, np.empty((0, 0), np.float32))
-        _match_rows(left, right, window, reach, start, flow, found)
+        _match_rows(left, right, window, order, start, flow, found)
 
     over_image(match, flow.shape[1:])
     return found
@@ -174,74 +183,69 @@ def _described(
 ) -> _Windows:
     """Return the windows of rows `start` to `end`, and those within reach around them; set the texture of the former.
 
-    Beyond the image are zeros, and windows without a norm.
+    Beyond the image are zeros, and windows without a norm; at the end of a row, room for sixteen more.
     """
     kind = np.int32 if image.dtype == np.uint8 else np.float64
     height, width = (side - window + 1 for side in image.shape)
     top, bottom = max(0, start - reach), min(height, end + reach)
     above = top - (start - reach)
     below = above + bottom - top
-    shape = end - start + 2 * reach, width + 2 * reach
+    shape = end - start + 2 * reach, width + 2 * reach + LANES
     windows = Windows(np.zeros(shape, kind), np.full(shape, NOTHING, np.float32))
     describe_windows(image, window, 1, top, 1 / window**2, 0.0, floor, windows, (above, below, reach), texture)
-    pixels = np.zeros((shape[0] + window - 1, shape[1] + window - 1), kind)
-    pixels[above : below + window - 1, reach : reach + image.shape[1]] = image[top : bottom + window - 1]
-    return _Windows(pixels, *windows)
+    pixels = np.zeros((shape[0] + 2 * window - 1, shape[1] + window - 1), image.dtype)
+    pixels[window + above : 2 * window + below - 1, reach : reach + image.shape[1]] = image[top : bottom + window - 1]
+    return _Windows(changing_rows(pixels, window, 1 if reach else -1), *windows)
 
 
 @compiled
 def _match_rows(
-    left: _Windows, right: _Windows, window: int, reach: int, start: int, flow: Flow, found: Candidates
+    left: _Windows, right: _Windows, window: int, order: Array, start: int, flow: Flow, found: Candidates
 ) -> None:
-    """Set the matches of the described rows, which begin at `start`."""
-    pixels, total, inverse = left
+    """Set the matches of the described rows, which begin at `start`, from the lags tried in this order."""
+    rows, total, inverse = left
     there, there_total, there_inverse = right
     found_flow, found_score, _ = found
     height, width = found_score.shape
-    wide, side = pixels.shape[1], 2 * reach + 1
-    columns = np.zeros((side * side, wide + 2 * LANES), total.dtype)
-    span, sums = np.zeros(wide + 2 * LANES, total.dtype), np.zeros(wide + 2 * LANES, total.dtype)
+    reach = (there_total.shape[0] - total.shape[0]) // 2
+    side = 2 * reach + 3
+    wide, per_side, middle = np.float32(side), np.float32(1 / side), np.float32(reach + 1)
+    room = width + window - 1 + 2 * LANES
+    columns = np.zeros((len(order), room), total.dtype)
+    span, sums = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
     # A border of missing scores gives every lag its neighbours.
-    scores = np.full((side + 2, side + 2, width), NOTHING, np.float32)
+    scores = np.full((side * side, total.shape[1]), NOTHING, np.float32)
     around = np.empty((3, 3, 1, width), np.float32)
     place, dy, dx = np.empty(width, np.int32), np.empty((1, width), np.float32), np.empty((1, width), np.float32)
     for row in range(total.shape[0]):
-        best, bottom = found_score[start + row], row + window - 1
-        for down in range(side):
-            for aside in range(side):
-                sums_there = columns[down * side + aside]
-                if row == 0:
-                    for y in range(bottom):
-                        _add(pixels[y], there[y + down, aside:], sums_there)
-                    _add(pixels[bottom], there[bottom + down, aside:], sums_there)
-                else:
-                    _move(pixels, there[:, aside:], row - 1, bottom, down, sums_there)
-                sum_columns(sums_there, width, window, span, sums)
-                _correlate(
-                    sums,
-                    total[row],
-                    inverse[row],
-                    there_total[row + down, aside:],
-                    there_inverse[row + down, aside:],
-                    1 / window**2,
-                    scores[down + 1, aside + 1],
-                )
+        best = found_score[start + row]
         fill(best, NO_SCORE)
-        fill(place, 0)
-        for length in range(2 * reach * reach + 1):  # from the middle outwards: the shorter of two equal ones is first
-            for down in range(side):
-                for aside in range(side):
-                    if (down - reach) ** 2 + (aside - reach) ** 2 == length:
-                        _keep_better(scores[down + 1, aside + 1], down * (side + 2) + aside, best, place)
+        fill(place, side * side // 2)
+        for number in range(len(order)):
+            down, aside = order[number]
+            sums_there, plane = columns[number], (down + 1) * side + aside + 1
+            for y in range(row + 2 * window - 1 if row else window, row + 2 * window):
+                _change(rows, y, there, y + down, aside, window, sums_there)
+            sum_columns(sums_there, width, window, span, sums)
+            _correlate(
+                sums,
+                total[row],
+                inverse[row],
+                there_total[row + down, aside:],
+                there_inverse[row + down, aside:],
+                window**2,
+                scores[plane],
+            )
+            _keep_better(scores[plane], plane, best, place)
         for one in range(3):
             for other in range(3):
-                _take_from(scores, place, one * (side + 2) + other, around[one, other, 0])
-        fit_in_two_dimensions(around, dy, dx, 0, 1)
+                _take_from(scores, place, (one - 1) * side + other - 1, around[one, other, 0])
+        fit_in_two_dimensions(around, dy, dx, 0, 1, None)
         for col in range(width):
-            known = best[col] > NO_SCORE
-            down, aside = place[col] // (side + 2) - reach, place[col] % (side + 2) - reach
-            y = flow[0, start + row, col] + (dy[0, col] + np.float32(down) if known else np.float32(0))
-            x = flow[1, start + row, col] + (dx[0, col] + np.float32(aside) if known else np.float32(0))
+            down = np.floor((np.float32(place[col]) + HALF) * per_side)
+            aside = np.float32(place[col]) - down * wide
+            y = flow[0, start + row, col] + (dy[0, col] + (down - middle))
+            x = flow[1, start + row, col] + (dx[0, col] + (aside - middle))
             found_flow[0, start + row, col] = y
             found_flow[1, start + row, col] = x
             y += np.float32(start + row)
@@ -251,33 +255,25 @@ def _match_rows(
 
 
 @compiled
-def _add(near: Array, there: Array, columns: Array) -> None:
-    """Add a row of products to the sums of the columns."""
-    for x in range(near.size):
-        columns[x] += near[x] * there[x]
-
-
-@compiled
-def _move(pixels: Array, there: Array, leaving: int, entering: int, down: int, columns: Array) -> None:
-    """Add a row of products to the sums of the columns, and take another one away."""
-    enters, leaves, enters_there, leaves_there = (
-        pixels[entering],
-        pixels[leaving],
-        there[entering + down],
-        there[leaving + down],
-    )
-    for x in range(enters.size):
-        columns[x] += enters[x] * enters_there[x] - leaves[x] * leaves_there[x]
+def _change(left: Array, y: int, there: Array, y_there: int, aside: int, window: int, columns: Array) -> None:
+    """Change the sums of the columns by the products of a row that enters and of one that leaves."""
+    at, at_there = y * left.shape[1], y_there * there.shape[1] + aside
+    back, back_there = window * left.shape[1], window * there.shape[1]
+    for x in range(0, columns.size - 2 * LANES, LANES):
+        pixels = row_change(left, at + x, back)
+        store(columns, x, load(columns, x) + change(pixels, there, at_there + x, back_there))
 
 
 @compiled
 def _correlate(
-    sums: Array, total: Array, inverse: Array, there_total: Array, there_inverse: Array, share: float, scores: Array
+    sums: Array, total: Array, inverse: Array, there_total: Array, there_inverse: Array, count: int, scores: Array
 ) -> None:
-    """Set the scores of a row of windows at one lag."""
-    for x in range(scores.size):
-        covariance = np.float64(sums[x]) - np.float64(total[x]) * share * np.float64(there_total[x])
-        scores[x] = np.float32(covariance) * inverse[x] * there_inverse[x]
+    """Set the scores of a row of windows, of `count` pixels each, at one lag."""
+    times, share = splat(count, sums.dtype), splat(1 / count, np.float32)
+    for x in range(0, scores.size - LANES + 1, LANES):
+        covariance = times * load(sums, x) - load(total, x) * load(there_total, x)
+        scale = share * load(inverse, x) * load(there_inverse, x)
+        store(scores, x, cast(covariance, np.float32) * scale)
 
 
 @compiled
@@ -293,8 +289,9 @@ def _keep_better(scores: Array, number: int, best: Array, place: Array) -> None:
 @compiled
 def _take_from(planes: Array, place: Array, offset: int, row: Array) -> None:
     """Set every number of a row from the plane whose number is in `place`, plus `offset`."""
+    wide = planes.shape[1]
     for x in range(row.size):
-        row[x] = item(planes, (np.int64(place[x]) + offset) * row.size + x)
+        row[x] = item(planes, (np.int64(place[x]) + offset) * wide + x)
 
 
 def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:

@@ -49,7 +49,7 @@ NEITHER, ENTERING, BOTH = 0, 1, 2
 """How a row changes the column sums that end in it: not at all, by entering, or by entering as another leaves."""
 
 
-def changing_rows(image: Array, window: int) -> Array:
+def changing_rows(image: Array, window: int, sign: int = 1) -> Array:
     """Return the rows of an image as :func:`change` expects them.
 
     Parameters
@@ -58,6 +58,8 @@ def changing_rows(image: Array, window: int) -> Array:
         (H, W) uint8 or float64.
     window
         Height of the window: a pixel leaves when the one this many rows below enters.
+    sign
+        -1 for the left one of two images whose rows are multiplied: what leaves is taken away.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def changing_rows(image: Array, window: int) -> Array:
     if image.dtype != np.uint8:
         return image
     rows = image.astype(np.int32)
-    rows[window:] |= rows[:-window] << 16
+    rows[window:] += rows[:-window] * np.int32(sign << 16)
     return rows
 
 
@@ -87,6 +89,21 @@ def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -
         enters = item(left, at) if which != NEITHER else 0.0
         leaves = item(left, at - back) if which == BOTH else 0.0
         return splat(enters, rows.dtype), splat(leaves, rows.dtype)
+
+    return packed if is_integer(rows.dtype) else apart
+
+
+def row_change(rows: Array, at: int, back: int) -> Any:
+    """Return sixteen entering left pixels and the leaving ones, as the rows have them; for compiled code only."""
+
+
+@compiled_as(row_change)
+def _row_change_of_type(rows: Any, at: Any, back: Any) -> Any:
+    def packed(rows: Array, at: int, back: int) -> Any:
+        return load(rows, at)
+
+    def apart(rows: Array, at: int, back: int) -> Any:
+        return load(rows, at), load(rows, at - back)
 
     return packed if is_integer(rows.dtype) else apart
 
@@ -167,18 +184,19 @@ def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Arra
     All three arrays have room for sixteen more. `span` is set to the sums of 1, 2, 4, ... neighbours in turn, and those
     that make up the window are added, so that no sum waits for the one beside it.
     """
-    nothing = splat(0, sums.dtype)
+    done, width, keep = window & 1, 2, splat(window & 1, sums.dtype)
     for x in range(0, count + window - 1, LANES):
-        store(span, x, load(columns, x))
-        store(sums, x, nothing)
-    done, width = 0, 1
+        column = load(columns, x)
+        store(span, x, column + load(columns, x + 1))
+        store(sums, x, keep * column)
     while width <= window:
         if window & width:
             for x in range(0, count, LANES):
                 store(sums, x, load(sums, x) + load(span, x + done))
             done += width
-        for x in range(0, count + window - 2 * width, LANES):
-            store(span, x, load(span, x) + load(span, x + width))
+        if 2 * width <= window:
+            for x in range(0, count + window - 2 * width, LANES):
+                store(span, x, load(span, x) + load(span, x + width))
         width *= 2
 
 
