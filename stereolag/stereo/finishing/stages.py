@@ -413,9 +413,9 @@ def _median(
 ) -> Any:
     """Return the medians of sixteen pixels, by bisecting the range of each.
 
-    Bisection needs no sorting: the weight at or below a value is a plain sum, the same operation for all pixels. The
-    first neighbour is at `corner`; a missing one repeats the central value and gets no weight. If the central value is
-    missing, the range is empty.
+    Bisection needs no sorting: the weight at or below a value is a plain sum, the same operation for all pixels. Each
+    half begins and ends with a neighbour's value. The first neighbour is at `corner`; a missing one repeats the central
+    value and gets no weight. If the central value is missing, the range is empty.
     """
     stride = values.shape[1]
     own = load(values, centre)
@@ -434,13 +434,17 @@ def _median(
             at += LANES
     low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
     one = splat(1, values.dtype)
-    half = (total + one) >> one
+    half = where_at_most(own, missing, nothing, (total + one) >> one)
     while not are_equal(low, high):
-        middle, below = low + ((high - low) >> one), nothing
+        middle, below, next_below, next_above = low + ((high - low) >> one), nothing, low, high
         for at in range(0, side * side * LANES, LANES):
-            below = below + where_at_most(load(numbers, at), middle, load(weights, at), nothing)
-        low = where_at_most(half, below, low, middle + one)
-        high = where_at_most(half, below, middle, high)
+            number = load(numbers, at)
+            below = below + where_at_most(number, middle, load(weights, at), nothing)
+            next_below = larger(next_below, where_at_most(number, middle, number, low))
+            above = where_at_most(number, middle, high, number)
+            next_above = where_at_most(next_above, above, next_above, above)
+        low = where_at_most(half, below, low, next_above)
+        high = where_at_most(half, below, next_below, high)
     return low
 
 
