@@ -94,23 +94,25 @@ def evaluate(
     if wrong_thresholds:
         raise ValueError(f"thresholds holds {wrong_thresholds}; every threshold must be above 0 px.")
     judged = judged_pixels(disparity, ground_truth, mask)
-    estimate, truth = (np.asarray(one)[judged].astype(np.float64) for one in (disparity, ground_truth))
-    measured = np.isfinite(estimate)
-    error = np.abs(estimate[measured] - truth[measured])
-    missing = truth.size - error.size
-    outliers = int(np.count_nonzero((error > 3) & (error > 0.05 * np.abs(truth[measured]))))
+    measured = judged & np.isfinite(disparity)
+    estimate, truth = (np.asarray(one)[measured] for one in (disparity, ground_truth))
+    error = np.subtract(estimate, truth, dtype=np.float64)
+    np.abs(error, out=error)
+    pixels, wide = int(np.count_nonzero(judged)), error > 3
+    missing = pixels - error.size
+    outliers = int(np.count_nonzero(error[wide] > 0.05 * np.abs(truth[wide].astype(np.float64))))
 
     def percent(count: int, of: int) -> float:
         return 100 * count / of if of else float("nan")
 
     wrong = {float(threshold): int(np.count_nonzero(error > threshold)) for threshold in thresholds}
     return Evaluation(
-        density=error.size / truth.size,
+        density=error.size / pixels,
         epe=float(error.mean()) if error.size else float("nan"),
-        bad={threshold: percent(count + missing, truth.size) for threshold, count in wrong.items()},
+        bad={threshold: percent(count + missing, pixels) for threshold, count in wrong.items()},
         bad_measured={threshold: percent(count, error.size) for threshold, count in wrong.items()},
-        d1_all=percent(outliers + missing, truth.size),
-        truth_pixels=int(truth.size),
+        d1_all=percent(outliers + missing, pixels),
+        truth_pixels=pixels,
     )
 
 
