@@ -68,8 +68,10 @@ def count_levels(shape: tuple[int, int], window: int, search: int, most: int) ->
 
 def doubled(flow: Flow, shape: tuple[int, int]) -> Flow:
     """Return a flow scaled up to the next finer level, of a given (rows, cols)."""
-    size = (shape[1], shape[0])
-    return np.stack([cv2.resize(part, size, interpolation=cv2.INTER_LINEAR) for part in flow]) * np.float32(2)
+    out = np.empty((2, *shape), np.float32)
+    for part, to in zip(flow * np.float32(2), out, strict=True):
+        cv2.resize(part, shape[::-1], dst=to, interpolation=cv2.INTER_LINEAR)
+    return out
 
 
 REACH = 4.0
@@ -116,16 +118,22 @@ def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) 
     for row in range(first, end):
         for col in range(1, cols):
             share[col] = ramp[abs(np.int64(guide[row, col]) - np.int64(guide[row, col - 1]))]
+        # Only one fused step of the processor waits for the pixel before.
         a, b, c = planes[0, row], planes[1, row], planes[2, row]
+        last_a, last_b, last_c = a[0], b[0], c[0]
         for col in range(1, cols):
-            a[col] += share[col] * (a[col - 1] - a[col])
-            b[col] += share[col] * (b[col - 1] - b[col])
-            c[col] += share[col] * (c[col - 1] - c[col])
+            passed, own = share[col], np.float32(1) - share[col]
+            last_a = own * a[col] + passed * last_a
+            last_b = own * b[col] + passed * last_b
+            last_c = own * c[col] + passed * last_c
+            a[col], b[col], c[col] = last_a, last_b, last_c
         for back in range(1, cols):
             col = cols - 1 - back
-            a[col] += share[col + 1] * (a[col + 1] - a[col])
-            b[col] += share[col + 1] * (b[col + 1] - b[col])
-            c[col] += share[col + 1] * (c[col + 1] - c[col])
+            passed, own = share[col + 1], np.float32(1) - share[col + 1]
+            last_a = own * a[col] + passed * last_a
+            last_b = own * b[col] + passed * last_b
+            last_c = own * c[col] + passed * last_c
+            a[col], b[col], c[col] = last_a, last_b, last_c
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -229,29 +237,22 @@ def return_error(flow: Flow, back: Flow) -> FloatMap:
 
 @compiled
 def _return_rows(flow: Flow, back: Flow, error: FloatMap, first: int, end: int) -> None:
-    """Set rows `first` to `end`: the way back is interpolated between four pixels, and FAR_OFF out of the frame."""
+    """Set rows `first` to `end`: the way back is that of the nearest pixel, and FAR_OFF out of the frame."""
     height, width = error.shape
     lowest, rightmost = np.float32(height - 1), np.float32(width - 1)
+    place, inside = np.empty(width, np.int32), np.empty(width, np.bool_)
     for row in range(first, end):
         for col in range(width):
-            dy, dx = flow[0, row, col], flow[1, row, col]
-            y, x = dy + np.float32(row), dx + np.float32(col)
-            inside = (y >= -HALF) & (y <= lowest + HALF) & (x >= -HALF) & (x <= rightmost + HALF)
+            y, x = flow[0, row, col] + np.float32(row), flow[1, row, col] + np.float32(np.int32(col))
+            inside[col] = (y >= -HALF) & (y <= lowest + HALF) & (x >= -HALF) & (x <= rightmost + HALF)
             y, x = min(max(y, np.float32(0)), lowest), min(max(x, np.float32(0)), rightmost)
-            top, left = min(np.int64(y), height - 2), min(np.int64(x), width - 2)
-            down, aside, corner = y - np.float32(top), x - np.float32(left), top * width + left
-            dy += _between(back, corner, width, down, aside)
-            dx += _between(back, corner + height * width, width, down, aside)
-            error[row, col] = math.sqrt(dy * dy + dx * dx) if inside else FAR_OFF
-
-
-@compiled
-def _between(image: Array, corner: int, width: int, down: Any, aside: Any) -> Any:
-    """Return the bilinear value right of and below a pixel."""
-    top, bottom = item(image, corner), item(image, corner + width)
-    top += aside * (item(image, corner + 1) - top)
-    bottom += aside * (item(image, corner + width + 1) - bottom)
-    return top + down * (bottom - top)
+            place[col] = np.int32(np.rint(y)) * np.int32(width) + np.int32(np.rint(x))
+        for col in range(width):
+            there = np.int64(place[col])
+            dy = flow[0, row, col] + item(back, there)
+            dx = flow[1, row, col] + item(back, there + height * width)
+            far = np.sqrt(dy * dy + dx * dx)
+            error[row, col] = far if inside[col] else FAR_OFF
 
 
 def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
