@@ -45,8 +45,8 @@ def test_recovers_a_known_shift(dtype, dy, dx):
     first, second = shifted_pair(150, 190, dy, dx, dtype=dtype)
     flow = optical_flow(first, second, search=48)
     assert np.isfinite(middle(flow.dx)).mean() > 0.98
-    assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.02
-    assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.02
+    assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.025
+    assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.025
     assert np.nanpercentile(np.hypot(middle(flow.dy) - dy, middle(flow.dx) - dx), 99) < 0.25
 
 
