@@ -57,6 +57,10 @@ what noise and steepness make of it in the median block; and what of it no displ
 Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is.
 """
 
+OF_STEEP = 0.4
+"""Largest mean squared difference over how steep a block is, both in the median block, that is noise: up to 0.3 where
+the template is, 1.1 where most blocks show something else."""
+
 THROUGH = 2.0
 """Difference of a block, in units of what is seen of the background there if it varies as the place does."""
 
@@ -337,7 +341,7 @@ class Fit:
             return counts
         left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
         steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
-        noise = np.maximum(median(left[counts]), steep * median((left / steep)[counts]))
+        noise = np.maximum(median(left[counts]), steep * min(median((left / steep)[counts]), OF_STEEP))
         behind = THROUGH * self.averaged(self.shown_through)
         most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))

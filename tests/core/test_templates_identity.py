@@ -196,6 +196,22 @@ def test_where_no_second_place_fits_only_the_place_itself_counts(seed: int) -> N
     assert match_template(own, own[20:140, 30:180]).reason == "clear"
 
 
+def test_buttons_alike_but_for_their_words_hide_no_buttons_that_are_missing() -> None:
+    def buttons(*words: str) -> Array:
+        drawn = np.full((82, 161, 3), (227, 226, 231), np.uint8)
+        for number, word in enumerate(words):
+            row, col, width = 2 + 40 * (number // 2), 89 * (number % 2), 72 + 3 * (1 - number % 2)
+            fill, ink = ((47, 58, 102), (250,) * 3) if not number else ((255,) * 3, (40,) * 3)
+            drawn[row : row + 28, col : col + width] = fill
+            cv2.putText(drawn, word, (col + 4, row + 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, 1, cv2.LINE_AA)
+        return drawn
+
+    picture = np.full((300, 400, 3), (227, 226, 231), np.uint8)
+    picture[100:182, 60:221] = buttons("Cancel", "Archiv")
+    search = match_template(picture, buttons("Tempo", "Monda", "Volume", "Figure"))
+    assert not search.found, search.best
+
+
 @pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
 def test_copies_are_counted_without_their_sibling_however_many_are_wanted(wanted: int) -> None:
     template = icon("minus")
