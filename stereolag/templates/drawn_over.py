@@ -13,7 +13,7 @@ import numpy as np
 
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
-from stereolag.templates.fits import Plane
+from stereolag.templates.fits import Plane, gradient
 from stereolag.templates.patterns import Pattern
 
 LEAST_AREA, LEAST_LONG = 4900, 1.2
@@ -36,6 +36,13 @@ BAR, OF_BAR = 24, 0.75
 
 BADGE, ROUND = (8, 40), (0.68, 0.95)
 """Least and greatest height of a badge, px, and of its box that it fills."""
+
+STEEP, OF_VARIANCE, OUTLINED = 9.0, 0.003, 0.95
+"""Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; and
+the least share of the rim of a thing that is at such edges where the template itself has that outline.
+
+Measured: 1.0 at switches and boxes in another state, up to 0.83 at things in front.
+"""
 
 LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
 """Least contrast under a tint, and least share of the variance there that the tinted template explains."""
@@ -80,7 +87,7 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
         cv2.morphologyEx(np.asarray(differ, dtype=np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     )
     thing = differ & (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
-    alone = thing.sum() >= ONE * differ.sum()
+    alone = thing.sum() >= ONE * differ.sum() and not has_outline(template, thing)
     over = (
         (alone and (_is_cursor(thing, seen, noise) or _is_arrow(thing)))
         or (alone and _is_bar(differ, seen, noise))
@@ -90,6 +97,21 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
         or _is_shadow(differ, template, seen)
     )
     return differ if over else None
+
+
+def has_outline(template: Plane, thing: Mask) -> bool:
+    """Return whether the template has edges all along the rim of a thing: it is in another state, or gone.
+
+    As a switch is, or the check mark of a box, or a letter. A thing that the template cuts off has no such rim.
+    """
+    steep, square = sum(np.square(one).sum(axis=2) for one in gradient(template)), np.ones((3, 3), np.uint8)
+    inner, outer = (change(np.asarray(thing, dtype=np.uint8), square) > 0 for change in (cv2.erode, cv2.dilate))
+    rim = outer & ~inner
+    if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():
+        return False
+    least = max(STEEP * median(steep[~outer]), OF_VARIANCE * float(template.var(axis=(0, 1)).sum()))
+    edges = cv2.dilate(np.asarray(steep > least, dtype=np.uint8), square) > 0
+    return bool(edges[rim].mean() >= OUTLINED)
 
 
 def _box(differ: Mask) -> tuple[slice, slice]:

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import median, percentiles
+from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
-from stereolag.templates.drawn_over import drawn_over
+from stereolag.templates.drawn_over import drawn_over, has_outline
 from stereolag.templates.fits import (
     BLUR_OF_COLOURS,
     COUNTED,
@@ -314,15 +314,9 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
     there = ~fit.over(disagrees)
     noise = float(percentiles(squares[there & counts], CERTAIN)[0]) if (there & counts).any() else math.inf
     differ = squares > min(max(CLEARLY * noise, SLIGHTLY * fit.variance), DIFFERENT * fit.variance)
-    closed = cv2.morphologyEx(differ.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    found, _ = cv2.findContours(
-        cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)),
-        cv2.RETR_EXTERNAL,
-        cv2.CHAIN_APPROX_SIMPLE,
-    )
-    if not found:
+    front = _thing(differ)
+    if not front.any():
         return False
-    front = cv2.fillConvexPoly(np.zeros(fit.shape, np.uint8), cv2.convexHull(max(found, key=cv2.contourArea)), 1) > 0
     reach = 2 * math.ceil(3 * BLUR_OF_COLOURS) + 1
     touched = cv2.dilate(np.asarray(front, dtype=np.uint8), np.ones((reach, reach), np.uint8))
     if (disagrees & (averaged(touched, structure.shape) == 0)).any():
@@ -330,7 +324,8 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
     share = (front & counts).sum() / counts.sum()
     left = float((structure * (1 - averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
-    return bool(COVERED[0] <= share <= COVERED[1] and left >= LEFT_OVER and filled >= FILLED and one >= ONE)
+    hides = COVERED[0] <= share <= COVERED[1] and left >= LEFT_OVER and filled >= FILLED and one >= ONE
+    return bool(hides) and not has_outline(fit.template, front)
 
 
 def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
@@ -344,5 +339,20 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     if fit.explained_in(~disagrees) < LEAST_BESIDE and fit.grain_in(~disagrees) < GRAINY:
         return False
-    differ = fit.differences()[fit.over(disagrees) & (fit.weights >= COUNTS)] > 0.02 * fit.variance
-    return bool(differ.mean() >= FILLED_NOISY)
+    inside = fit.over(disagrees)
+    differ = fit.differences()[inside & (fit.weights >= COUNTS)] > 0.02 * fit.variance
+    if differ.mean() < FILLED_NOISY:
+        return False
+    thing = _thing(inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance))
+    return not has_outline(fit.template, thing)
+
+
+def _thing(differ: Mask) -> Mask:
+    """Return the convex hull of the largest thing that differs, without what is thinner than 3 px."""
+    closed = cv2.morphologyEx(differ.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    found, _ = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    thing = np.zeros(differ.shape, np.uint8)
+    if found:
+        cv2.fillConvexPoly(thing, cv2.convexHull(max(found, key=cv2.contourArea)), 1)
+    return thing > 0

@@ -146,3 +146,47 @@ def test_a_button_is_found_under_a_tint_of_all_of_it(seed: int) -> None:
     tinted = np.rint(0.65 * picture + 0.35 * random.uniform([0, 60, 150], [90, 150, 255])).astype(np.uint8)
     search = match_template(tinted, template)
     assert search.found and (search.matches[0].row, search.matches[0].col) == (row, col)
+
+
+def switch(on: bool, left: int, top: int, drawn: Array) -> None:
+    fill = (60, 150, 40) if on else (150, 150, 150)
+    cv2.rectangle(drawn, (left + 10, top), (left + 28, top + 20), fill, -1)
+    for middle in (left + 10, left + 28):
+        cv2.circle(drawn, (middle, top + 10), 10, fill, -1, cv2.LINE_AA)
+    cv2.circle(drawn, (left + (28 if on else 10), top + 10), 7, (255, 255, 255), -1, cv2.LINE_AA)
+
+
+def check_box(on: bool, left: int, top: int, drawn: Array) -> None:
+    cv2.rectangle(drawn, (left, top), (left + 17, top + 17), (50, 90, 200) if on else (200, 200, 200), -1 if on else 1)
+    if on:
+        check = np.array([(left + 4, top + 9), (left + 8, top + 13), (left + 14, top + 5)])
+        cv2.polylines(drawn, [check], False, (255, 255, 255), 2, cv2.LINE_AA)
+
+
+def stroke(on: bool, left: int, top: int, drawn: Array) -> None:
+    if on:
+        drawn[top + 2 : top + 18, left + 2 : left + 4] = 40
+
+
+@pytest.mark.parametrize(
+    ("part", "on"), [(switch, False), (switch, True), (check_box, False), (check_box, True), (stroke, True)]
+)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_row_whose_switch_or_box_is_in_another_state_is_not_partly_covered(seed: int, part: object, on: bool) -> None:
+    assert callable(part)
+    random = np.random.default_rng(seed)
+    words = [str(word) for word in random.permutation(WORDS)[:6]]
+
+    def rows(*states: bool) -> Array:
+        drawn = np.full((220, 200, 3), 250, np.uint8)
+        for number, (word, state) in enumerate(zip(words, states, strict=True)):
+            cv2.putText(drawn, word, (12, 32 + 34 * number), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40,) * 3, 1, cv2.LINE_AA)
+            part(state, 130, 18 + 34 * number, drawn)
+        return drawn
+
+    states, other = [bool(state) for state in random.integers(0, 2, 6)], int(random.integers(6))
+    states[other] = on
+    template = rows(*states)[14 + 34 * other : 42 + 34 * other, 6:190]
+    states[other] = not on
+    search = match_template(rows(*states), template)
+    assert not search.found, search.best
