@@ -20,7 +20,8 @@ STAGE = """() => {
 WATCH = """(index) => new Promise((resolve) => {
   const shown = () => window.stage.children[index]?.querySelector('canvas')?.seen;
   const before = shown();
-  const start = performance.now();
+  let start = Infinity;
+  document.addEventListener('keydown', ({ timeStamp }) => { start = timeStamp; }, { capture: true, once: true });
   const look = () => {
     if (shown() && shown() !== before) resolve(performance.now() - start);
     else requestAnimationFrame(look);
@@ -30,7 +31,7 @@ WATCH = """(index) => new Promise((resolve) => {
 
 
 def moved(page: Page, slider: Locator, key: str, image: int) -> float:
-    """Move a focused slider by one step and return the milliseconds until its new map is drawn."""
+    """Move a focused slider by one step and return the milliseconds from the key until its new map is drawn."""
     slider.focus()
     # Does not return the promise, because Playwright would await it before the key is pressed.
     page.evaluate(f"() => {{ window.waiting = ({WATCH})({image}) }}")
