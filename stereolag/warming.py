@@ -7,6 +7,7 @@ compiles all of them, ``python -m stereolag.warming pages`` those that the pages
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from stereolag import CorrelationMatcher, SearchArea, match_template, optical_fl
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import available_cores
 from stereolag.loops.compilation import FOLDER, compile_alone
+from stereolag.loops.numba_inside import processor
 from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.matcher import StereoMatcher
@@ -97,8 +100,15 @@ PARTS: Sequence[Part] = (
 )
 """All measurements, the one with the most loops first."""
 
-ALL_COMPILED = None if FOLDER is None else FOLDER / "all"
-"""A file that is there once every loop is compiled."""
+
+def _mark() -> Path | None:
+    """Return the file that is there once every loop is compiled for this processor; None if none is kept."""
+    return FOLDER and FOLDER / f"all-{hashlib.sha256(processor().encode()).hexdigest()[:16]}"
+
+
+def _is_complete() -> bool:
+    mark = _mark()
+    return mark is not None and mark.exists()
 
 
 @cache
@@ -107,15 +117,14 @@ def warm() -> None:
 
     Once per process is enough.
     """
-    complete = ALL_COMPILED is not None and ALL_COMPILED.exists()
-    for part in PARTS if complete else OF_PAGES:
+    for part in PARTS if _is_complete() else OF_PAGES:
         part()
 
 
 @contextmanager
 def compiling_the_rest() -> Iterator[None]:
     """Have a process compile meanwhile, behind all others, the loops that `warm` has left."""
-    if ALL_COMPILED is None or ALL_COMPILED.exists():
+    if FOLDER is None or _is_complete():
         yield
         return
     command = [sys.executable, "-P", "-m", "stereolag.warming", "rest"]
@@ -135,6 +144,8 @@ def _run_part(part: Part) -> None:
 def main(asked: Sequence[str]) -> None:
     """Compile the loops of the pages, or all of them, side by side; the rest one by one, behind all else."""
     parts = OF_PAGES if "pages" in asked else PARTS
+    if _is_complete():
+        return
     if "rest" in asked:
         if hasattr(os, "nice"):
             os.nice(10)
@@ -144,9 +155,9 @@ def main(asked: Sequence[str]) -> None:
     else:
         with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
             list(processes.map(_run_part, parts))
-    if parts is PARTS and ALL_COMPILED is not None:
+    if parts is PARTS and (mark := _mark()):
         with suppress(OSError):  # a full disk
-            ALL_COMPILED.touch()
+            mark.touch()
 
 
 if __name__ == "__main__":
