@@ -20,6 +20,7 @@ from stereolag.loops.vector_lanes import (
     cast,
     larger,
     load,
+    smaller,
     splat,
     store,
     where_at_most,
@@ -171,8 +172,14 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     starts = np.concatenate([[0], np.cumsum(counts)])
     runs = np.empty((2, starts[-1]), np.int32)
     over_bands(lambda first, end: _find_runs(sixteenths, most, starts, first, end, runs), height)
-    kept, reasons = disparity.copy(), reason.copy()
-    _drop_small(runs, _surfaces(sixteenths, most, starts, runs), settings.size, starts, kept, reasons)
+    pixels = _surfaces(sixteenths, most, starts, runs)
+    kept, reasons = np.empty_like(disparity), np.empty_like(reason)
+
+    def keep(first: int, end: int) -> None:
+        kept[first:end], reasons[first:end] = disparity[first:end], reason[first:end]
+        _drop_small(runs, pixels, settings.size, starts, first, end, kept, reasons)
+
+    over_bands(keep, height)
     return kept, reasons
 
 
@@ -245,9 +252,11 @@ def _root(parent: Array, run: int) -> int:
 
 
 @compiled
-def _drop_small(runs: Array, pixels: Array, size: int, starts: Array, disparity: FloatMap, reason: ReasonMap) -> None:
-    """Blank the runs whose surface has fewer than `size` pixels."""
-    for y in range(disparity.shape[0]):
+def _drop_small(
+    runs: Array, pixels: Array, size: int, starts: Array, first: int, end: int, disparity: FloatMap, reason: ReasonMap
+) -> None:
+    """Blank the runs of rows `first` to `end` whose surface has fewer than `size` pixels."""
+    for y in range(first, end):
         for run in range(starts[y], starts[y + 1]):
             if pixels[run] < size:
                 for x in range(runs[0, run], runs[1, run]):
@@ -325,12 +334,8 @@ def weighted_median(
     # The border has no values, and leaves room to load the last sixteen pixels of a row.
     beyond = radius + -width % LANES
     framed = np.full((height + 2 * radius, width + radius + beyond), np.iinfo(dtype).min, dtype)
-    planes = np.stack(
-        [
-            cv2.copyMakeBorder(np.ascontiguousarray(plane), radius, radius, radius, beyond, cv2.BORDER_REPLICATE)
-            for plane in np.moveaxis(guide, 2, 0)
-        ]
-    )
+    planes = np.empty((channels, *framed.shape), np.uint8)
+    cv2.split(cv2.copyMakeBorder(guide, radius, radius, radius, beyond, cv2.BORDER_REPLICATE), [*planes])
     out = np.empty(values.shape, np.float32)
     over_image(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), values.shape)
     over_image(
@@ -388,18 +393,6 @@ def _median_rows(
 
 
 @compiled
-def _weight(planes: Array, centre: int, place: int, contrast: int, dtype: Any) -> Any:
-    """Return the weights of one neighbour of each of sixteen pixels, which start at `centre` and `place` in a plane."""
-    channels, plane = planes.shape[0], planes.shape[1] * planes.shape[2]
-    weight = splat(contrast * channels, dtype)
-    for channel in range(channels):
-        here = cast(load(planes, channel * plane + centre), dtype)
-        there = cast(load(planes, channel * plane + place), dtype)
-        weight = weight - larger(here - there, there - here)
-    return larger(weight, splat(1, dtype))
-
-
-@compiled
 def _median(
     values: Array,
     planes: Array,
@@ -420,11 +413,18 @@ def _median(
     stride = values.shape[1]
     own = load(values, centre)
     nothing, missing = splat(0, values.dtype), splat(values[0, 0], values.dtype)
-    low, high, total = own, own, nothing
-    at = 0
-    for row in range(corner, corner + side * spacing * stride, spacing * stride):
-        for place in range(row, row + side * spacing, spacing):
-            number, weight = load(values, place), _weight(planes, centre, place, contrast, values.dtype)
+    low, high, total, one = own, own, nothing, splat(1, values.dtype)
+    channels, size = planes.shape[0], planes.shape[1] * planes.shape[2]
+    most, at = splat(contrast * channels, values.dtype), 0
+    for row in range(side):
+        for col in range(side):
+            place = corner + (row * stride + col) * spacing
+            number, weight = load(values, place), most
+            for channel in range(channels):
+                here, there = load(planes, channel * size + centre), load(planes, channel * size + place)
+                darker = smaller(here, there)
+                weight = weight - cast((here - darker) + (there - darker), values.dtype)
+            weight = larger(weight, one)
             weight = where_at_most(number, missing, nothing, weight)
             number = where_at_most(number, missing, own, number)
             store(numbers, at, number)
@@ -433,7 +433,6 @@ def _median(
             total = total + weight
             at += LANES
     low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
-    one = splat(1, values.dtype)
     half = where_at_most(own, missing, nothing, (total + one) >> one)
     while not are_equal(low, high):
         middle, below, next_below, next_above = low + ((high - low) >> one), nothing, low, high
