@@ -16,7 +16,7 @@ MEASURING := annotated-types lazy-loader numba numpy opencv-python-headless pyda
 # Modules are compiled when they are first imported; most of the packages' never are.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: installed run setup setup-dev test check bench docs pictures clean
+.PHONY: installed run setup setup-dev test check types collected bench docs pictures clean
 
 run: setup
 	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
@@ -32,12 +32,19 @@ setup-dev: setup $(VENV)/.dev-ready $(VENV)/.all-loops-warm node_modules/.ready
 test: check
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
+# Tests are compiled while types are checked: otherwise each process of the suite would compile all of them.
 check: setup-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	@$(MAKE) --no-print-directory --jobs=2 types collected
 	$(BIN)/node node_modules/typescript/bin/tsc
 	$(BIN)/node --test --test-reporter=dot tests/web/*.test.js
+
+types:
+	$(BIN)/mypy
+
+collected:
+	@found=$$($(BIN)/python -m pytest --collect-only -qqq) || { echo "$$found"; exit 1; }
 
 bench: setup-dev
 	$(BIN)/python -m benchmarks
