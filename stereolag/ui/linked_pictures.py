@@ -6,7 +6,6 @@ Everything that follows the pointer happens in the browser; only a click comes b
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -15,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import streamlit as st
+from isal import isal_zlib
 
 from stereolag.core.arrays import Rgb
 from stereolag.core.typography import typeset
@@ -254,11 +254,7 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     long = (steps > 127) | (steps < -127)
     short = steps.astype(np.int8)
     np.copyto(short, LONG, where=long)
-    # Steps seldom repeat, which a search for repetitions in every map sent would find out anew; words do.
-    strategy = zlib.Z_RLE if reading.words else zlib.Z_HUFFMAN_ONLY
-    for one in (short, steps[long]):
-        compressor = zlib.compressobj(zlib.Z_BEST_SPEED, strategy=strategy)
-        parts.append(compressor.compress(one.data) + compressor.flush())
+    parts.extend(isal_zlib.compress(one.data, 1) for one in (short, steps[long]))
     return {
         "steps": len(parts) - 2,
         "long_steps": len(parts) - 1,
