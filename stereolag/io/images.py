@@ -127,7 +127,8 @@ def read_frame(source: Source, number: int = 1) -> Frame:
         pixels, count = parse_netpbm(data, WHAT), 1
     else:
         pixels, count = _decoded(data, number)
-    if pixels.dtype.kind in "iu" and (pixels.min() < 0 or pixels.max() > LARGEST_UINT16):
+    whole = pixels.dtype.kind in "iu" and pixels.dtype not in (np.uint8, np.uint16)
+    if whole and (pixels.min() < 0 or pixels.max() > LARGEST_UINT16):
         pixels = pixels.astype(np.float32 if pixels.dtype.itemsize < 4 else np.float64)
     elif pixels.dtype.kind != "f":
         pixels = as_image(pixels, "The image")
@@ -630,8 +631,10 @@ class StoredDisparity(NamedTuple):
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
                 part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
-            unknown = ~np.isfinite(part) | sum((band == mark for mark in self.unknown), np.False_)
-            disparity[first : first + step] = np.where(unknown, np.float32(np.nan), part)
+            part[~np.isfinite(part)] = np.nan
+            for mark in self.unknown:
+                part[band == mark] = np.nan
+            disparity[first : first + step] = part
         if np.isnan(disparity).all():
             raise ValueError(f"The {MAP} holds no disparity at all: every pixel is marked as unknown.")
         return disparity

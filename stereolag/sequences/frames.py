@@ -328,10 +328,11 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
     A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.
     """
     # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
-    nearest = nearest_obstacle(np.where(result.filled, np.float32(np.nan), result.disparity))
+    filled = result.filled
+    nearest = nearest_obstacle(np.where(filled, np.float32(np.nan), result.disparity))
     figures = {
         "coverage": result.coverage,
-        "filled": float(result.filled.mean()),
+        "filled": float(np.count_nonzero(filled) / filled.size),
         "milliseconds": result.elapsed_s * 1e3,
         "nearest_px": nearest,
         "nearest_m": math.nan if calibration is None else float(calibration.depth(nearest)),

@@ -437,18 +437,18 @@ class _Job:
 
     def frames(self) -> Iterator[MatchedFrame[FrameMap]]:
         """Yield every frame to match, and finished ones that the video or the motion needs."""
-        sampled: dict[int, MatchedFrame[FrameMap]] = {}
+        chosen: list[int] = []
         if self._writer is not None and self._target.colours is None:
             numbers = self._missing or range(len(self._sequence))
             places = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), SAMPLED)).round().astype(int))
             chosen = [numbers[place] for place in places]
-            sampled = dict(
-                zip(chosen, self._computed(chosen) if self._missing else map(self._read_back, chosen), strict=True)
-            )
+        missing = set(self._missing)
+        # The frames chosen for the colours come first, and the others at once behind them.
+        coming = self._computed([*(chosen if missing else ()), *(one for one in self._missing if one not in chosen)])
+        sampled = {number: next(coming) if missing else self._read_back(number) for number in chosen}
+        if chosen:
             maps = [one.disparity for frame in sampled.values() for one in frame.maps.values()]
             self._target.set_colours(common_range(maps))
-        missing = set(self._missing)
-        coming = self._computed([number for number in self._missing if number not in sampled])
         for number in range(len(self._sequence)):
             self._look()
             if number in missing:
