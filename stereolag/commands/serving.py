@@ -27,6 +27,9 @@ APP = INSTALLED if INSTALLED.is_file() else PACKAGE.parent / "app.py"
 DESCRIPTION = """Start the app. Any other arguments go to "streamlit run", for example --server.address 127.0.0.1;
 a path in it is absolute, since the app runs in its own folder."""
 
+NEEDED = "io.guard", "ui.streamlit_inside", "warming"
+"""Modules that the server needs, imported while the page is checked."""
+
 PATIENCE_S = 300
 """Time limit for the first page: without machine code on disk, all of its loops are compiled."""
 
@@ -122,7 +125,7 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         fault = port_fault(options.port, remedy)
         if not fault:
             with ThreadPoolExecutor(1) as beside:
-                prepared = beside.submit(_prepare)
+                prepared = beside.submit(lambda: [import_module(f"stereolag.{name}") for name in NEEDED])
                 fault = page_fault()
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
@@ -130,22 +133,15 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         prepared.result()
         from stereolag.io.guard import start_guard
         from stereolag.ui.streamlit_inside import run_server
-        from stereolag.warming import compiling_the_rest
+        from stereolag.warming import compiling_the_rest, warm
 
         start_guard()
+        warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
         with compiling_the_rest():
             run_server(APP, options.port, [*others])
     except KeyboardInterrupt:  # before the server handles it
         return 130
     return 0
-
-
-def _prepare() -> None:
-    """Import what the pages need and run their loops, which otherwise the first visitor would wait for."""
-    from stereolag.warming import warm
-
-    warm()
-    import_module("stereolag.ui.streamlit_inside")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
