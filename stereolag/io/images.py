@@ -11,6 +11,7 @@ import os
 import re
 import struct
 import warnings
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
+from isal import isal_zlib
 from PIL import Image as PillowImage
 from PIL.BmpImagePlugin import BmpImageFile
 from PIL.GifImagePlugin import GifImageFile
@@ -869,7 +871,16 @@ def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
     """Return numbers as a 16-bit grey PNG, rounded, at least 1; 0 where they are NaN or infinite."""
     counts = np.maximum(np.float32(1), np.rint(numbers))
     counts[~np.isfinite(numbers)] = 0
-    return image_png(counts.astype(np.uint16))
+    # ISA-L packs in a quarter of the time of OpenCV's zlib, for 3 to 4 % more bytes. Each byte is stored as its
+    # difference from that of the pixel before (filter 1 of ISO/IEC 15948).
+    stored = counts.astype(">u2").view(np.uint8)
+    lines = np.ones((len(stored), 1 + stored.shape[1]), np.uint8)
+    lines[:, 1:3] = stored[:, :2]
+    np.subtract(stored[:, 2:], stored[:, :-2], out=lines[:, 3:])
+    header = struct.pack(">IIBBBBB", counts.shape[1], counts.shape[0], 16, 0, 0, 0, 0)
+    parts = (b"IHDR" + header, b"IDAT" + isal_zlib.compress(lines.data, 1), b"IEND")
+    chunks = (struct.pack(">I", len(one) - 4) + one + struct.pack(">I", zlib.crc32(one)) for one in parts)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
