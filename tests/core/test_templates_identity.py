@@ -212,6 +212,44 @@ def test_buttons_alike_but_for_their_words_hide_no_buttons_that_are_missing() ->
     assert not search.found, search.best
 
 
+def sky(seed: int, rows: int = 110, cols: int = 190) -> Array:
+    random = np.random.default_rng(seed)
+    shown = np.abs(random.normal(14, 7, (rows, cols, 3)))
+    for _ in range(28):
+        col, row, radius = (int(one) for one in random.integers((0, 0, 1), (cols, rows, 4)))
+        cv2.circle(shown, (col, row), radius, random.uniform(120, 255, 3).tolist(), -1)
+    for _ in range(4):
+        row, col, spread = random.uniform((0, 0, 6), (rows, cols, 14))
+        away = np.hypot(np.arange(rows)[:, np.newaxis] - row, np.arange(cols) - col)
+        shown += np.exp(-((away / spread) ** 2))[:, :, np.newaxis] * [230, 150, 100]
+    return np.asarray(np.clip(cv2.GaussianBlur(shown, (0, 0), 0.7), 0, 255), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("seed", [5, 8])
+def test_another_sky_in_the_same_frame_is_not_partly_covered(seed: int) -> None:
+    def page(seed: int) -> Array:
+        framed = np.full((200, 300, 3), 244, np.uint8)
+        framed[50:160, 60:250] = sky(seed)
+        return framed
+
+    template = page(seed + 100)[30:170, 130:270]
+    assert not match_template(page(seed), template).found
+    assert match_template(page(seed + 100), template).found
+
+
+@pytest.mark.parametrize("drawn", ["cross", "bars"])
+def test_a_sibling_in_a_screen_reduced_and_compressed_is_another(drawn: str) -> None:
+    def reduced(mark: str) -> Array:
+        picture = screen()
+        picture[40:64, 80:104] = icon(mark, side=24)
+        small = np.asarray(cv2.resize(picture, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA))
+        _, data = cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 75])
+        return np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :, ::-1])
+
+    assert not match_template(reduced(drawn), icon("plus", side=24), scales=(0.45, 1.1)).found
+    assert match_template(reduced("plus"), icon("plus", side=24), scales=(0.45, 1.1)).found
+
+
 @pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
 def test_copies_are_counted_without_their_sibling_however_many_are_wanted(wanted: int) -> None:
     template = icon("minus")
