@@ -50,16 +50,14 @@ TOLERANCE = 0.5
 BLOCKS, LEAST_BLOCK = 7, 5
 """Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
 
-DIFFERENT, TIMES, DISPLACED = 0.06, 2.5, 0.004
+DIFFERENT, TIMES, OF_STEEP, DISPLACED = 0.06, 2.5, 0.4, 0.004
 """Least mean squared difference of a block that disagrees, as a share of the template's variance, beside so many times
-what noise and steepness make of it in the median block; and what of it no displacement by a part of a pixel explains.
+what noise and steepness make of it in the median block; how much steepness can make; and what of it no displacement by
+a part of a pixel explains.
 
-Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is.
+Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is. Over how steep a block is: up to
+0.3 in the median block where the template is, 1.1 where most blocks show something else.
 """
-
-OF_STEEP = 0.4
-"""Largest mean squared difference over how steep a block is, both in the median block, that is noise: up to 0.3 where
-the template is, 1.1 where most blocks show something else."""
 
 THROUGH = 2.0
 """Difference of a block, in units of what is seen of the background there if it varies as the place does."""

@@ -14,13 +14,13 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from stereolag.core.inputs import Image, as_grey
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateQuery
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import NOWHERE, hidden_places
 from stereolag.templates.identity import Identity, identity
-from stereolag.templates.patterns import Pattern, grey_pattern, pattern_of, reduced, warped
+from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
 from stereolag.templates.poses import Pose, PoseRange
 from stereolag.templates.score_maps import Places, fft_score_map, peaks
 from stereolag.templates.verdict import FAR_BELOW, reliable
@@ -124,7 +124,9 @@ class Follower:
         """
         followed = self._by_pixels(frame, query) if query.method == "sampled" else self._by_scores(frame, query)
         self._lost = self._lost + 1 if followed.place is None else 0
-        self._refuted = [one.older() for one in self._refuted if self._lost and one.believed > 1]
+        self._refuted = [
+            one._replace(believed=one.believed - 1) for one in self._refuted if self._lost and one.believed > 1
+        ]
         self._last = followed.place or self._last
         return followed
 
@@ -208,9 +210,6 @@ class _Refuted(NamedTuple):
     col: int
     score: float
     believed: int
-
-    def older(self) -> _Refuted:
-        return self._replace(believed=self.believed - 1)
 
 
 class _View:
@@ -372,10 +371,9 @@ def _anywhere(view: _View, min_score: float) -> Followed:
     """Look for the template in the whole picture: in grey and small first, then where it may be."""
     image, pattern = view.image, view.pattern
     factor = max(1.0, math.sqrt(math.prod(pattern.shape)) / COARSE_SIDE)
-    grey = grey_pattern(pattern)
-    flat = image if grey is None or image.shape[2] == 1 else as_grey(image)[:, :, np.newaxis]
+    flat, grey = in_grey(image, pattern)
     little = reduced(flat, factor)
-    small = _drawn(grey or pattern, 1 / factor, 0.0)
+    small = _drawn(grey, 1 / factor, 0.0)
     if small is None or small.shape[0] > little.shape[0] or small.shape[1] > little.shape[1]:
         return Followed("lost", None, None, near=False)
     found = peaks(fft_score_map(little, small, silent), small.shape)

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Mask
-from stereolag.core.inputs import Image, as_grey
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
-from stereolag.templates.patterns import Pattern, grey_pattern, pattern_of, reduced, warped
-from stereolag.templates.score_maps import Places, Plane, fft_score_map, in_threads, peaks, score_at
+from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
+from stereolag.templates.score_maps import Places, Plane, fft_score_map, in_threads, peaks, scores_at
 
 ALONG = 4
 """Blocks along each side of the template."""
@@ -84,8 +84,7 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
     if min(pattern.shape) < LEAST_SIDE or pattern.silhouette:
         return NOWHERE
     factor = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / SIDE)
-    grey = grey_pattern(pattern) or pattern
-    flat = as_grey(image)[:, :, np.newaxis] if image.shape[2] == 3 and grey is not pattern else image
+    flat, grey = in_grey(image, pattern)
     if factor >= 2:  # in two steps, the first an exact half, which takes far less time
         little = reduced(reduced(flat[: flat.shape[0] // 2 * 2, : flat.shape[1] // 2 * 2], 2), factor / 2)
     else:
@@ -301,4 +300,5 @@ def _seen_score(image: Image, pattern: Pattern, blocks: _Blocks, place: _Place) 
     weights = blocks.spread(agree) * pattern.weights
     (top, bottom), (left, right) = ((int(side.min()), int(side.max()) + 1) for side in np.nonzero(weights))
     seen = pattern_of(pattern.colours[top:bottom, left:right], weights[top:bottom, left:right])
-    return score_at(image, seen.deviations, seen.weights, place.row + top, place.col + left)
+    at = np.array([place.row + top]), np.array([place.col + left])
+    return float(scores_at(image, seen.deviations, seen.weights, *at)[0])

@@ -316,17 +316,15 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
     noise = float(percentiles(squares[there & counts], CERTAIN)[0]) if (there & counts).any() else math.inf
     differ = squares > min(max(CLEARLY * noise, SLIGHTLY * fit.variance), DIFFERENT * fit.variance)
     front = _thing(differ)
-    if not front.any():
-        return False
     reach = 2 * math.ceil(3 * BLUR_OF_COLOURS) + 1
     touched = cv2.dilate(np.asarray(front, dtype=np.uint8), np.ones((reach, reach), np.uint8))
-    if (disagrees & (averaged(touched, structure.shape) == 0)).any():
+    if (disagrees & (averaged(touched, structure.shape) == 0)).any():  # so if there is no such thing
         return False
     share = (front & counts).sum() / counts.sum()
     left = float((structure * (1 - averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
-    hides = COVERED[0] <= share <= COVERED[1] and left >= LEFT_OVER and filled >= FILLED and one >= ONE
-    return bool(hides) and not has_outline(fit.template, front)
+    solid = COVERED[0] <= share <= COVERED[1] and filled >= FILLED and one >= ONE
+    return bool(solid and left >= LEFT_OVER) and not has_outline(fit.template, front)
 
 
 def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
@@ -342,10 +340,9 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     inside = fit.over(disagrees)
     differ = fit.differences()[inside & (fit.weights >= COUNTS)] > 0.02 * fit.variance
-    if differ.mean() < FILLED_NOISY:
-        return False
-    thing = _thing(inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance))
-    return not has_outline(fit.template, thing)
+    return bool(differ.mean() >= FILLED_NOISY) and not has_outline(
+        fit.template, _thing(inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance))
+    )
 
 
 def _thing(differ: Mask) -> Mask:

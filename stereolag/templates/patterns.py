@@ -254,14 +254,12 @@ def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple
     return max(1, math.ceil(tall - 1e-6)), max(1, math.ceil(wide - 1e-6))
 
 
-def grey_pattern(pattern: Pattern) -> Pattern | None:
-    """Return the pattern of a template's luminance, None if that is uniform."""
-    if pattern.colours.shape[2] == 1:
-        return pattern
-    grey = as_grey(pattern.colours)
-    if not np.ptp(grey[pattern.weights > 0]):
-        return None
-    return pattern_of(grey[:, :, np.newaxis], pattern.weights)
+def in_grey(image: Image, pattern: Pattern) -> tuple[Image, Pattern]:
+    """Return the luminance of an image and a template, both as they are if that of the template is uniform."""
+    colours = pattern.colours
+    if colours.shape[2] == 1 or not np.ptp(as_grey(colours)[pattern.weights > 0]):
+        return image, pattern
+    return as_grey(image)[:, :, np.newaxis], pattern_of(as_grey(colours)[:, :, np.newaxis], pattern.weights)
 
 
 def reduced(image: Image, factor: float) -> Image:

@@ -13,9 +13,9 @@ from itertools import product
 
 import numpy as np
 
-from stereolag.core.inputs import Image, as_grey
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress, silent
-from stereolag.templates.patterns import Pattern, grey_pattern, reduced, warped, warped_shape
+from stereolag.templates.patterns import Pattern, in_grey, reduced, warped, warped_shape
 from stereolag.templates.redrawn import stretched_like
 from stereolag.templates.score_maps import Places, best_position, fft_score_map, in_threads, peaks, positions_near
 
@@ -203,9 +203,8 @@ def _drawn_anew(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRa
         for number, pose in enumerate(given)
     ]
     return [
-        Pose(found.row, found.col, poses.within(found.size, 0.0)[0], 0.0, found.score)
-        for found in in_threads(jobs, silent)
-        if found is not None
+        Pose(row, col, poses.within(size, 0.0)[0], 0.0, score)
+        for row, col, size, score in filter(None, in_threads(jobs, silent))
     ]
 
 
@@ -213,14 +212,12 @@ def _coarse(
     image: Image, pattern: Pattern, factor: float, poses: PoseRange, progress: Progress
 ) -> tuple[list[Pose], int]:
     """Return the best places over all sizes and angles, best first, and the number of positions scored."""
-    grey = grey_pattern(pattern)
-    plain = grey is None  # a template of one luminance can only be found by its colours
-    flat = image if plain or pattern.colours.shape[2] == 1 else as_grey(image)[:, :, np.newaxis]
+    flat, grey = in_grey(image, pattern)
     little = reduced(flat, factor)
     scaled = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
 
     def search(scale: float, rotation: float) -> tuple[list[Pose], int]:
-        small = warped(grey or pattern, scale / factor, rotation)
+        small = warped(grey, scale / factor, rotation)
         if small is None or small.shape[0] > little.shape[0] or small.shape[1] > little.shape[1]:
             return [], 0
         score_map = fft_score_map(little, small, silent)

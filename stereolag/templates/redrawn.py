@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -155,8 +154,8 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
     slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
     own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in shown)]
     by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
-    gain = _gain(drawn, seen, weights)
-    lit = _light(drawn, seen, weights)(drawn)
+    gain, in_light = _light(drawn, seen, weights)
+    lit = in_light(drawn)
     if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
         return None
     size = by_ink or float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT]))
@@ -174,19 +173,13 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
     )
 
 
-class Stretched(NamedTuple):
-    """Where a template of another height and width correlates: that, the middle, px, and the size over its own."""
-
-    score: float
-    row: float
-    col: float
-    size: float
-
-
-def stretched_like(image: Image, template: Pattern, row: int, col: int, scale: float) -> Stretched | None:
+def stretched_like(
+    image: Image, template: Pattern, row: int, col: int, scale: float
+) -> tuple[float, float, float, float] | None:
     """Return how a place is like a word that is drawn anew, by brightness alone; None if it is not.
 
-    As :func:`redrawing`, but the scale may be wrong by a quarter: letters that move take the best score elsewhere.
+    The middle (row, col), px, the size over the template's own, and the correlation at the best height and width. As
+    :func:`redrawing`, but the scale may be wrong by a quarter: letters that move take the best score elsewhere.
     """
     (first, last), _ = shown = _shown(template)
     grey = np.moveaxis(template.deviations, 0, 2).mean(axis=2, keepdims=True).astype(np.float32)
@@ -200,8 +193,8 @@ def stretched_like(image: Image, template: Pattern, row: int, col: int, scale: f
     score, tall, wide, top, left = _stretched(*planes, scale, (SIZES, COARSELY))
     if score < LEAST_LIKE:
         return None
-    middle = row - margins[0] + top + tall / 2, col - margins[1] + left + wide / 2
-    return Stretched(score, *middle, math.sqrt(tall * wide / math.prod(template.shape)))
+    size = math.sqrt(tall * wide / math.prod(template.shape))
+    return row - margins[0] + top + tall / 2, col - margins[1] + left + wide / 2, size, score
 
 
 def _has_letters(shown: list[tuple[int, int]]) -> bool:
@@ -269,7 +262,7 @@ def _shifts(
 ) -> Plane:
     """Return the shifts of the rows or columns, each near that of the next, with the least difference of all."""
     still = [0 * down, across] if axis == 0 else [down, 0 * across]
-    lit = _light(drawn_at(*still), seen, weights)
+    _, lit = _light(drawn_at(*still), seen, weights)
     shifts = np.arange(-REACH, REACH + STEP / 2, STEP, dtype=np.float32)
     costs = []
     for shift in shifts:
@@ -344,20 +337,14 @@ def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:
     return np.asarray(sampled, dtype=np.float32).reshape(*across.shape, -1)
 
 
-def _gain(plane: Plane, seen: Plane, weights: Plane) -> Plane:
-    """Return the gain of each channel that, with an offset, brings a plane nearest to what is seen."""
-    shares = (weights / weights.sum())[:, :, np.newaxis]
-    about = (plane - (plane * shares).sum(axis=(0, 1))) * shares
-    energy = np.maximum((about * plane).sum(axis=(0, 1)), 1e-12)
-    return np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
-
-
-def _light(plane: Plane, seen: Plane, weights: Plane) -> Callable[[Plane], Plane]:
-    """Return the light, a gain and an offset of each channel, that brings a plane nearest to what is seen."""
+def _light(plane: Plane, seen: Plane, weights: Plane) -> tuple[Plane, Callable[[Plane], Plane]]:
+    """Return the gain of each channel that, with an offset, brings a plane nearest to what is seen; and that light."""
     shares = (weights / weights.sum())[:, :, np.newaxis]
     level, wanted = ((one * shares).sum(axis=(0, 1)) for one in (plane, seen))
-    gain = _gain(plane, seen, weights)
-    return lambda one: np.asarray((one - level) * gain + wanted, dtype=np.float32)
+    about = (plane - level) * shares
+    energy = np.maximum((about * plane).sum(axis=(0, 1)), 1e-12)
+    gain = np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
+    return gain, lambda one: np.asarray((one - level) * gain + wanted, dtype=np.float32)
 
 
 def _blurred(plane: Plane, blur: float) -> Plane:

@@ -176,11 +176,6 @@ def scores_at(
     return np.asarray(np.clip(scores, -1.0, 1.0))
 
 
-def score_at(image: npt.NDArray[Any], deviations: Plane, weights: Plane, row: int, col: int) -> float:
-    """Return the score of one position, as :func:`scores_at` does."""
-    return float(scores_at(image, deviations, weights, np.array([row]), np.array([col]))[0])
-
-
 LONGEST_FFT = 1296
 """Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
 
@@ -472,8 +467,6 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
         pool.shutdown(cancel_futures=True)
 
 
-Scores = npt.NDArray[np.floating[Any]]
-
 ROWS_AT_ONCE = 64
 """Rows of a score map searched for peaks at a time, to keep the copies small."""
 
@@ -500,7 +493,7 @@ class Places:
 
     rows: Indices
     cols: Indices
-    scores: Scores
+    scores: Plane
     shape: tuple[int, int]
     poses: list[tuple[float, float]] | None = None
 

@@ -15,7 +15,7 @@ from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.patterns import opacity, pattern_of, weights_of
-from stereolag.templates.score_maps import score_at
+from stereolag.templates.score_maps import scores_at
 
 Array = npt.NDArray[Any]
 METHODS: tuple[TemplateMethod, ...] = ("fft", "direct")
@@ -59,9 +59,8 @@ def test_both_maps_are_the_weighted_definition(seed: int) -> None:
     image, template = photograph(seed, 40, 50), photograph(seed + 1, 12, 15)
     mask = np.random.default_rng(seed).random((12, 15))
     pattern = pattern_of(template, weights_of(opacity(template, mask)))
-    expected = [
-        [score_at(image, pattern.deviations, pattern.weights, row, col) for col in range(36)] for row in range(29)
-    ]
+    rows, cols = np.indices((29, 36)).reshape(2, -1)
+    expected = scores_at(image, pattern.deviations, pattern.weights, rows, cols).reshape(29, 36)
     fast, exact = (np.asarray(match_template(image, template, mask=mask, method=one).score_map) for one in METHODS)
     np.testing.assert_allclose(exact, expected, atol=1e-6)
     np.testing.assert_allclose(fast, expected, atol=2.5e-5)
