@@ -14,6 +14,7 @@ from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import over_bands, over_image
 from stereolag.loops.compilation import compiled
+from stereolag.loops.memory import copy
 from stereolag.loops.vector_lanes import (
     LANES,
     are_equal,
@@ -201,20 +202,20 @@ def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths
 @compiled
 def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int, runs: Array) -> None:
     """Set the first column of each run of rows `first` to `end`, and the column after its last."""
+    columns = np.empty((2, sixteenths.shape[1] + 1), np.int32)
     for y in range(first, end):
-        row, run = sixteenths[y], starts[y]
-        before = np.int32(NOTHING)
+        row, before, begun, ended = sixteenths[y], np.int32(NOTHING), 0, 0
         for x in range(row.size):
             here = np.int32(row[x])
-            if (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most):
-                if before != NOTHING:
-                    runs[1, run] = x
-                    run += 1
-                if here != NOTHING:
-                    runs[0, run] = x
+            apart = (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most)
+            # Written everywhere and kept where a run begins or ends, without a branch to be guessed.
+            columns[0, begun] = columns[1, ended] = x
+            begun += apart & (here != NOTHING)
+            ended += apart & (before != NOTHING)
             before = here
-        if before != NOTHING:
-            runs[1, run] = row.size
+        columns[1, ended] = row.size
+        for side in range(2):
+            copy(columns[side], runs[side, starts[y] : starts[y + 1]])
 
 
 @compiled
