@@ -75,7 +75,7 @@ smoother than elsewhere it is at full size."""
 def refined(
     flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement, level: int
 ) -> Flow:
-    """Return the refined flow.
+    """Return the flow, refined in its own memory.
 
     At full size one iteration does what three do at the coarse levels, and at half size two: the flow is nearly there,
     and the solver steps wider.
@@ -83,7 +83,7 @@ def refined(
     Parameters
     ----------
     flow
-        (2, H, W) px, finite.
+        (2, H, W) px, finite and contiguous.
     first, second
         (H, W) uint8 frames.
     settings
@@ -97,8 +97,8 @@ def refined(
     if level < 2:
         refinement.setSorIterations(SWEEPS)
         refinement.setOmega(OVER_RELAXED)
-    dx, dy = refinement.calcUV(first, second, flow[1].copy(), flow[0].copy())
-    return np.stack([dy, dx])
+    refinement.calcUV(first, second, flow[1], flow[0])
+    return flow
 
 
 @dataclass(frozen=True, eq=False, repr=False)
