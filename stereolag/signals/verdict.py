@@ -170,6 +170,9 @@ class _Alignment:
         The lag over time, None if it could not be measured.
     others
         Lags of other alignments with as much evidence, samples.
+    falls
+        Whether the correlation reaches farther down than up before any drift is undone. Undoing one that is none raises
+        a side lobe of inverted recordings above their trough.
     """
 
     evidence: Evidence
@@ -177,6 +180,7 @@ class _Alignment:
     shift: float = 0.0
     over_time: LagOverTime | None = None
     others: tuple[float, ...] = ()
+    falls: bool = False
 
     @property
     def score(self) -> float:
@@ -266,7 +270,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
     reason: Reason = "too_little"
     if min(sizes) >= _FEWEST:
         best = _best(recordings, found, first, last)
-        if best.score <= 1 or best.evidence.prefers_opposite(best.peaks[0]):
+        if best.score <= 1 or best.falls or best.evidence.prefers_opposite(best.peaks[0]):
             opposite = _opposite(recordings, found, first, last, best)
         if opposite is not None:
             reason = "opposite_sign"
@@ -334,11 +338,13 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             if one.score > max(1, _RIVAL * (best.score if best.changes else min(best.score, _UNDOUBTED)))
         ]
         best = alike[0] if alike else best
-        return replace(best, others=tuple(one.lag for one in alike if not best.is_at(one.lag)))
+        others = tuple(one.lag for one in alike if not best.is_at(one.lag))
+        return replace(best, others=others, falls=found.opposite_lag is not None)
     samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
     held = HeldRecording(samples_1), HeldRecording(samples_2)
     straight = Evidence(samples_1, samples_2, first, last, searched)
     best = _Alignment(straight, straight.peaks((found.lag,)))
+    falls = straight.prefers_opposite(best.peaks[0])
     tried: list[float] = []
     order = sorted(best.peaks, key=lambda peak: -peak.score - 0.05 * peak.above / straight.needed)
     smeared = [] if best.score > 1 else straight.smeared()
@@ -371,7 +377,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
         higher = found_there.peaks[0].above >= _AS_GOOD * best.peaks[0].above
         if higher and found_there.score > best.score * (_AS_GOOD if same else 1.0):
             best = found_there
-    return best
+    return replace(best, falls=falls)
 
 
 def _along(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, searched: int) -> _Alignment:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.recordings import KINDS
 from benchmarks.verdict import judged
 
@@ -15,3 +17,8 @@ def test_a_lag_is_never_sure_and_wrong_and_mostly_sure_and_right() -> None:
     lags = [one for one in outcomes if one.expected == "sure" and one.simple]
     assert len(lags) > len(KINDS) / 2
     assert sum(one.right for one in lags) >= 0.8 * len(lags)
+
+
+@pytest.mark.parametrize("seed", [910005, 920056])
+def test_no_drift_that_is_none_hides_an_inverted_recording(seed: int) -> None:
+    assert judged("inverted polarity", seed).verdict == "nothing"
