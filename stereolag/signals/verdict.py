@@ -439,6 +439,9 @@ def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, be
         samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
         evidence = Evidence(samples_1, -samples_2, first, last, searched)
         inverted = _Alignment(evidence, evidence.peaks())
+        if best.over_time is not None and best.changes:
+            followed = _along(best.over_time, samples_1, -samples_2, searched)
+            inverted = max(inverted, followed, key=lambda one: one.score)
     if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_above(best.peaks[0])):
         return None
     return round(inverted.lag)

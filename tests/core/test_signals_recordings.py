@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.recordings import KINDS
+from benchmarks.recordings import KINDS, trial
 from benchmarks.verdict import judged
+from stereolag import signal_lag
 
 SEED = 7004
 """Beyond those of the tables, which tell how often a lag is sure and right; its recordings are short."""
@@ -22,3 +23,10 @@ def test_a_lag_is_never_sure_and_wrong_and_mostly_sure_and_right() -> None:
 @pytest.mark.parametrize("seed", [910005, 920056])
 def test_no_drift_that_is_none_hides_an_inverted_recording(seed: int) -> None:
     assert judged("inverted polarity", seed).verdict == "nothing"
+
+
+@pytest.mark.parametrize("seed", [940005, 940009])
+def test_an_inverted_recording_whose_clock_drifts_is_told(seed: int) -> None:
+    recordings = trial("drifting clocks", seed).recordings
+    found = signal_lag(recordings[0], -recordings[1])
+    assert (found.verdict, found.judgement.reason) == ("nothing", "opposite_sign")
