@@ -50,7 +50,7 @@ TOLERANCE = 0.5
 BLOCKS, LEAST_BLOCK = 7, 5
 """Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
 
-DIFFERENT, TIMES, OF_STEEP, DISPLACED = 0.06, 2.5, 0.4, 0.004
+DIFFERENT, TIMES, OF_STEEP, DISPLACED = 0.06, 2.5, 0.4, 0.003
 """Least mean squared difference of a block that disagrees, as a share of the template's variance, beside so many times
 what noise and steepness make of it in the median block; how much steepness can make; and what of it no displacement by
 a part of a pixel explains.
@@ -339,7 +339,9 @@ class Fit:
             return counts
         left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
         steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
-        noise = np.maximum(median(left[counts]), steep * min(median((left / steep)[counts]), OF_STEEP))
+        # In flat blocks what is left is no more than noise, however little that is beside how steep they are.
+        shares = [median((left / steep)[some]) for some in (counts, counts & (steep > 2 * STEADY)) if some.any()]
+        noise = np.maximum(median(left[counts]), steep * min(*shares, OF_STEEP))
         behind = THROUGH * self.averaged(self.shown_through)
         most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))

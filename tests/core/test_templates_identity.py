@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from PIL import Image, ImageDraw, ImageFont
 
 from stereolag import TemplateSearch, match_template
 
@@ -248,6 +249,22 @@ def test_a_sibling_in_a_screen_reduced_and_compressed_is_another(drawn: str) -> 
 
     assert not match_template(reduced(drawn), icon("plus", side=24), scales=(0.45, 1.1)).found
     assert match_template(reduced("plus"), icon("plus", side=24), scales=(0.45, 1.1)).found
+
+
+@pytest.mark.parametrize("noise", [6, 10])
+@pytest.mark.parametrize("word", ["Replace", "Undo"])
+def test_noise_in_flat_blocks_does_not_hide_another_digit(word: str, noise: float) -> None:
+    def rows(time: str, noise: float) -> Array:
+        drawn = Image.new("RGB", (240, 100), (255, 255, 255))
+        for row, texts in ((10, ("Archive", "09:10")), (42, (word, time)), (74, ("Search", "21:30"))):
+            for col, text in zip((12, 160), texts, strict=True):
+                ImageDraw.Draw(drawn).text((col, row), text, fill=(40, 40, 40), font=ImageFont.load_default(14))
+        values = np.asarray(drawn) + np.random.default_rng(0).normal(0, noise, (100, 240, 3))
+        return np.asarray(np.clip(np.rint(values), 0, 255), dtype=np.uint8)
+
+    template = rows("12:45", 0)[36:64, 4:236]
+    assert not match_template(rows("12:46", noise), template).found
+    assert match_template(rows("12:45", noise), template).found
 
 
 @pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
