@@ -38,6 +38,7 @@ from benchmarks.screens import (
     Lamp,
     Layout,
     Panel,
+    Part,
     Random,
     Text,
     Theme,
@@ -235,7 +236,7 @@ def piece(random: Random, low: int = 48, high: int = 150) -> tuple[Array, Place]
 
 def place_in(picture: Array, random: Random, low: int = 48, high: int = 150) -> Place:
     """Return a place with something to see in a picture, or the last one tried."""
-    height, width = (int(random.integers(low, min(high, side // 2))) for side in picture.shape[:2])
+    height, width = (int(random.integers(low, max(low + 1, min(high, side // 2)))) for side in picture.shape[:2])
     return Place(*detailed_place(picture, height, width, random), height, width)
 
 
@@ -901,6 +902,100 @@ def _exchanged(random: Random, screen: Layout, widget: Widget, names: Sequence[s
     return Trial(picture, template, (), options={"at": place})
 
 
+def _in_a_chat(random: Random, there: bool) -> Trial:
+    if there:
+        given = screens_at_other_sizes(random)
+    else:
+        screen, widget = screen_with(random, lambda one: is_icon(one) and one.height >= 20 and bool(siblings(one.key)))
+        given = _exchanged(random, screen, widget, siblings(widget.key))
+    scale = float(random.choice([0.5, 0.67, 0.75, 0.8]))
+    shown = cv2.resize(given.picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    scaled = tuple(
+        Place(*(scale * one for one in (at.row, at.col, at.height, at.width)), scale * at.scale) for at in given.places
+    )
+    return Trial(as_jpeg(shown, int(random.integers(60, 86))), given.template, scaled, options={"scales": (0.45, 1.3)})
+
+
+def screens_in_a_chat(random: Random) -> Trial:
+    """A widget, in a screen that a chat reduced to 50 to 80 % and compressed."""
+    return _in_a_chat(random, True)
+
+
+def siblings_in_a_chat(random: Random) -> Trial:
+    """An icon of which only siblings are in such a screen."""
+    return _in_a_chat(random, False)
+
+
+def other_parts(random: Random) -> Trial:
+    """A part of a screen in which some of the widgets show something else, or are gone."""
+    while True:
+        screen = layout(random)
+        picture = screen.drawn()
+        height, width = int(random.integers(60, 170)), int(random.integers(90, 260))
+        place = Place(*detailed_place(picture, height, width, random), height, width)
+        template = cut(picture, place)
+        inside = [
+            one
+            for one in screen.widgets
+            if place.row <= one.row <= place.row + height - one.height
+            and place.col <= one.col <= place.col + width - one.width
+            and (is_icon(one) or is_word(one))
+        ]
+        if len(inside) > 2 and has_detail(template):
+            break
+    changed = [inside[index] for index in random.permutation(len(inside))[: int(random.integers(1, len(inside)))]]
+    gone = random.random() < 0.4
+    for one in changed:
+        other = with_name(one, str(random.choice(sorted(GLYPHS) if is_icon(one) else WORDS)))
+        screen = screen.exchanged(one, replace(one, parts=()) if gone or other == one else other)
+    return Trial(screen.drawn(), template, ())
+
+
+def _rows(random: Random, states: Sequence[str], part: Callable[[str, float, Theme], tuple[Part, ...]]) -> Trial:
+    """Return a list, and a row of it in another of its states."""
+    look = theme(random)
+    words = random.choice(WORDS, 8, replace=False).tolist()
+    own = [str(random.choice(states)) for _ in words]
+    wanted = int(random.integers(len(words)))
+
+    def drawn(shown: Sequence[str]) -> Array:
+        rows = (
+            Widget(word, top, 12, 28, 200, (Text(top + 6, 12, 14, word, look.ink), *part(state, top, look)))
+            for word, state, top in zip(words, shown, range(10, 300, 32), strict=False)
+        )
+        return Layout(280, 240, replace(look, back=look.card), tuple(rows)).drawn()
+
+    other = str(random.choice([state for state in states if state != own[wanted]]))
+    template = drawn([*own[:wanted], other, *own[wanted + 1 :]])
+    place = Place(10 + 32 * wanted, 4, 28, 232)
+    return Trial(by_a_camera(drawn(own), random), cut(template, place), ())
+
+
+def other_states(random: Random) -> Trial:
+    """A row of a list with a switch, or a box for a check mark, of which only the other state is there."""
+
+    def switch(state: str, top: float, look: Theme) -> tuple[Part, ...]:
+        knob = Panel(top + 6, 208 if state == "on" else 190, 16, 16, (255, 255, 255), None, 8)
+        return Panel(top + 4, 188, 20, 38, look.accent if state == "on" else (150, 150, 150), None, 10), knob
+
+    def box(state: str, top: float, look: Theme) -> tuple[Part, ...]:
+        if state == "off":
+            return (Panel(top + 5, 198, 18, 18, look.card, look.border, 3),)
+        check = Icon(top + 2, 195, 24, "check", (255, 255, 255), 2.4)
+        return Panel(top + 5, 198, 18, 18, look.accent, None, 3), check
+
+    return _rows(random, ("on", "off"), switch if random.random() < 0.5 else box)
+
+
+def other_digits(random: Random) -> Trial:
+    """A row of a list with a time, of which one digit is another there."""
+
+    def clock(state: str, top: float, look: Theme) -> tuple[Part, ...]:
+        return (Text(top + 6, 160, 14, state, look.ink),)
+
+    return _rows(random, ("12:45", "12:46", "12:48", "13:45", "12:15"), clock)
+
+
 def _family(random: Random) -> tuple[Layout, list[str]]:
     look, names = theme(random), list(FAMILIES[int(random.integers(len(FAMILIES)))])
     random.shuffle(names)
@@ -1301,6 +1396,7 @@ KINDS: dict[str, Kind] = {
         screens,
         screens_as_jpeg,
         screens_at_other_sizes,
+        screens_in_a_chat,
         photographs_as_taken,
         photographs_turned_and_resized,
         photographs_without_room,
@@ -1343,6 +1439,10 @@ KINDS: dict[str, Kind] = {
         siblings_of_icons,
         siblings_of_words,
         siblings_at_other_sizes,
+        siblings_in_a_chat,
+        other_parts,
+        other_states,
+        other_digits,
         siblings_of_many,
         siblings_without_room,
         lamps_of_another_colour,
