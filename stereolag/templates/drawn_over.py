@@ -37,11 +37,13 @@ BAR, OF_BAR = 24, 0.75
 BADGE, ROUND = (8, 40), (0.68, 0.95)
 """Least and greatest height of a badge, px, and of its box that it fills."""
 
-STEEP, OF_VARIANCE, OUTLINED = 9.0, 0.003, 0.95
-"""Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; and
-the least share of the rim of a thing that is at such edges where the template itself has that outline.
+STEEP, OF_VARIANCE, OUTLINED, TEXTURE = 9.0, 0.003, 0.95, 0.7
+"""Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; the
+least share of the rim of a thing that is at such edges where the template itself has that outline; and the largest 3 to
+6 px around it, where texture has edges too.
 
-Measured: 1.0 at switches and boxes in another state, up to 0.83 at things in front.
+Measured: 1.0 and up to 0.66 at switches and boxes in another state; up to 0.83 at things in front, but for arrows over
+texture, which has 0.79 and more.
 """
 
 LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
@@ -104,14 +106,17 @@ def has_outline(template: Plane, thing: Mask) -> bool:
 
     As a switch is, or the check mark of a box, or a letter. A thing that the template cuts off has no such rim.
     """
-    steep, square = sum(np.square(one).sum(axis=2) for one in gradient(template)), np.ones((3, 3), np.uint8)
-    inner, outer = (change(np.asarray(thing, dtype=np.uint8), square) > 0 for change in (cv2.erode, cv2.dilate))
-    rim = outer & ~inner
+    steep = sum(np.square(one).sum(axis=2) for one in gradient(template))
+    inner, outer, near, far = (
+        change(np.asarray(thing, dtype=np.uint8), np.ones((side, side), np.uint8)) > 0
+        for change, side in ((cv2.erode, 3), (cv2.dilate, 3), (cv2.dilate, 7), (cv2.dilate, 13))
+    )
+    rim, beside = outer & ~inner, far & ~near
     if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():
         return False
     least = max(STEEP * median(steep[~outer]), OF_VARIANCE * float(template.var(axis=(0, 1)).sum()))
-    edges = cv2.dilate(np.asarray(steep > least, dtype=np.uint8), square) > 0
-    return bool(edges[rim].mean() >= OUTLINED)
+    edges = cv2.dilate(np.asarray(steep > least, dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return bool(edges[rim].mean() >= OUTLINED and edges[beside].sum() <= TEXTURE * beside.sum())
 
 
 def _box(differ: Mask) -> tuple[slice, slice]:

@@ -42,7 +42,7 @@ def text_cursor(part: Array, random: np.random.Generator) -> None:
 
 def arrow(part: Array, random: np.random.Generator) -> None:
     at = np.array([(1, 1), (1, 17), (5, 13.5), (8, 20), (10.5, 19), (7.5, 12.5), (12.5, 12.5)])
-    corners = np.rint(16 * (at + random.uniform([4, 4], [90, 20]))).astype(np.int32)
+    corners = np.rint(16 * (at + random.uniform([4, 4], [part.shape[1] - 20, 20]))).astype(np.int32)
     cv2.fillPoly(part, [corners], (255, 255, 255), cv2.LINE_AA, 4)
     cv2.polylines(part, [corners], True, (0, 0, 0), 1, cv2.LINE_AA, 4)
 
@@ -190,3 +190,15 @@ def test_a_row_whose_switch_or_box_is_in_another_state_is_not_partly_covered(see
     states[other] = not on
     search = match_template(rows(*states), template)
     assert not search.found, search.best
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_an_arrow_over_texture_has_no_outline_there(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    texture = cv2.GaussianBlur(random.normal(size=(220, 300, 3)).astype(np.float32), (0, 0), 1.0)
+    contrast = np.where(np.arange(300) > 150, 120, 4)[:, np.newaxis]
+    picture = np.clip(120 + contrast * texture, 0, 255).astype(np.uint8)
+    template = picture[40:170, 90:200].copy()
+    arrow(picture[60 + 8 * seed :, 160:190], random)
+    search = match_template(picture, template)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (40, 90)
