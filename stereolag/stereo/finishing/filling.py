@@ -193,10 +193,9 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     if known.size == 0:
         return disparity, reason
     if known.size < len(filled):
-        rows = np.arange(len(filled))
+        rows = np.flatnonzero(np.isnan(filled[:, 0]))
         after = np.searchsorted(known, rows).clip(max=known.size - 1)
         before = (after - 1).clip(min=0)
-        nearest = np.where(rows - known[before] <= np.abs(known[after] - rows), known[before], known[after])
-        nearest[known] = known
-        filled = filled[nearest]
+        before, after = known[before], known[after]
+        filled[rows] = filled[np.where(rows - before <= np.abs(after - rows), before, after)]
     return filled, reasons

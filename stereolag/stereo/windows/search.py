@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -230,10 +231,12 @@ class LagTable(NamedTuple):
     """By code."""
 
 
+@lru_cache(maxsize=8)  # making it takes as long as a stage of the finishing
 def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable:
     """Return `lags` laid out in strips, for a right image of `stride` pixels per row.
 
-    If the search is `wrapped`, the lags at one end are neighbours of those at the other.
+    If the search is `wrapped`, the lags at one end are neighbours of those at the other. Tables are shared: do not
+    change one.
     """
     width = strips_of(lags) * LANES
     dy, dx = (np.concatenate([[0], lag[::-1]]) for lag in lags.ranked())
