@@ -99,4 +99,3 @@ $(VENV)/.loops-warm: $(VENV)/.measuring-ready $(LOOPS)
 $(VENV)/.all-loops-warm: $(VENV)/.loops-warm
 	$(BIN)/python -m stereolag.warming
 	@touch $@
-

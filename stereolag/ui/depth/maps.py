@@ -335,8 +335,6 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
 
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
-    # Streamlit sends what is there every 10 ms: a map that followed its container at once would wait for the next time.
-    ahead = st.container(key="depth-ahead", gap=None)
     packs = {}
     for matcher in filter(None, matchers):
         with suppress(ValueError):  # shown in place of the map
@@ -344,7 +342,7 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
             if result is not None:
                 picture = Picture(matcher.title, None, _readings(result, digits=1))
                 packs[picture.title] = _packed(pair, picture, result)
-    with ahead:
+    with st.container(key="depth-ahead", gap=None):
         for title, pack in packs.items():
             send_picture(pack, title, key=KEY)
     digests = [pack.digest for pack in packs.values()]
