@@ -26,6 +26,9 @@ MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Dept
 RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
  duration * iterations > 10).length"
 
+DISABLE = "(one) => { one.setAttribute('aria-disabled', 'true'); one.removeAttribute('tabindex'); }"
+"""As Streamlit does to a tab while a run draws its panel anew."""
+
 COUNT_TRANSITIONS = """
 () => { window.transitions = 0; addEventListener("transitionrun", () => { window.transitions += 1; }, true); }
 """
@@ -80,6 +83,25 @@ def test_tab_goes_back_the_way_it_came(page: Page) -> None:
 
 def test_the_result_and_the_first_control_are_on_the_first_screen(name: str, page: Page) -> None:
     expect_on_first_screen(page, name)
+
+
+@pytest.mark.parametrize("name", ["Sensor lag"], indirect=True)
+def test_a_control_that_a_run_disables_or_replaces_has_the_focus_again(page: Page) -> None:
+    tab, choice = page.get_by_role("tab").first, page.get_by_role("radio", name="Coast", exact=True)
+    tab.focus()
+    tab.evaluate(DISABLE)
+    expect(page.locator("body")).to_be_focused()
+    tab.evaluate("(one) => { one.setAttribute('aria-disabled', 'false'); one.tabIndex = 0; }")
+    expect(tab).to_be_focused()
+    choice.focus()
+    choice.evaluate("(one) => one.replaceWith(one.cloneNode(true))")
+    expect(choice).to_be_focused()
+    page.get_by_role("tab").last.focus()  # it is left by hand, and stays so
+    choice.evaluate(DISABLE)
+    choice.evaluate("(one) => new Promise((done) => setTimeout(done, 200))")
+    expect(page.get_by_role("tab").last).to_be_focused()
+    page.reload()
+    settled(page)
 
 
 @pytest.mark.parametrize("name", MOVED, indirect=True)

@@ -1,6 +1,7 @@
 // The page's single live region. It stays outside the re-rendered content because a new region is not read aloud.
 
 import { described, element, say } from "../shared/dom.js";
+import { keepFocus } from "../shared/focus.js";
 
 const REST_MS = 600; // a dragged slider must not be read out at every step
 let waiting;
@@ -15,6 +16,7 @@ function region() {
 }
 
 export default function ({ data }) {
+  keepFocus();
   const told = region();
   clearTimeout(waiting);
   waiting = setTimeout(() => say(told, data), REST_MS);
