@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
@@ -12,6 +13,8 @@ from tests.browser.serving import CHROMIUM, Server, chromium, chromium_path
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
 expect.set_options(timeout=TIMEOUT_MS)
+
+HERE = Path(__file__).parent
 
 
 @pytest.fixture(scope="session")
@@ -55,3 +58,11 @@ def show_parts(browser: Browser) -> Iterator[ShowParts]:
     """Return a function that shows the components drawn by a given function, without the app."""
     with parts_alone(browser) as shown:
         yield shown
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run a browser test that fails once more: on a busy machine, about one run of all in ten meets a moment of
+    Streamlit or Chromium that no second one meets. The summary counts those tests as rerun."""
+    for item in items:
+        if item.path.is_relative_to(HERE):
+            item.add_marker(pytest.mark.flaky(reruns=1))
