@@ -7,9 +7,11 @@ something in front of its ground: no sibling differs by such a thing alone, and 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
@@ -37,13 +39,13 @@ BAR, OF_BAR = 24, 0.75
 BADGE, ROUND = (8, 40), (0.68, 0.95)
 """Least and greatest height of a badge, px, and of its box that it fills."""
 
-STEEP, OF_VARIANCE, OUTLINED, TEXTURE = 9.0, 0.003, 0.95, 0.7
+STEEP, OF_VARIANCE, OUTLINED, TEXTURE, PART = 9.0, 0.003, 0.95, 0.5, 0.25
 """Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; the
-least share of the rim of a thing that is at such edges where the template itself has that outline; and the largest 3 to
-6 px around it, where texture has edges too.
+least share of the rim of a thing that is at such edges where the template itself has that outline; the largest 3 to 12
+px around it, where texture has edges too; and the least share of a thing of a part with a rim of its own.
 
-Measured: 1.0 and up to 0.66 at switches and boxes in another state; up to 0.83 at things in front, but for arrows over
-texture, which has 0.79 and more.
+Measured: 1.0 and up to 0.36 at switches and boxes in another state; at things in front up to 0.92 around letters under
+a text cursor, and 0.69 around an arrow over texture.
 """
 
 LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
@@ -80,9 +82,12 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
     if part.shape != pattern.colours.shape:
         return None
     seen, template = part.astype(np.float32), pattern.colours.astype(np.float32)
-    away = np.abs(seen - template).max(axis=2)
-    noise = max(LIKE, NOISY * float(percentiles(away, AS_THEY_ARE)[0]))
-    differ = away > noise
+    away = seen - template
+    level = np.array([median(channel) for channel in np.moveaxis(away, 2, 0)], dtype=np.float32)
+    # What most pixels differ by is a tint, or another light, and no noise.
+    spreads = [float(percentiles(np.abs(one).max(axis=2), AS_THEY_ARE)[0]) for one in (away, away - level)]
+    noise = max(LIKE, NOISY * min(spreads))
+    differ = np.abs(away).max(axis=2) > noise
     if not 0 < differ.mean() <= MOST:
         return None
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
@@ -104,12 +109,24 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
 def has_outline(template: Plane, thing: Mask) -> bool:
     """Return whether the template has edges all along the rim of a thing: it is in another state, or gone.
 
-    As a switch is, or the check mark of a box, or a letter. A thing that the template cuts off has no such rim.
+    As a switch is, or the check mark of a box, or a letter. Of a knob that moves, the rim where the template has it
+    tells; noise makes gaps in a thing, so that its hull tells as well.
     """
+    found, _ = cv2.findContours(thing.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not found:
+        return False
+    least, hull = PART * thing.sum(), cv2.convexHull(np.concatenate(found))
+    large = [one for one in found if cv2.contourArea(one) >= least]
     steep = sum(np.square(one).sum(axis=2) for one in gradient(template))
+    return any(_is_outlined(template, steep, outline) for outline in [hull, *large])
+
+
+def _is_outlined(template: Plane, steep: Plane, outline: npt.NDArray[Any]) -> bool:
+    """Return whether the template has edges all along a closed line: one that it cuts off does not count."""
+    filled = cv2.drawContours(np.zeros(steep.shape, np.uint8), [outline], -1, 1, -1)
     inner, outer, near, far = (
-        change(np.asarray(thing, dtype=np.uint8), np.ones((side, side), np.uint8)) > 0
-        for change, side in ((cv2.erode, 3), (cv2.dilate, 3), (cv2.dilate, 7), (cv2.dilate, 13))
+        change(filled, np.ones((side, side), np.uint8)) > 0
+        for change, side in ((cv2.erode, 3), (cv2.dilate, 3), (cv2.dilate, 7), (cv2.dilate, 25))
     )
     rim, beside = outer & ~inner, far & ~near
     if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():

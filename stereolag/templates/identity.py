@@ -266,6 +266,9 @@ FROM_RIM, FILLED_NOISY, LEFT_NOISY = (0.1, 0.45), 0.6, 0.55
 """The same where noise hides the pixels of its rim: smallest and largest share of the blocks, least share of the pixels
 that differ in them, and of the structure that must be seen, of a thing that comes in over the rim of the template."""
 
+MOSTLY = 0.1
+"""Least squared difference of the thing itself, beside that percentile of those of it and its halo."""
+
 LEFT_OVER, LEFT_INSIDE, DIFFERS = 0.45, 0.4, 0.4
 """Least share of the template's structure that must be seen if a part is covered, if only a part is outside, and of
 something that differs in some blocks."""
@@ -324,7 +327,7 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
     left = float((structure * (1 - averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
     solid = COVERED[0] <= share <= COVERED[1] and filled >= FILLED and one >= ONE
-    return bool(solid and left >= LEFT_OVER) and not has_outline(fit.template, front)
+    return bool(solid and left >= LEFT_OVER) and not _has_outline(fit, front & differ)
 
 
 def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
@@ -340,9 +343,16 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     inside = fit.over(disagrees)
     differ = fit.differences()[inside & (fit.weights >= COUNTS)] > 0.02 * fit.variance
-    return bool(differ.mean() >= FILLED_NOISY) and not has_outline(
-        fit.template, _thing(inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance))
+    return bool(differ.mean() >= FILLED_NOISY) and not _has_outline(
+        fit, inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance)
     )
+
+
+def _has_outline(fit: Fit, differ: Mask) -> bool:
+    """Return whether the template has the outline of what differs, or of what does most: JPEG has haloes around it."""
+    squares = fit.differences(sharp=True)
+    most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0])) if differ.any() else differ
+    return any(has_outline(fit.template, _thing(one)) for one in (differ, most))
 
 
 def _thing(differ: Mask) -> Mask:

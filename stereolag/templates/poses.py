@@ -47,19 +47,27 @@ class PoseRange:
     rotations: Range
 
     def grid(self, shape: tuple[int, ...]) -> list[tuple[float, float]]:
-        """Return the scales and rotations of the coarse search for a template of that shape, both ends included."""
+        """Return the scales and rotations of the coarse search for a template of that shape, both ends included.
+
+        Of a full circle one end, as both are the same angle.
+        """
         sizes = math.ceil(math.log(self.scales[1] / self.scales[0]) / math.log(SCALE_STEP) - 1e-9) + 1
         angles = math.ceil((self.rotations[1] - self.rotations[0]) / rotation_step(shape) - 1e-9) + 1
         return [
             (float(scale), float(rotation))
             for scale in np.geomspace(*self.scales, sizes)
-            for rotation in np.linspace(*self.rotations, angles)
+            for rotation in np.linspace(*self.rotations, angles)[: angles - self._is_circle]
         ]
 
     def within(self, scale: float, rotation: float) -> tuple[float, float]:
-        """Return the nearest scale and rotation within the ranges."""
+        """Return the nearest scale and rotation within the ranges; around a full circle the rotation goes on."""
         (least, most), (first, last) = self.scales, self.rotations
-        return min(max(scale, least), most), min(max(rotation, first), last)
+        turned = (rotation - first) % 360 + first if self._is_circle else min(max(rotation, first), last)
+        return min(max(scale, least), most), turned
+
+    @property
+    def _is_circle(self) -> bool:
+        return self.rotations[1] - self.rotations[0] >= 360
 
     def coarse_factor(self, shape: tuple[int, ...]) -> float:
         """Return the factor by which the image is reduced in the coarse search for a template of that shape."""

@@ -119,6 +119,14 @@ def test_all_of_many_copies_at_all_angles_are_found() -> None:
     assert search.clear == len(centres) == 9
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_around_a_full_circle_no_angle_is_an_end(seed: int) -> None:
+    template, rotation = sprite(), float(np.random.default_rng(seed).uniform(172, 179))
+    scene = drawn(blobs((120, 140, 3)), template, 60.0, 70.0, 1.0, rotation)
+    (match,) = match_template(scene, template, rotations=(-180, 180)).matches
+    assert match.rotation == pytest.approx(rotation, abs=2)
+
+
 def test_of_more_copies_than_are_wanted_all_are_look_alikes() -> None:
     template, scene = sprite(), blobs((150, 210, 3))
     for col in (40, 104, 168):
