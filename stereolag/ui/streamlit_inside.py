@@ -66,6 +66,8 @@ PAGE_STYLE = """
 }
 .st-key-page-head > * { max-width: 100%; }
 .st-key-page-head > * [data-testid="stMarkdownContainer"] > p { padding-top: 0.35rem; }
+/* The names of four methods in one line of the column of controls. */
+.st-key-depth-tab [role="radiogroup"] button { padding-inline: 0.3rem; }
 /* A table wider than a phone scrolls within its own box. */
 [data-testid="stMarkdownContainer"]:has(> table) { overflow-x: auto; }
 /* Links within text, because their colours are too close to the text colour. */
@@ -81,9 +83,12 @@ PAGE_STYLE = """
 }
 /* Streamlit shows the buttons over a picture only under the pointer. */
 [data-testid="stElementToolbar"]:focus-within { opacity: 1; }
-/* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it under the pointer. */
+/* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it under
+   the pointer and with the focus. */
 button[data-testid="stBaseButton-primary"] { color: light-dark(#fff, #14151b); }
-button[data-testid="stBaseButton-primary"]:hover { background-color: light-dark(#483b7d, #b9adf5); }
+button[data-testid="stBaseButton-primary"]:is(:hover, :focus-visible, :active) {
+  background-color: light-dark(#483b7d, #b9adf5);
+}
 /* Axis numbers and titles, which Streamlit draws at a contrast of 3.6, and what it leaves in the other theme's colours
    if the theme changes while a chart is being drawn. */
 .stPlotlyChart :is([class$="tick"] text, [class^="g-"][class$="title"] text, .legendtext) {

@@ -73,7 +73,7 @@ def main() -> None:
     mazes = [
         {
             "name": "maze",
-            "title": "Rocketman in the garden maze",
+            "title": "Garden maze",
             "description": "Rocketman hovers somewhere in a hedge maze full of visitors who wear his colours.",
             "picture": "maze.png",
             "template": "rocketman.png",
@@ -82,7 +82,7 @@ def main() -> None:
         },
         {
             "name": "maze_dulled",
-            "title": "Rocketman in the dust of the moon",
+            "title": "Moon dust",
             "description": "Dust has dulled his colours and made him grainy, and nearly a quarter of him is hidden: "
             "not one of his pixels is left as it was.",
             "picture": "maze_dulled.png",
