@@ -20,7 +20,7 @@ from stereolag import match_template
 TRIALS = 15
 """Searches of each kind."""
 
-SEED = 10080
+SEED = 1_000_000
 """Of the first; those below may be looked at while the search is worked on."""
 
 THRESHOLD = 0.8

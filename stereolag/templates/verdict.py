@@ -342,10 +342,21 @@ class _LookedAt:
             return match
         told = {name: value for name, value in vars(shown).items() if name not in ("anew", "moved")}
         if shown.anew is not None:
-            tall, wide = warped_shape(self._pattern.shape, shown.anew.size, rotation)
-            told |= {"row": max(0, round(shown.anew.row - tall / 2)), "col": max(0, round(shown.anew.col - wide / 2))}
-            told |= {"height": tall, "width": wide, "scale": shown.anew.size}
+            told |= self._box_around(shown.anew.row, shown.anew.col, shown.anew.size, rotation)
+        elif shown.is_template and (scale, rotation) != (1.0, 0.0) and self.places.poses is not None:
+            down, right, larger, clockwise = shown.moved
+            poses = np.array(self.places.poses)
+            # What was not searched stays as it is.
+            size = scale * math.exp(larger) if np.ptp(poses[:, 0]) else scale
+            turned = rotation - math.degrees(clockwise) if np.ptp(poses[:, 1]) else rotation
+            told |= self._box_around(row + height / 2 + down, col + width / 2 + right, size, turned)
         return replace(match, **told)
+
+    def _box_around(self, row: float, col: float, scale: float, rotation: float) -> dict[str, float]:
+        """Return size, angle and box of the template with this middle."""
+        tall, wide = warped_shape(self._pattern.shape, scale, rotation)
+        corner = {"row": max(0, round(row - tall / 2)), "col": max(0, round(col - wide / 2))}
+        return {**corner, "height": tall, "width": wide, "scale": scale, "rotation": rotation}
 
     def _pose(self, index: int) -> tuple[float, float]:
         """Return the size and angle of the template at a place."""

@@ -119,6 +119,17 @@ def test_all_of_many_copies_at_all_angles_are_found() -> None:
     assert search.clear == len(centres) == 9
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_size_of_one_between_the_pixels_is_recovered(seed: int) -> None:
+    """On whole pixels a small one would score best a few percent too large or too small."""
+    random, template = np.random.default_rng(seed), sprite()
+    scale, (row, col) = float(random.uniform(0.3, 0.5)), random.uniform(40, 41, 2)
+    scene = drawn(blobs((90, 90, 3)), template, float(row), float(col), scale, 0.0)
+    (match,) = match_template(scene, template, scales=(0.25, 0.6)).matches
+    assert match.scale == pytest.approx(scale, rel=0.01)
+    assert match.rotation == 0
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_around_a_full_circle_no_angle_is_an_end(seed: int) -> None:
     template, rotation = sprite(), float(np.random.default_rng(seed).uniform(172, 179))
