@@ -36,8 +36,10 @@ ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0
 BAR, OF_BAR = 24, 0.75
 """Greatest width of a bar along a side, px, and least share of it that differs."""
 
-BADGE, ROUND = (8, 40), (0.68, 0.95)
-"""Least and greatest height of a badge, px, and of its box that it fills."""
+BADGE, ROUND, NEW = (8, 40), (0.68, 0.95), 0.5
+"""Least and greatest height of a badge, px, and of its box that it fills; and least share of it that differs: if less,
+the template has that badge, with another number in it.
+"""
 
 STEEP, OF_VARIANCE, OUTLINED, TEXTURE, PART = 9.0, 0.003, 0.95, 0.5, 0.25
 """Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; the
@@ -202,7 +204,10 @@ def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bo
     filled = cv2.fillConvexPoly(np.zeros(like.shape, np.uint8), cv2.convexHull(np.concatenate(found)), 1)
     share = float(filled.sum()) / (height * width)
     reached = cv2.dilate(filled, np.ones((5, 5), np.uint8)) > 0
-    return ROUND[0] <= share <= ROUND[1] and bool(reached[own].mean() >= ALL)
+    down, right = (at + corner for at, corner in zip(np.nonzero(filled), (top - row, left - col), strict=True))
+    within = (down >= 0) & (down < thing.shape[0]) & (right >= 0) & (right < thing.shape[1])
+    is_new = thing[down[within], right[within]].mean() >= NEW
+    return ROUND[0] <= share <= ROUND[1] and bool(is_new and reached[own].mean() >= ALL)
 
 
 def _is_arrow(differ: Mask) -> bool:

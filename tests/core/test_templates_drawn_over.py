@@ -219,3 +219,23 @@ def test_an_arrow_over_texture_has_no_outline_there(seed: int) -> None:
     arrow(picture[60 + 8 * seed :, 160:190], random)
     search = match_template(picture, template)
     assert search.found and (search.matches[0].row, search.matches[0].col) == (40, 90)
+
+
+@pytest.mark.parametrize("reach", [7, 9])
+@pytest.mark.parametrize("seed", range(8))
+def test_another_digit_in_the_badge_of_the_template_is_a_sibling(seed: int, reach: int) -> None:
+    random = np.random.default_rng(seed)
+    words, _, (row, col) = words_of(random)
+    one, other = (str(digit) for digit in random.permutation(9)[:2] + 1)
+
+    def shown(digit: str) -> Array:
+        picture = screen(random, words)
+        cv2.circle(picture, (col + 102, row + 9), reach, (220, 30, 40), -1, cv2.LINE_AA)
+        at = col + 98, row + 13
+        cv2.putText(picture, digit, at, cv2.FONT_HERSHEY_PLAIN, 0.8, (255, 255, 255), 1, cv2.LINE_AA)
+        return picture
+
+    template = shown(one)[row : row + 44, col : col + 110]
+    assert match_template(shown(one), template).found
+    search = match_template(shown(other), template)
+    assert not search.found, search.best
