@@ -182,9 +182,14 @@ def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> floa
 
     The median, because a few gross mismatches say nothing about the accuracy of a good match.
     """
-    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(ground_truth, dtype=np.float64))
-    known = error[np.isfinite(error)]
-    return float(np.median(known)) if known.size else math.nan
+    error = np.subtract(disparity, ground_truth, dtype=np.float64)
+    np.abs(error, out=error)
+    known = error[error < np.inf]
+    if not known.size:
+        return math.nan
+    middle = known.size // 2
+    known.partition(middle)  # np.median looks for NaN and for two places: twice the time
+    return float(known[middle] if known.size % 2 else (known[:middle].max() + known[middle]) / 2)
 
 
 def distance_between(

@@ -242,12 +242,12 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     values = reading.values[::step, ::step]
     quantum = 1.0
     if not reading.words:
-        unknown = ~np.isfinite(values)
-        scaled = np.where(unknown, np.float32(0), values)
+        known = np.isfinite(values)
+        scaled = cv2.copyTo(np.ascontiguousarray(values), known.view(np.uint8))  # 0 elsewhere
         fine_enough, to_reach = 10.0**-reading.digits, cv2.norm(scaled, cv2.NORM_INF) / -(NOTHING + 1)
         quantum = 2.0 ** max(math.floor(math.log2(fine_enough)), math.ceil(math.log2(max(to_reach, 1e-9))))
         values = cv2.addWeighted(scaled, 1 / quantum, scaled, 0, 0, dtype=cv2.CV_16S)
-        np.copyto(values, NOTHING, where=unknown)
+        np.copyto(values, NOTHING, where=~known)
     else:
         values = values.astype("<i2")
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed

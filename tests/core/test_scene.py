@@ -72,6 +72,12 @@ def test_a_known_distance_makes_depths_metric_whatever_was_known_before() -> Non
     assert 320 / calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
 
 
+@pytest.mark.parametrize("count", [1, 2, 9, 10])
+def test_the_typical_error_is_the_median(count: int) -> None:
+    disparity, truth = np.random.default_rng(count).uniform(0, 64, (2, count)).astype(np.float32)
+    assert typical_error(disparity, truth) == np.median(np.abs(disparity.astype(float) - truth))
+
+
 def test_the_typical_error_is_the_median_where_both_are_known() -> None:
     disparity = np.array([1.0, 2.5, np.nan, 4.0, 90.0])
     truth = np.array([1.1, 2.0, 3.0, np.nan, 5.0])
