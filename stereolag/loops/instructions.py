@@ -146,9 +146,9 @@ def _conversion(source: Any, target: Any) -> str:
     return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
 
 
-def _function(builder: Any, result: Any, argument: Any, name: str) -> Any:
-    """Return one of LLVM's own functions."""
-    function = ir.FunctionType(result, [argument])
+def _function(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
+    """Return one of LLVM's own functions, by its name and types."""
+    function = ir.FunctionType(result, arguments)
     return cgutils.get_or_insert_function(builder.module, function, name)  # type: ignore[no-untyped-call]
 
 
@@ -188,7 +188,7 @@ scaled = _of_two(_upper_halves_of_products)
 
 def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
     of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # whose bits are counted by a table of half a byte
-    count = _function(builder, of_bytes, of_bytes, f"llvm.ctpop.v{2 * LANES}i8")
+    count = _function(builder, f"llvm.ctpop.v{2 * LANES}i8", of_bytes, of_bytes)
     first, second = (builder.call(count, [builder.bitcast(lanes, of_bytes)]) for lanes in (one, other))
     pairs = builder.bitcast(builder.add(first, second), one.type)
     low = builder.and_(pairs, ir.Constant(one.type, [255] * LANES))
@@ -206,8 +206,20 @@ following = _of_two(
 larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
 """Return the larger of two integers, lane by lane."""
 
+larger_unsigned = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned(">", one, other), one, other))
+"""Return the larger of two integers, as unsigned ones, lane by lane."""
+
 smaller = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned("<", one, other), one, other))
-"""Return the smaller of two unsigned integers, lane by lane."""
+"""Return the smaller of two integers, as unsigned ones, lane by lane."""
+
+
+def _difference_within(builder: Any, one: Any, other: Any) -> Any:
+    name = f"llvm.ssub.sat.v{LANES}i{one.type.element.width}"
+    return builder.call(_function(builder, name, one.type, one.type, other.type), [one, other])
+
+
+difference_within = _of_two(_difference_within)
+"""Return the difference of two signed integers, lane by lane; the end of the dtype where it would be beyond it."""
 
 at_least = _of_two(lambda builder, one, other: builder.select(builder.fcmp_ordered(">", one, other), one, other))
 """Return the larger of two floats, lane by lane; the second for NaN."""
@@ -247,7 +259,7 @@ def _over_lanes(operation: str, number: Any) -> Instruction:
     def typing_and_code(typing: Any, lanes: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             name = f"llvm.vector.reduce.{operation}.v{LANES}i{number.bitwidth}"
-            return builder.call(_function(builder, ir.IntType(number.bitwidth), arguments[0].type, name), arguments)
+            return builder.call(_function(builder, name, ir.IntType(number.bitwidth), arguments[0].type), arguments)
 
         return number(lanes), generate
 
