@@ -91,14 +91,17 @@ class Loop(Deferred):
         The function in Python.
     fastmath
         LLVM's names of the permitted floating-point relaxations.
+    counted
+        Whether it counts references to arrays.
     """
 
-    def __init__(self, function: FunctionType, fastmath: Set[str]) -> None:
+    def __init__(self, function: FunctionType, fastmath: Set[str], counted: bool = True) -> None:
         update_wrapper(self, function)
         self.py_func = function
         self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
         self._code: dict[Hashable, Callable[..., Any]] = {}
         options = {"nogil": True, "error_model": "numpy", "fastmath": set(fastmath), "no_cfunc_wrapper": True}
+        options["_nrt"] = counted
         super().__init__(lambda: numba_inside.numba(Deferred).njit(no_cpython_wrapper=True, **options)(function))
         self.for_python = cache(lambda: numba_inside.numba(Deferred).njit(**options)(function))
 
@@ -185,10 +188,10 @@ def compiled(function: Function, /) -> Function: ...
 
 
 @overload
-def compiled(*, fastmath: Set[str]) -> Callable[[Function], Function]: ...
+def compiled(*, fastmath: Set[str] = ..., counted: bool = ...) -> Callable[[Function], Function]: ...
 
 
-def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> Any:
+def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset(), counted: bool = True) -> Any:
     """Compile a function on first use, keep the machine code on disk, and release the interpreter lock while it runs.
 
     Use it as ``@compiled``, or as ``@compiled(fastmath={"reassoc", "contract"})`` where sums may be taken in any order.
@@ -201,12 +204,15 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
         The function to compile; a division by zero gives infinity or NaN, as in NumPy.
     fastmath
         LLVM's names of the permitted floating-point relaxations.
+    counted
+        Whether references to arrays are counted, at every call and field taken out of a record, across all cores. A
+        loop that makes no array and returns none does not need it.
     """
     if function is None:
-        return partial(compiled, fastmath=fastmath)
+        return partial(compiled, fastmath=fastmath, counted=counted)
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return function  # as Numba does: the documentation shows functions
-    return Loop(function, fastmath)
+    return Loop(function, fastmath, counted)
 
 
 def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:

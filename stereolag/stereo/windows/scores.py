@@ -13,8 +13,6 @@ exact; other images have float64 sums in the same code.
 A score s of -1..1 is stored as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
 means no candidate. With the code of the lag in its low bits, one comparison finds the better of two scores and breaks
 ties, and nothing is divided before the best is known.
-
-Fields are taken out of a record once for a group of windows: Numba counts references on each.
 """
 
 from __future__ import annotations
@@ -123,7 +121,7 @@ def _change_of_type(left: Any, rows: Any, at: Any, back: Any) -> Any:
     return packed if is_integer(rows.dtype) else apart
 
 
-@compiled
+@compiled(counted=False)
 def change_row(
     columns: Array,
     width: int,
@@ -146,7 +144,7 @@ def change_row(
             at += LANES
 
 
-@compiled
+@compiled(counted=False)
 def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> None:
     """Move the window sums right: column `entering` enters; `leaving` leaves, unless it is negative."""
     lags = columns.shape[1]
@@ -404,7 +402,7 @@ class GroupPlace(NamedTuple):
     """``1 / window**2``, or 0 for a score that keeps the mean."""
 
 
-@compiled
+@compiled(counted=False)
 def _set_left_terms(
     count: int,
     at: int,
@@ -427,7 +425,7 @@ def _set_left_terms(
         put(scale, member, item(inverse, at + member) * np.float32(SCALE))
 
 
-@compiled
+@compiled(counted=False)
 def to_stored_score(
     products: Any, whole: Any, coarse: Any, fine: Any, scale: Any, right_total: Any, right_inverse: Any
 ) -> Any:
@@ -445,7 +443,7 @@ def to_stored_score(
     return cast(at_least(kept, splat(0.5, np.float32)), np.int32)
 
 
-@compiled
+@compiled(counted=False)
 def score_group(
     place: GroupPlace,
     left: Array,
@@ -601,7 +599,7 @@ def _score_reference(left_windows: Array, right_windows: Array, score: Score) ->
     return np.where(flat, np.nan, products / np.where(flat, 1, norms))
 
 
-@compiled
+@compiled(counted=False)
 def record_group(
     count: int,
     at: int,
@@ -633,7 +631,7 @@ def record_group(
             put(around, plane * dx.size + at + member, item(scores, member * scores.shape[1] + lag))
 
 
-@compiled
+@compiled(counted=False)
 def record_runners_up(
     count: int,
     at: int,
@@ -675,7 +673,7 @@ class TilePlace(NamedTuple):
     share: float
 
 
-@compiled
+@compiled(counted=False)
 def match_tile(
     place: TilePlace,
     left: Array,
