@@ -50,8 +50,10 @@ IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pg
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
 WHAT = "image"
 
+_PNG_BEGINS = b"\x89PNG\r\n\x1a\n"
+
 _DECODERS: dict[str, tuple[tuple[bytes, ...], type[ImageFile]]] = {
-    "PNG": ((b"\x89PNG\r\n\x1a\n",), PngImageFile),
+    "PNG": ((_PNG_BEGINS,), PngImageFile),
     "JPEG": ((b"\xff\xd8\xff",), JpegImageFile),
     "GIF": ((b"GIF87a", b"GIF89a"), GifImageFile),
     "WEBP": ((b"RIFF",), WebPImageFile),
@@ -166,6 +168,9 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         raise ValueError(
             f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
         )
+    ended = kind == "PNG" and _ends_with_pixels(data)
+    if kind == "PNG":
+        data = _inflated(data)
     pages = _pages(data) if kind == "TIFF" else []
     if pages:
         _check_frame(number, len(pages))
@@ -188,7 +193,7 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         still = kind == "WEBP" and image.mode == "RGB" and count == 1  # OpenCV decodes it in 60 % of the time
         if (deep or still) and number == 1:
             return _upright(_by_opencv(data, kind, image.mode), image), count
-        if kind == "PNG" and count == number == 1 and _is_plain(image, data):
+        if ended and count == number == 1 and _is_plain(image):
             with suppress(ValueError):  # Pillow reads more of what is not quite right
                 return _upright(_by_opencv(data, kind, image.mode), image), count
         if 1 <= number <= count and not pages:
@@ -212,15 +217,58 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     return pixels, count
 
 
-def _is_plain(image: ImageFile, data: bytes) -> bool:
-    """Return whether OpenCV decodes a PNG to the same pixels, in two thirds of the time: 8 bits, nothing behind them.
+MOST_INFLATED, MOST_PARTS = 2**25, 2**14
+"""Bytes of pixels up to which those of a PNG are decompressed ahead, beside the decoder's memory, and parts of them."""
 
-    Behind the pixels there may be an orientation.
+
+def _inflated(data: bytes) -> bytes:
+    """Return a PNG with its pixels no longer compressed: ISA-L takes a third of the time of decoders' own zlib.
+
+    Anything out of the ordinary is returned as it is, and left to them.
     """
+    parts, at = [], data.find(b"IDAT") - 4
+    try:
+        while data[at + 4 : at + 8] == b"IDAT" and len(parts) < MOST_PARTS:
+            (length,) = struct.unpack_from(">I", data, at)
+            parts.append(slice(at + 8, at + 8 + length))
+            at += 12 + length
+        width, height, depth, colours = struct.unpack_from(">IIBB", data, len(_PNG_BEGINS) + 8)
+        size = height * (1 + -(-width * depth * _PNG_CHANNELS[colours] // 8))
+        damaged = any(
+            isal_zlib.crc32(data[part.start - 4 : part.stop]) != int.from_bytes(data[part.stop : part.stop + 4], "big")
+            for part in parts
+        )
+        if size > MOST_INFLATED or damaged:
+            return data
+        unpacking = isal_zlib.decompressobj()
+        pixels = unpacking.decompress(b"".join(data[part] for part in parts), size + 1)
+    except (struct.error, KeyError, isal_zlib.error):
+        return data
+    if len(pixels) != size or not unpacking.eof or unpacking.unused_data:
+        return data
+    return data[: parts[0].start - 8] + _png_chunk(b"IDAT", zlib.compress(pixels, 0)) + data[at:]
+
+
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+"""Numbers of a pixel by the kind of colours in the header (ISO/IEC 15948, 11.2.2)."""
+
+
+def _png_chunk(kind: bytes, content: bytes) -> bytes:
+    check = isal_zlib.crc32(content, isal_zlib.crc32(kind))
+    return b"".join([struct.pack(">I", len(content)), kind, content, struct.pack(">I", check)])
+
+
+def _ends_with_pixels(data: bytes) -> bool:
+    """Return whether nothing follows the pixels of a PNG; there may be an orientation."""
     at = data.rfind(b"IDAT")
     ends = at + 8 + int.from_bytes(data[at - 4 : at], "big")
+    return len(data) - ends == len(_PNG_END)
+
+
+def _is_plain(image: ImageFile) -> bool:
+    """Return whether OpenCV decodes the pixels of a PNG as they are, in two thirds of the time: 8 bits."""
     plain = image.mode in ("L", "RGB", "RGBA") and [tile[3] for tile in image.tile] == [image.mode]
-    return plain and "transparency" not in image.info and len(data) - ends == len(_PNG_END)
+    return plain and "transparency" not in image.info
 
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
@@ -487,11 +535,26 @@ def image_png(image: npt.ArrayLike) -> bytes:
     pixels = as_image(image, "image")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"image holds {pixels.dtype}; a PNG holds uint8 or uint16, floats go into an .npy file.")
+    if pixels.dtype == np.uint16:
+        return _deep_png(pixels)
     if pixels.ndim == 3:
         order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
     _, data = cv2.imencode(".png", pixels)
     return data.tobytes()
+
+
+def _deep_png(pixels: npt.NDArray[np.uint16]) -> bytes:
+    """Return a PNG with 16 bits per channel. ISA-L packs in a quarter of the time of OpenCV's zlib, 3 to 4 % larger."""
+    rows, cols, channels = *pixels.shape[:2], pixels[0, 0].size
+    # Each byte is stored as its difference from that of the pixel before (filter 1 of ISO/IEC 15948).
+    stored, step = pixels.astype(">u2").view(np.uint8).reshape(rows, -1), 2 * channels
+    lines = np.ones((rows, 1 + stored.shape[1]), np.uint8)
+    lines[:, 1 : 1 + step] = stored[:, :step]
+    np.subtract(stored[:, step:], stored[:, :-step], out=lines[:, 1 + step :])
+    header = struct.pack(">IIBBBBB", cols, rows, 16, {1: 0, 3: 2, 4: 6}[channels], 0, 0, 0)
+    parts = {b"IHDR": header, b"IDAT": isal_zlib.compress(lines.data, 1), b"IEND": b""}
+    return _PNG_BEGINS + b"".join(_png_chunk(*part) for part in parts.items())
 
 
 def image_tiff(image: npt.ArrayLike) -> bytes:
@@ -777,10 +840,12 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
         As :func:`kitti_png` does.
     """
     values = as_map(disparity)
-    known = values[np.isfinite(values)]
-    if known.size == 0:
-        return
-    low, high = float(known.min()), float(known.max())
+    low, high = (float(end.reduce(values, axis=None)) for end in (np.fmin, np.fmax))
+    if not (math.isfinite(low) and math.isfinite(high)):
+        known = values[np.isfinite(values)]
+        if known.size == 0:
+            return
+        low, high = float(known.min()), float(known.max())
     first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
     if first < BEHIND_INFINITY * KITTI_SCALE or last > LARGEST_UINT16:
         raise ValueError(
@@ -869,18 +934,10 @@ def confidence_png(sure: npt.ArrayLike) -> bytes:
 
 def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
     """Return numbers as a 16-bit grey PNG, rounded, at least 1; 0 where they are NaN or infinite."""
-    counts = np.maximum(np.float32(1), np.rint(numbers))
+    counts = np.rint(numbers)
+    np.maximum(counts, np.float32(1), out=counts)
     counts[~np.isfinite(numbers)] = 0
-    # ISA-L packs in a quarter of the time of OpenCV's zlib, for 3 to 4 % more bytes. Each byte is stored as its
-    # difference from that of the pixel before (filter 1 of ISO/IEC 15948).
-    stored = counts.astype(">u2").view(np.uint8)
-    lines = np.ones((len(stored), 1 + stored.shape[1]), np.uint8)
-    lines[:, 1:3] = stored[:, :2]
-    np.subtract(stored[:, 2:], stored[:, :-2], out=lines[:, 3:])
-    header = struct.pack(">IIBBBBB", counts.shape[1], counts.shape[0], 16, 0, 0, 0, 0)
-    parts = (b"IHDR" + header, b"IDAT" + isal_zlib.compress(lines.data, 1), b"IEND")
-    chunks = (struct.pack(">I", len(one) - 4) + one + struct.pack(">I", zlib.crc32(one)) for one in parts)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+    return image_png(counts.astype(np.uint16))
 
 
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
