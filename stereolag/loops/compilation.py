@@ -22,7 +22,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Hashable, Iterator, Sequence, Set
+from collections.abc import Callable, Hashable, Iterator, Set
 from contextlib import contextmanager, suppress
 from functools import cache, partial, update_wrapper
 from importlib import import_module
@@ -116,8 +116,6 @@ class Loop(Deferred):
         with _COMPILING:
             if kinds not in self._code:
                 file = self._file(kinds)
-                if file is not None and self.__module__.startswith(tuple(_BESIDE)):
-                    _wait_for(file, _BESIDE.values())
                 code = None if file is None else _loaded(file, self.py_func)
                 self._code[kinds] = code or self._compiled(file, arguments)
             return self._code[kinds]
@@ -151,12 +149,6 @@ def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
         return None if kept is None else numba_inside.load(kept, function)
     except OSError:
         return None
-
-
-def _wait_for(file: Path, processes: Collection[subprocess.Popen[bytes]]) -> None:
-    """Wait until a file is there, or no process is left that may write it."""
-    while not file.exists() and any(one.poll() is None for one in processes):
-        time.sleep(0.01)
 
 
 def load_loader() -> None:
@@ -292,20 +284,14 @@ def compile_alone() -> bool:
     return _FIRST.acquire(blocking=False)
 
 
-_BESIDE: dict[str, subprocess.Popen[bytes]] = {}
-"""The process that compiles the loops of some modules, by the start of their names."""
-
-
 @contextmanager
-def compiling_beside(share: Sequence[str], module: str, *arguments: Any) -> Iterator[None]:
+def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
     """Let another process compile a share of the loops meanwhile, if no machine code is kept yet.
 
-    A process compiles one loop at a time. This one waits for those of the share, and finds them on disk.
+    A process compiles one loop at a time; what another one has compiled it finds on disk.
 
     Parameters
     ----------
-    share
-        The packages or modules whose loops the other process compiles.
     module
         Its function ``compile_share`` is called there.
     arguments
@@ -333,10 +319,8 @@ def compiling_beside(share: Sequence[str], module: str, *arguments: Any) -> Iter
         if helper is not None and helper.stdin is not None:
             with suppress(OSError), helper.stdin:
                 pickle.dump(arguments, helper.stdin)
-            _BESIDE.update(dict.fromkeys(share, helper))
         yield
     finally:
-        _BESIDE.clear()
         if helper is not None:
             helper.kill()
             helper.wait()

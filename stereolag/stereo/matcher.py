@@ -91,10 +91,6 @@ class PixelMatches(NamedTuple):
     """Vertical displacement, right minus left, px; None if the search runs along the row only, so that it is 0."""
 
 
-AFTER_THE_SEARCH = "stereolag.stereo.windows.pixels", "stereolag.stereo.finishing"
-"""Where the loops are that complete a search, of which another process compiles those it needs."""
-
-
 class StereoMatcher(Settings):
     """Base class of every stereo method: a subclass defines its settings, its description and :meth:`match`.
 
@@ -156,8 +152,8 @@ class StereoMatcher(Settings):
         start = time.perf_counter()
         left_image, right_image = with_border_transparent(left_image), with_border_transparent(right_image)
         images = in_eight_bits(left_image, right_image)
-        after = "stereolag.stereo.compiling", self, images[0].shape, images[0].dtype.str
-        with compiling_beside(AFTER_THE_SEARCH, *after) if self.is_compiled else nullcontext():
+        stages_after = "stereolag.stereo.compiling", self, images[0].shape, images[0].dtype.str
+        with compiling_beside(*stages_after) if self.is_compiled else nullcontext():
             found = self.match(*images, progress or silent)
         found = without_outside(found, left_image)
         return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)

@@ -380,16 +380,16 @@ def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytes
     start = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", lambda *asked, **more: started.append(asked) or start(*asked, **more))
     told = tmp_path / "told"
-    with compilation.compiling_beside((), "sharing", str(told), "compiled"):
+    with compilation.compiling_beside("sharing", str(told), "compiled"):
         while not (told.exists() and told.read_text()):
             time.sleep(0.01)
     assert told.read_text() == "compiled"
-    with compilation.compiling_beside((), "sharing", str(told), "again"):
+    with compilation.compiling_beside("sharing", str(told), "again"):
         pass
     assert len(started) == 1
     monkeypatch.setattr(compilation, "_FIRST", threading.Lock())
     (tmp_path / "loop.code").touch()
-    with compilation.compiling_beside((), "sharing", str(told), "again"):
+    with compilation.compiling_beside("sharing", str(told), "again"):
         pass
     assert len(started) == 1
 
@@ -501,16 +501,3 @@ def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
     assert memory() is not None
     give_back()
     assert memory() is None
-
-
-@pytest.mark.parametrize("writes", [True, False])
-def test_a_loop_of_the_others_share_is_waited_for_as_long_as_the_other_process_lives(
-    tmp_path: Path, writes: bool
-) -> None:
-    file = tmp_path / "loop.code"
-    made = f"open({str(file)!r}, 'w'); time.sleep(20)" if writes else "pass"
-    with subprocess.Popen([sys.executable, "-c", f"import time; time.sleep(0.2); {made}"]) as other:
-        compilation._wait_for(file, [other])
-        assert file.exists() == writes
-        assert (other.poll() is None) == writes
-        other.kill()
