@@ -226,7 +226,8 @@ def _inflated(data: bytes) -> bytes:
 
     Anything out of the ordinary is returned as it is, and left to them.
     """
-    parts, at = [], data.find(b"IDAT") - 4
+    parts: list[slice] = []
+    at = data.find(b"IDAT") - 4
     try:
         while data[at + 4 : at + 8] == b"IDAT" and len(parts) < MOST_PARTS:
             (length,) = struct.unpack_from(">I", data, at)
@@ -242,7 +243,7 @@ def _inflated(data: bytes) -> bytes:
             return data
         unpacking = isal_zlib.decompressobj()
         pixels = unpacking.decompress(b"".join(data[part] for part in parts), size + 1)
-    except (struct.error, KeyError, isal_zlib.error):
+    except (struct.error, KeyError, isal_zlib.error):  # type: ignore[misc]  # which its stubs call an instance
         return data
     if len(pixels) != size or not unpacking.eof or unpacking.unused_data:
         return data

@@ -206,7 +206,9 @@ following = _of_two(
 larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
 """Return the larger of two integers, lane by lane."""
 
-larger_unsigned = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned(">", one, other), one, other))
+larger_unsigned = _of_two(
+    lambda builder, one, other: builder.select(builder.icmp_unsigned(">", one, other), one, other)
+)
 """Return the larger of two integers, as unsigned ones, lane by lane."""
 
 smaller = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned("<", one, other), one, other))

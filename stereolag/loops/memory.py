@@ -67,14 +67,14 @@ def keep_freed_memory() -> None:
     np.empty(2**25 - 2**16, np.uint8)
 
 
-@compiled
+@compiled(counted=False)
 def copy(values: Array, to: Array) -> None:
     """Set ``to[:] = values[: to.size]``; Numba takes seconds to compile an assignment to a slice."""
     for at in range(to.size):
         to[at] = values[at]
 
 
-@compiled
+@compiled(counted=False)
 def fill(to: Array, value: Any) -> None:
     """Set ``to[:] = value`` of one dimension, as :func:`copy` does."""
     for at in range(to.size):

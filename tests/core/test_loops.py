@@ -371,6 +371,27 @@ def test_the_process_that_helps_compiles_what_completes_a_map(monkeypatch: pytes
     assert len(called) > 5 and len(needed - called) <= 0.2 * len(needed), needed - called
 
 
+def test_a_loop_that_counts_no_references_leaves_those_of_its_arrays() -> None:
+    @compiled(counted=False)
+    def double(row: Any) -> None:
+        for x in range(row.size):
+            row[x] *= 2
+
+    @compiled(counted=False)
+    def double_rows(arrays: Any) -> float:
+        first, second = arrays
+        for y in range(first.shape[0]):
+            double(first[y])
+            double(second[y, 1:])
+        return float(second[0, -1])
+
+    values = np.ones((30, 5)), np.ones((30, 5))
+    before = [sys.getrefcount(one) for one in values]
+    assert double_rows(values) == 2
+    assert [sys.getrefcount(one) for one in values] == before
+    assert (values[0] == 2).all() and (values[1][:, 1:] == 2).all() and (values[1][:, 0] == 1).all()
+
+
 def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "sharing.py").write_text("def compile_share(path, text):\n    open(path, 'w').write(text)\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -63,7 +63,7 @@ def _filled(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap
 FILLED = np.uint8(Reason.FILLED)
 
 
-@compiled
+@compiled(counted=False)
 def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out: Array, reason: Array) -> None:
     """Fill the gaps of rows `first` to `end`. Equals :func:`fill_between_ends_reference`."""
     width = disparity.shape[1]
@@ -89,7 +89,7 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
             start = x + 1
 
 
-@compiled(fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"}, counted=False)
 def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     """Return the mean of the measurements near an end of a gap that are close to the end in disparity."""
     height, width = disparity.shape
@@ -106,7 +106,7 @@ def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     return np.float32(end + total / count)
 
 
-@compiled(fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"}, counted=False)
 def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
     """Return the slant per column of the plane fitted to the right of (y, x); 0 where too little was measured."""
     height, width = disparity.shape

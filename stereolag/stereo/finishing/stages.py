@@ -103,7 +103,7 @@ def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolera
     return disagree
 
 
-@compiled
+@compiled(counted=False)
 def _disagreeing_rows(
     dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
 ) -> None:
@@ -175,7 +175,8 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     starts = np.concatenate([[0], np.cumsum(counts)])
     runs = np.empty((2, starts[-1]), np.int32)
     over_bands(lambda first, end: _find_runs(sixteenths, most, starts, first, end, runs), height)
-    pixels = _surfaces(sixteenths, most, starts, runs)
+    surfaces, pixels = np.arange(runs.shape[1]), np.zeros(runs.shape[1], np.int64)
+    _join_runs(sixteenths, most, starts, runs, surfaces, pixels)
     kept, reasons = np.empty_like(disparity), np.empty_like(reason)
 
     def keep(first: int, end: int) -> None:
@@ -186,7 +187,7 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     return kept, reasons
 
 
-@compiled
+@compiled(counted=False)
 def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, counts: Array) -> None:
     """Round the disparities of rows `first` to `end` to sixteenths, NOTHING for NaN, and count the runs of each row."""
     for y in range(first, end):
@@ -220,10 +221,9 @@ def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int
             copy(columns[side], runs[side, starts[y] : starts[y + 1]])
 
 
-@compiled
-def _surfaces(sixteenths: Array, most: int, starts: Array, runs: Array) -> Array:
-    """Return the number of pixels of the surface of each run."""
-    parent = np.arange(runs.shape[1])
+@compiled(counted=False)
+def _join_runs(sixteenths: Array, most: int, starts: Array, runs: Array, parent: Array, pixels: Array) -> None:
+    """Set the number of pixels of the surface of each run, first zeros; each run is its own `parent` at first."""
     for y in range(1, sixteenths.shape[0]):
         here, above = starts[y], starts[y - 1]
         while here < starts[y + 1] and above < starts[y]:
@@ -237,15 +237,13 @@ def _surfaces(sixteenths: Array, most: int, starts: Array, runs: Array) -> Array
             ends = runs[1, here] == last
             above += runs[1, above] == last
             here += ends
-    pixels = np.zeros(parent.size, np.int64)
     for run in range(parent.size):
         pixels[_root(parent, run)] += runs[1, run] - runs[0, run]
     for run in range(parent.size):
         pixels[run] = pixels[parent[run]]
-    return pixels
 
 
-@compiled
+@compiled(counted=False)
 def _root(parent: Array, run: int) -> int:
     """Return the run that represents the surface of another, and shorten the path to it."""
     while parent[run] != run:
@@ -254,7 +252,7 @@ def _root(parent: Array, run: int) -> int:
     return run
 
 
-@compiled
+@compiled(counted=False)
 def _drop_small(
     runs: Array, pixels: Array, size: int, starts: Array, first: int, end: int, disparity: FloatMap, reason: ReasonMap
 ) -> None:
@@ -347,7 +345,7 @@ def weighted_median(
     return out
 
 
-@compiled
+@compiled(counted=False)
 def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
     """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; skip missing values."""
     for y in range(first, end):
@@ -395,7 +393,7 @@ def _median_rows(
             out[y, x] = number if known else np.float32(np.nan)
 
 
-@compiled
+@compiled(counted=False)
 def _median(
     values: Array,
     planes: Array,
@@ -447,7 +445,7 @@ def _median(
     return low
 
 
-@compiled
+@compiled(counted=False)
 def _apart(planes: Array, one: int, other: int, values: Array) -> Any:
     """Return the differences of sixteen pixels of a plane from others, in the type of the values."""
     here, there = load(planes, one), load(planes, other)

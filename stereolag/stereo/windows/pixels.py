@@ -6,6 +6,7 @@ import math
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
@@ -19,7 +20,7 @@ THIRD, FIFTH, SEVENTH, NINTH = (np.float32(1 / number) for number in (3, 5, 7, 9
 EIGHT = np.float32(8)
 
 
-@compiled
+@compiled(counted=False)
 def _log_ratio(numerator: Any, denominator: Any) -> Any:
     """Return the logarithm of the ratio of two positive numbers: 8 artanh((a - b) / (a + b)) of their fourth roots."""
     a, b = math.sqrt(math.sqrt(numerator)), math.sqrt(math.sqrt(denominator))
@@ -28,7 +29,7 @@ def _log_ratio(numerator: Any, denominator: Any) -> Any:
     return EIGHT * z * (ONE + square * (THIRD + square * (FIFTH + square * (SEVENTH + square * NINTH))))
 
 
-@compiled
+@compiled(counted=False)
 def _fit_three(before: Any, peak: Any, after: Any, gaussian: Any) -> Any:
     """Return the offset of the peak of three scores: from a Gaussian, or a parabola if one is not positive."""
     positive = False if gaussian is None else min(before, after) > ZERO
@@ -40,7 +41,7 @@ def _fit_three(before: Any, peak: Any, after: Any, gaussian: Any) -> Any:
     return offset if bend > ZERO else ZERO
 
 
-@compiled
+@compiled(counted=False)
 def _fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
     """Fit rows `first` to `end` of the grid of windows after a search along one row of lags."""
     for row in range(first, end):
@@ -49,7 +50,7 @@ def _fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int)
             offset[col] = _fit_three(before[col], peak[col], after[col], True)
 
 
-@compiled
+@compiled(counted=False)
 def fit_in_two_dimensions(
     around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int, gaussian: Any
 ) -> None:
@@ -190,6 +191,15 @@ class _Matched(NamedTuple):
     beside_dx: FloatMap
 
 
+class _Row(NamedTuple):
+    """Columns of the windows of a row, px, and buffers for what becomes of them."""
+
+    columns: npt.NDArray[np.int32]
+    reason: ReasonMap
+    dy: FloatMap
+    disparity: FloatMap
+
+
 def spread_over_pixels(
     matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
 ) -> PixelMatches:
@@ -227,15 +237,18 @@ def spread_over_pixels(
         *fit_peaks(matches.around),
     )
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
+    cols = matches.score.shape[1]
+    columns = query.step * np.arange(cols, dtype=np.int32)
 
     def write(first: int, end: int) -> None:
-        _write_cells(first, end, query.window_size, query.step, ends, query.circular, flat, found, maps)
+        row = _Row(columns, np.empty(cols, np.uint8), *np.empty((2, cols), np.float32))
+        _write_cells(first, end, query.window_size, query.step, ends, query.circular, flat, found, maps, row)
 
     over_bands(write, matches.score.shape[0])
     return maps if vertical else maps._replace(dy=None)
 
 
-@compiled
+@compiled(counted=False)
 def _write_cells(
     first: int,
     end: int,
@@ -246,6 +259,7 @@ def _write_cells(
     flat: float,
     found: _Matched,
     maps: Any,
+    row_buffers: _Row,
 ) -> None:
     """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond.
 
@@ -258,9 +272,8 @@ def _write_cells(
     height, width = maps.reason.shape
     offset, last_row, last_col = (window - step) // 2, height - window, width - window
     vertical = lag_dy.size > 0
-    reason = np.full(cols, MEASURED, np.uint8)
-    dy, disparity = np.empty(cols, np.float32), np.empty(cols, np.float32)
-    level, columns = np.float32(flat), (step * np.arange(cols)).astype(np.int32)
+    columns, reason, dy, disparity = row_buffers
+    level = np.float32(flat)
     last_32, first_32, end_32 = np.int32(last_col), np.int32(dx_first), np.int32(dx_last)
     for row in range(first, end):
         top = offset + row * step
@@ -323,7 +336,7 @@ def _write_cells(
             _blank(maps, y, 0, width)
 
 
-@compiled
+@compiled(counted=False)
 def _blank(maps: Any, y: int, left: int, right: int) -> None:
     for x in range(left, right):
         maps.disparity[y, x] = NOTHING

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag.core.arrays import Array
+from stereolag.core.arrays import Array, DoubleMap, FloatMap
 from stereolag.loops.compilation import compiled, compiled_as
 from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import (
@@ -155,7 +155,7 @@ def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> No
         store(window_sums, lag, total - keep * load(columns, gone + lag))
 
 
-@compiled
+@compiled(counted=False)
 def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
     """Add an image row to the column sums of pixels and of squares; `pixels` is a buffer of the sums' type."""
     for x in range(row.size):
@@ -165,7 +165,7 @@ def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Ar
         column_square[x] += pixels[x] * pixels[x]
 
 
-@compiled
+@compiled(counted=False)
 def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
     """Subtract an image row from the column sums of pixels and of squares."""
     for x in range(row.size):
@@ -175,7 +175,7 @@ def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: A
         column_square[x] -= pixels[x] * pixels[x]
 
 
-@compiled
+@compiled(counted=False)
 def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Array) -> None:
     """Set ``sums[x] = columns[x : x + window].sum()`` for `count` windows.
 
@@ -198,7 +198,7 @@ def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Arra
         width *= 2
 
 
-@compiled
+@compiled(counted=False)
 def energies(total: Array, square: Array, share: float, energy: Array) -> None:
     """Set the sum of squared deviations from ``share * total``: the mean, or 0."""
     for x in range(energy.size):
@@ -206,7 +206,7 @@ def energies(total: Array, square: Array, share: float, energy: Array) -> None:
         energy[x] = square[x] - sum_of_window * sum_of_window * share
 
 
-@compiled
+@compiled(counted=False)
 def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
     """Set ``1 / sqrt(energy)``, or NaN where the energy is at most `floor`."""
     for x in range(energy.size):
@@ -214,7 +214,7 @@ def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
         inverse[x] = np.float32(1) / np.sqrt(known)
 
 
-@compiled
+@compiled(counted=False)
 def deviations(energy: Array, floor: float, window: int, texture: Array) -> None:
     """Set the standard deviation, or 0 where the energy is at most `floor`."""
     for x in range(energy.size):
@@ -222,7 +222,7 @@ def deviations(energy: Array, floor: float, window: int, texture: Array) -> None
         texture[x] = np.sqrt(known) * np.float32(1 / window)
 
 
-@compiled
+@compiled(counted=False)
 def take_every(step: int, values: Array, row: Array) -> None:
     """Set the row to every `step`-th of the values; the loop without a step vectorises."""
     if step == 1:
@@ -233,7 +233,6 @@ def take_every(step: int, values: Array, row: Array) -> None:
             row[x] = values[x * step]
 
 
-@compiled
 def describe_windows(
     image: Array,
     window: int,
@@ -265,15 +264,47 @@ def describe_windows(
         (rows, cols) standard deviation, empty if not requested; if it is, a flat window gets 0, and NaN as inverse
         norm.
     """
+    width, dtype = image.shape[1], windows.total.dtype
+    sums = [np.zeros(width + 2 * LANES, dtype) for _ in range(6)]
+    floats = [np.empty(width - window + 1, kind) for kind in (np.float64, np.float32, np.float32)]
+    row = RowOfWindows._make([*sums, *floats])
+    _describe_rows(image, window, step, first, share, norm, floor, windows, where, texture, row)
+
+
+class RowOfWindows(NamedTuple):
+    """Buffers for the windows of a row, one px apart; sums have room for two strips more than the image's width."""
+
+    column_total: Array
+    column_square: Array
+    total: Array
+    square: Array
+    pixels: Array
+    span: Array
+    energy: DoubleMap
+    inverse: FloatMap
+    deviation: FloatMap
+
+
+@compiled(counted=False)
+def _describe_rows(
+    image: Array,
+    window: int,
+    step: int,
+    first: int,
+    share: float,
+    norm: float,
+    floor: float,
+    windows: Windows,
+    where: tuple[int, int, int],
+    texture: Array,
+    row_buffers: RowOfWindows,
+) -> None:
+    """Set what :func:`describe_windows` does, row by row."""
     total, inverse = windows
     top, end, begin = where
     width = image.shape[1] - window + 1
     columns = slice(begin, begin + (width - 1) // step + 1)
-    room = image.shape[1] + 2 * LANES
-    column_total, column_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
-    row_total, row_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
-    pixels, span = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
-    energy, root, deviation = np.zeros(width), np.zeros(width, np.float32), np.zeros(width, np.float32)
+    column_total, column_square, row_total, row_square, pixels, span, energy, root, deviation = row_buffers
     for y in range(first * step, first * step + window - 1):
         add_pixels(image[y], pixels, column_total, column_square)
     for row in range(end - top):
@@ -748,7 +779,7 @@ def match_tile(
                 )
 
 
-@compiled
+@compiled(counted=False)
 def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, right_dx: Array) -> None:
     """Convert the keys of the right windows into displacements; `nowhere` where no left window met one."""
     for row in range(right_dx.shape[0]):
