@@ -55,7 +55,7 @@ def as_rgb(image: Image) -> Rgb:
         scaled = (image.astype(np.float32) - np.float32(low)) * np.float32(255 / (high - low or 1.0))
         image = np.nan_to_num(np.rint(scaled), copy=False, nan=128).astype(np.uint8)
     if image.ndim == 2:
-        return np.stack([image] * 3, axis=-1)
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_GRAY2RGB), np.uint8)
     if image.shape[2] == 4:
         opacity = image[:, :, 3:].astype(np.float32) / 255
         return np.rint(image[:, :, :3] * opacity + 128 * (1 - opacity)).astype(np.uint8)
@@ -144,7 +144,7 @@ def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: floa
     np.fmin(share, NO_ANSWER_NUMBER - 1, out=share)
     share += np.float32(0.5)
     numbers = share.astype(np.uint8)
-    numbers[~np.isfinite(values)] = NO_ANSWER_NUMBER
+    np.copyto(numbers, NO_ANSWER_NUMBER, where=~np.isfinite(values))
     return numbers
 
 

@@ -195,8 +195,11 @@ def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
     """Return a map as stored in its file, so that frame-to-frame figures do not depend on whether it was read back."""
     if suffix != PNG:
         return disparity
-    scaled = np.rint(disparity * np.float32(KITTI_SCALE))
-    return np.asarray(np.maximum(scaled, np.float32(1)) / np.float32(KITTI_SCALE))  # NaN stays NaN
+    scaled = disparity * np.float32(KITTI_SCALE)
+    np.rint(scaled, out=scaled)
+    np.maximum(scaled, np.float32(1), out=scaled)  # NaN stays NaN
+    scaled /= np.float32(KITTI_SCALE)
+    return scaled
 
 
 def read_back(file: Source) -> FloatMap:

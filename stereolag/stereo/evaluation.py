@@ -95,7 +95,10 @@ def evaluate(
         raise ValueError(f"thresholds holds {wrong_thresholds}; every threshold must be above 0 px.")
     judged = judged_pixels(disparity, ground_truth, mask)
     measured = judged & np.isfinite(disparity)
-    estimate, truth = (np.asarray(one)[measured] for one in (disparity, ground_truth))
+    everywhere = bool(measured.all())  # then a copy of both is spared
+    estimate, truth = (
+        np.asarray(one).ravel() if everywhere else np.asarray(one)[measured] for one in (disparity, ground_truth)
+    )
     error = np.subtract(estimate, truth, dtype=np.float64)
     np.abs(error, out=error)
     pixels, wide = int(np.count_nonzero(judged)), error > 3
