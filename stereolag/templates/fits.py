@@ -310,6 +310,11 @@ class Fit:
             lit[self.weights == 0] = 0
         return np.asarray(lit)
 
+    @property
+    def sharp(self) -> tuple[Plane, Plane]:
+        """What is predicted and what is seen, neither blurred."""
+        return self._as_seen(self._deviations), self._beside
+
     def differences(self, *, sharp: bool = False) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
 
@@ -317,7 +322,7 @@ class Fit:
         """
         predicted, seen = self.predicted, self.seen
         if sharp:
-            predicted, seen = self._as_seen(self._deviations), self._beside
+            predicted, seen = self.sharp
         least = np.minimum(beyond(seen, predicted), beyond(predicted, seen))
         return np.asarray(np.square(least).sum(axis=2) * self.counted)
 

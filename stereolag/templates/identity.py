@@ -269,6 +269,12 @@ that differ in them, and of the structure that must be seen, of a thing that com
 MOSTLY = 0.1
 """Least squared difference of the thing itself, beside that percentile of those of it and its halo."""
 
+EXCHANGED = 0.1
+"""Largest mean difference of the values there in order, beside that of the pixels, where something only moved.
+
+Measured: up to 0.02 there, from 0.2 where something is in front.
+"""
+
 LEFT_OVER, LEFT_INSIDE, DIFFERS = 0.45, 0.4, 0.4
 """Least share of the template's structure that must be seen if a part is covered, if only a part is outside, and of
 something that differs in some blocks."""
@@ -327,7 +333,7 @@ def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool
     left = float((structure * (1 - averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
     filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
     solid = COVERED[0] <= share <= COVERED[1] and filled >= FILLED and one >= ONE
-    return bool(solid and left >= LEFT_OVER) and not _has_outline(fit, front & differ)
+    return bool(solid and left >= LEFT_OVER) and not _is_in_another_state(fit, front & differ)
 
 
 def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
@@ -343,16 +349,31 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     inside = fit.over(disagrees)
     differ = fit.differences()[inside & (fit.weights >= COUNTS)] > 0.02 * fit.variance
-    return bool(differ.mean() >= FILLED_NOISY) and not _has_outline(
+    return bool(differ.mean() >= FILLED_NOISY) and not _is_in_another_state(
         fit, inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance)
     )
 
 
-def _has_outline(fit: Fit, differ: Mask) -> bool:
-    """Return whether the template has the outline of what differs, or of what does most: JPEG has haloes around it."""
+def _is_in_another_state(fit: Fit, differ: Mask) -> bool:
+    """Return whether what differs is a part of the template in another state: nothing is in front of it.
+
+    The template has its outline, or that of what differs most, as JPEG has haloes around it; or only the place of what
+    the template has there is another, as of the mark of a choice.
+    """
+    if not differ.any():
+        return False
     squares = fit.differences(sharp=True)
-    most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0])) if differ.any() else differ
-    return any(has_outline(fit.template, _thing(one)) for one in (differ, most))
+    most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0]))
+    if any(has_outline(fit.template, _thing(one)) for one in (differ, most)):
+        return True
+    given, seen = fit.sharp
+    apart, in_order = (np.abs(one - other).mean() for one, other in _both(given[differ], seen[differ]))
+    return bool(in_order <= EXCHANGED * apart)
+
+
+def _both(given: Plane, seen: Plane) -> tuple[tuple[Plane, Plane], tuple[Plane, Plane]]:
+    """Return the values of two sets of pixels as they are, and in order."""
+    return (given, seen), (np.sort(given, axis=0), np.sort(seen, axis=0))
 
 
 def _thing(differ: Mask) -> Mask:

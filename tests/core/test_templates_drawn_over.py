@@ -209,6 +209,30 @@ def test_a_row_whose_switch_or_box_is_in_another_state_is_not_partly_covered(
     assert not search.found, search.best
 
 
+@pytest.mark.parametrize("seen", [as_it_is, in_jpeg, darker])
+@pytest.mark.parametrize("chosen", [0, 2])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_another_choice_beside_that_of_the_template_is_not_in_front_of_it(seed: int, chosen: int, seen: object) -> None:
+    assert callable(seen)
+    random = np.random.default_rng(seed)
+    words = [str(word) for word in random.permutation(WORDS)[:6]]
+
+    def rows(choice: int) -> Array:
+        drawn = np.full((220, 220, 3), 250, np.uint8)
+        for number, word in enumerate(words):
+            top = 18 + 34 * number
+            cv2.putText(drawn, word, (12, top + 14), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40,) * 3, 1, cv2.LINE_AA)
+            cv2.rectangle(drawn, (130, top), (190, top + 20), (235,) * 3, -1)
+            cv2.rectangle(drawn, (130, top), (190, top + 20), (150,) * 3, 1)
+            left = 132 + 20 * choice
+            cv2.rectangle(drawn, (left, top + 2), (left + 16, top + 18), (90,) * 3, -1)
+        return drawn
+
+    top = 14 + 34 * int(random.integers(6))
+    search = match_template(seen(rows(1)), rows(chosen)[top : top + 28, 6:206])
+    assert not search.found, search.best
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_arrow_over_texture_has_no_outline_there(seed: int) -> None:
     random = np.random.default_rng(seed)
