@@ -49,7 +49,17 @@ def run_once(arguments: list[str], log: Path) -> list[str]:
     """Run pytest, log its output, and return the failed tests, or the run itself if it failed without a report."""
     with TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", *arguments]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "--force-reruns=0",
+            f"--junitxml={report}",
+            *arguments,
+        ]
         with log.open("w", encoding="utf-8") as printed:
             ran = subprocess.run(command, cwd=PROJECT, stdout=printed, stderr=subprocess.STDOUT, check=False)
         failed = failures_in(report) if report.is_file() else []
