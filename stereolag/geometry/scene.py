@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap
+from stereolag.core.arrays import FloatMap, Mask
 from stereolag.geometry.calibration import Calibration, Float32Array
 
 MOST_POINTS = 100_000
@@ -254,21 +254,25 @@ class Ground(NamedTuple):
     horizon: float
 
 
-def ground_of(disparity: FloatMap) -> Ground | None:
+def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
     """Return the ground shown by the rows of the lower half; None if they do not agree on one.
+
+    Of their pixels, those with a disparity count, or those that are `known`.
 
     It is the line with which most of the rows' median disparities agree (the "v-disparity" of Labayrade, Aubert &
     Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002).
     """
     first = disparity.shape[0] // 2
     lower = disparity[first:, ::_COLUMNS]
-    known = np.isfinite(lower).sum(axis=1)
-    rows = np.flatnonzero(known * 4 >= lower.shape[1])
+    counted = np.isfinite(lower) if known is None else known[first:, ::_COLUMNS]
+    lower = np.where(counted, lower, np.float32(np.nan))
+    count = counted.sum(axis=1)
+    rows = np.flatnonzero(count * 4 >= lower.shape[1])
     if rows.size < _LEAST_ROWS:
         return None
     # NaN is sorted last; NumPy's nanmedian takes ten times as long.
     ordered, place = np.sort(lower[rows], axis=1), np.arange(rows.size)
-    medians = (ordered[place, (known[rows] - 1) // 2] + ordered[place, known[rows] // 2]).astype(np.float64) / 2
+    medians = (ordered[place, (count[rows] - 1) // 2] + ordered[place, count[rows] // 2]).astype(np.float64) / 2
     rows = rows + first
     # Every pair of rows that are well apart proposes a line.
     one, two = np.triu_indices(rows.size, k=rows.size // 4)

@@ -19,7 +19,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap
+from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
@@ -227,13 +227,15 @@ LOWEST, HIGHEST = 0.2, 2.0
 """Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
 
 
-def nearest_obstacle(disparity: npt.ArrayLike) -> float:
+def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> float:
     """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
 
     Parameters
     ----------
     disparity
         (H, W) px; NaN = none.
+    measured
+        (H, W) pixels with a disparity that count; None for all.
 
     Returns
     -------
@@ -249,8 +251,9 @@ def nearest_obstacle(disparity: npt.ArrayLike) -> float:
     values = np.asarray(disparity, dtype=np.float32)
     if values.ndim != 2 or values.size == 0:
         raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
-    known = np.isfinite(values) & (values > 0)
-    ground = ground_of(values)
+    known = np.isfinite(values) if measured is None else measured
+    ground = ground_of(values, known)
+    known = known & (values > 0)
     if ground is not None:
         below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
         known &= values * np.float32(1 - LOWEST) > below[:, None]
@@ -331,11 +334,11 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
     A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.
     """
     # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
-    filled = result.filled
-    nearest = nearest_obstacle(np.where(filled, np.float32(np.nan), result.disparity))
+    measured = result.measured
+    nearest = nearest_obstacle(result.disparity, measured)
     figures = {
-        "coverage": result.coverage,
-        "filled": float(np.count_nonzero(filled) / filled.size),
+        "coverage": int(np.count_nonzero(measured)) / measured.size,
+        "filled": float(np.count_nonzero(result.filled) / measured.size),
         "milliseconds": result.elapsed_s * 1e3,
         "nearest_px": nearest,
         "nearest_m": math.nan if calibration is None else float(calibration.depth(nearest)),
