@@ -11,7 +11,6 @@ import os
 import re
 import struct
 import warnings
-import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -168,9 +167,6 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         raise ValueError(
             f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
         )
-    ended = kind == "PNG" and _ends_with_pixels(data)
-    if kind == "PNG":
-        data = _inflated(data)
     pages = _pages(data) if kind == "TIFF" else []
     if pages:
         _check_frame(number, len(pages))
@@ -193,7 +189,7 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
         still = kind == "WEBP" and image.mode == "RGB" and count == 1  # OpenCV decodes it in 60 % of the time
         if (deep or still) and number == 1:
             return _upright(_by_opencv(data, kind, image.mode), image), count
-        if ended and count == number == 1 and _is_plain(image):
+        if kind == "PNG" and count == number == 1 and _is_plain(image, data):
             with suppress(ValueError):  # Pillow reads more of what is not quite right
                 return _upright(_by_opencv(data, kind, image.mode), image), count
         if 1 <= number <= count and not pages:
@@ -217,59 +213,15 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     return pixels, count
 
 
-MOST_INFLATED, MOST_PARTS = 2**25, 2**14
-"""Bytes of pixels up to which those of a PNG are decompressed ahead, beside the decoder's memory, and parts of them."""
+def _is_plain(image: ImageFile, data: bytes) -> bool:
+    """Return whether OpenCV decodes a PNG to the same pixels, in two thirds of the time: 8 bits, nothing behind them.
 
-
-def _inflated(data: bytes) -> bytes:
-    """Return a PNG with its pixels no longer compressed: ISA-L takes a third of the time of decoders' own zlib.
-
-    Anything out of the ordinary is returned as it is, and left to them.
+    Behind the pixels there may be an orientation.
     """
-    parts: list[slice] = []
-    at = data.find(b"IDAT") - 4
-    try:
-        while data[at + 4 : at + 8] == b"IDAT" and len(parts) < MOST_PARTS:
-            (length,) = struct.unpack_from(">I", data, at)
-            parts.append(slice(at + 8, at + 8 + length))
-            at += 12 + length
-        width, height, depth, colours = struct.unpack_from(">IIBB", data, len(_PNG_BEGINS) + 8)
-        size = height * (1 + -(-width * depth * _PNG_CHANNELS[colours] // 8))
-        damaged = any(
-            isal_zlib.crc32(data[part.start - 4 : part.stop]) != int.from_bytes(data[part.stop : part.stop + 4], "big")
-            for part in parts
-        )
-        if size > MOST_INFLATED or damaged:
-            return data
-        unpacking = isal_zlib.decompressobj()
-        pixels = unpacking.decompress(b"".join(data[part] for part in parts), size + 1)
-    except (struct.error, KeyError, isal_zlib.error):  # type: ignore[misc]  # which its stubs call an instance
-        return data
-    if len(pixels) != size or not unpacking.eof or unpacking.unused_data:
-        return data
-    return data[: parts[0].start - 8] + _png_chunk(b"IDAT", zlib.compress(pixels, 0)) + data[at:]
-
-
-_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
-"""Numbers of a pixel by the kind of colours in the header (ISO/IEC 15948, 11.2.2)."""
-
-
-def _png_chunk(kind: bytes, content: bytes) -> bytes:
-    check = isal_zlib.crc32(content, isal_zlib.crc32(kind))
-    return b"".join([struct.pack(">I", len(content)), kind, content, struct.pack(">I", check)])
-
-
-def _ends_with_pixels(data: bytes) -> bool:
-    """Return whether nothing follows the pixels of a PNG; there may be an orientation."""
     at = data.rfind(b"IDAT")
     ends = at + 8 + int.from_bytes(data[at - 4 : at], "big")
-    return len(data) - ends == len(_PNG_END)
-
-
-def _is_plain(image: ImageFile) -> bool:
-    """Return whether OpenCV decodes the pixels of a PNG as they are, in two thirds of the time: 8 bits."""
     plain = image.mode in ("L", "RGB", "RGBA") and [tile[3] for tile in image.tile] == [image.mode]
-    return plain and "transparency" not in image.info
+    return plain and "transparency" not in image.info and len(data) - ends == len(_PNG_END)
 
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
@@ -543,6 +495,11 @@ def image_png(image: npt.ArrayLike) -> bytes:
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
     _, data = cv2.imencode(".png", pixels)
     return data.tobytes()
+
+
+def _png_chunk(kind: bytes, content: bytes) -> bytes:
+    check = isal_zlib.crc32(content, isal_zlib.crc32(kind))
+    return b"".join([struct.pack(">I", len(content)), kind, content, struct.pack(">I", check)])
 
 
 def _deep_png(pixels: npt.NDArray[np.uint16]) -> bytes:

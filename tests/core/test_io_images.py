@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zlib
 
 import cv2
 import numpy as np
@@ -12,7 +11,7 @@ from PIL import Image
 
 from benchmarks.picture_bytes import by_opencv, by_pillow, png, png_chunk
 from stereolag.io.guard import guarded
-from stereolag.io.images import MOST_INFLATED, UnseenFrames, _inflated, read_frame, read_image
+from stereolag.io.images import UnseenFrames, read_frame, read_image
 
 RNG = np.random.default_rng(5)
 GREY = RNG.integers(0, 256, (13, 17), dtype=np.uint8)
@@ -120,44 +119,6 @@ def test_of_what_is_beside_the_pixels_of_a_png_only_an_orientation_counts_even_b
     upside_down[0x0112] = 3
     behind = png_chunk(b"eXIf", upside_down.tobytes().removeprefix(b"Exif\0\0"))
     np.testing.assert_array_equal(read_image(data[:-12] + behind + data[-12:]), RGB[::-1, ::-1])
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        by_pillow("PNG", pixels)
-        for pixels in (GREY, RGB, RGBA, GREY16, Image.fromarray(GREY > 99), Image.fromarray(RGB).quantize(16))
-    ]
-    + [bgr_by_opencv(RGB16, ".png"), png(8, 8, 4, 0), png(300, 200, 16, 4)],
-)
-def test_a_png_decompressed_ahead_holds_the_same(data: bytes) -> None:
-    again = _inflated(data)
-    assert again != data and again == _inflated(again)
-    for mode in (cv2.IMREAD_UNCHANGED, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH):
-        np.testing.assert_array_equal(*(cv2.imdecode(np.frombuffer(one, np.uint8), mode) for one in (data, again)))
-    np.testing.assert_array_equal(*(np.array(Image.open(io.BytesIO(one))) for one in (data, again)))
-
-
-PNG_OF_NOISE = by_pillow("PNG", GREY)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        PNG_OF_NOISE[:100],
-        PNG_OF_NOISE[:70] + b"?" + PNG_OF_NOISE[71:],
-        PNG_OF_NOISE[:20] + b"\1" + PNG_OF_NOISE[21:],
-        PNG_OF_NOISE.replace(b"IDAT", b"IDOT"),
-        png(8, 8, pixels=bytes(71)),
-        png(8, 8, pixels=bytes(73)),
-        png(8, 8)[:33] + png_chunk(b"IDAT", zlib.compress(bytes(72))[:-1] + b"?") + png(8, 8)[-12:],
-        png(8, 8)[:33] + png_chunk(b"IDAT", zlib.compress(bytes(72)) + b"?") + png(8, 8)[-12:],
-        png(9, MOST_INFLATED // 10 + 1, pixels=bytes(10)),
-        b"",
-    ],
-)
-def test_a_png_out_of_the_ordinary_is_left_to_the_decoders(data: bytes) -> None:
-    assert _inflated(data) is data
 
 
 @pytest.mark.parametrize("tail", [1, 2, 100])
