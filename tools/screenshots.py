@@ -18,7 +18,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from stereolag.samples import drives
 from stereolag.sequences import example_sequence
-from tests.browser.fake_media import play_cameras
+from tests.browser.fake_media import played_cameras
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages, settled
 
@@ -172,9 +172,8 @@ def filmed(open_page: OpenPage, scheme: str) -> list[Image.Image]:
     """Return the pictures of a film: the example drive as a live camera."""
     sequence = example_sequence(next(iter(drives().values())))
     frames = [sequence.frame(FILM_STEP * number) for number in range(FILM_FRAMES)]
-    page = open_page("", scheme=scheme, width=1320)
-    play_cameras(page, drive=[np.hstack([one.left, one.right]) for one in frames])
-    page.goto(f"{page.url}Depth_maps")
+    camera = played_cameras(drive=[np.hstack([one.left, one.right]) for one in frames])
+    page = open_page("Depth_maps", scheme=scheme, width=1320, script=camera)
     page.locator("summary").filter(has_text="Choose a pair").click()
     settled(page)
     page.get_by_role("radio", name="Live camera").click()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import importlib.util
 import re
 import subprocess
 import sys
@@ -160,3 +161,16 @@ def test_the_search_command_loads_what_it_searches_with_and_no_more(tmp_path: Pa
     assert not {name.split(".")[0] for name in loaded} & {*SCREENS, "numba", "llvmlite", "scipy", "soundfile", "av"}
     ours = {name.split(".")[1] for name in loaded if name.startswith("stereolag.")}
     assert ours == {"commands", "core", "io", "templates", "version"}
+
+
+@pytest.mark.parametrize("folder", ["tools", "benchmarks"])
+def test_what_scripts_import_from_the_project_is_there(folder: str) -> None:
+    """No type check covers them, and no test runs them all."""
+    for path in (PACKAGE.parent / folder).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            module = str(node.module) if isinstance(node, ast.ImportFrom) else ""
+            if not module.startswith(("stereolag", "tests.", "benchmarks.")):
+                continue
+            there = importlib.import_module(module)
+            for name in (one.name for one in node.names):
+                assert hasattr(there, name) or importlib.util.find_spec(f"{module}.{name}"), (path, module, name)
