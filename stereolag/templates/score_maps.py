@@ -467,8 +467,8 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
         pool.shutdown(cancel_futures=True)
 
 
-ROWS_AT_ONCE = 64
-"""Rows of a score map searched for peaks at a time, to keep the copies small."""
+PLACES_AT_ONCE = 2**19
+"""Places of a score map searched for peaks at a time: enough to be worth a thread, and the copies stay small."""
 
 PEAKS_AT_ONCE = 256
 """Peaks, best first, compared with those already chosen: mostly enough for all that are wanted."""
@@ -573,18 +573,20 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
     NaN is never a peak.
     """
 
+    rows_at_once = -(-PLACES_AT_ONCE // score_map.shape[1])
+
     def band(first: int) -> Indices:
         start = max(0, first - 1)  # compared with the adjacent rows too
-        part = score_map[start : first + ROWS_AT_ONCE + 1]
+        part = score_map[start : first + rows_at_once + 1]
         flat = bool(np.isnan(part.min()))
         if flat:
             part = np.fmax(part, np.float32(-2.0))
         highest = part >= np.asarray(cv2.dilate(part, NEIGHBOURS)).reshape(part.shape)
         if flat:
             highest &= part >= -1
-        return np.asarray(np.flatnonzero(highest[first - start :][:ROWS_AT_ONCE]) + first * score_map.shape[1])
+        return np.asarray(np.flatnonzero(highest[first - start :][:rows_at_once]) + first * score_map.shape[1])
 
-    found = in_threads([partial(band, first) for first in range(0, len(score_map), ROWS_AT_ONCE)], silent)
+    found = in_threads([partial(band, first) for first in range(0, len(score_map), rows_at_once)], silent)
     rows, cols = np.divmod(np.concatenate(found), score_map.shape[1])
     return Places(rows, cols, score_map[rows, cols], shape)
 
