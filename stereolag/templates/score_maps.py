@@ -572,7 +572,6 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
     The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
     NaN is never a peak.
     """
-
     rows_at_once = -(-PLACES_AT_ONCE // score_map.shape[1])
 
     def band(first: int) -> Indices:
