@@ -216,10 +216,14 @@ def _run_again_unless_left(session: AppSession, asked: ClientState | None) -> No
 
     Streamlit would run nothing under the name of the old page, at which the browser empties the new one.
     """
-    if asked is not None and asked.page_script_hash:
-        if asked.fragment_id and asked.page_script_hash != session.page_script_hash:
+    if asked is not None:
+        noted = session._client_state
+        if not asked.fragment_id:
+            # Streamlit notes a page only once it runs, and one that an address names only after its first run, until
+            # which it notes the home page: only then is there a name beside it.
+            noted.page_script_hash, noted.page_name = asked.page_script_hash, asked.page_name
+        elif asked.page_script_hash != noted.page_script_hash and not noted.page_name:
             return
-        session._client_state.page_script_hash = asked.page_script_hash  # Streamlit notes it only once that page runs
     _run_again(session, asked)
 
 

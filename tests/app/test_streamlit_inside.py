@@ -15,7 +15,8 @@ import streamlit as st
 from starlette.formparsers import MultiPartParser
 from streamlit import config
 from streamlit.elements.widgets.number_input import NumberInputMixin
-from streamlit.runtime.app_session import AppSession
+from streamlit.proto.ClientState_pb2 import ClientState
+from streamlit.runtime.app_session import AppSession, AppSessionState
 from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
 from streamlit.runtime.memory_session_storage import MemorySessionStorage
 from streamlit.runtime.runtime import Runtime
@@ -70,6 +71,25 @@ def test_a_request_of_a_page_that_was_left_is_run_as_if_it_were_still_there() ->
     assert "page_script_hash=client_state.page_script_hash" in asked
     assert "page_script_hash !=" not in asked
     assert AppSession.request_rerun is not inside._run_again
+
+
+def test_only_parts_of_a_page_that_was_left_are_not_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    run: list[ClientState] = []
+    monkeypatch.setattr(inside, "_run_again", lambda session, asked: run.append(asked))
+    session = AppSession.__new__(AppSession)
+    session._state = AppSessionState.SHUTDOWN_REQUESTED  # so that nothing is to be closed
+    session._client_state = ClientState()
+
+    def is_run(**asked: str) -> bool:
+        session.request_rerun(ClientState(**asked))
+        return bool(run) and run.pop() is not None
+
+    assert is_run(page_name="Depth_maps")
+    session._client_state.page_script_hash = "home"  # Streamlit notes the page itself only after the end of the run
+    assert is_run(page_script_hash="depth", fragment_id="maps")
+    assert is_run(page_script_hash="lag")
+    assert not is_run(page_script_hash="depth", fragment_id="maps")
+    assert is_run(page_script_hash="lag", fragment_id="panels")
 
 
 def test_uploads_above_a_megabyte_go_to_the_disk_unless_the_parser_is_told() -> None:

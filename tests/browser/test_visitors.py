@@ -104,6 +104,27 @@ def test_nobody_hears_the_recording_of_another(server: Server, notes: Path) -> N
     assert set(notes.read_text().splitlines()) == {"watching"}
 
 
+async def moved_at_once(server: Server) -> str:
+    """Move a slider as soon as it is drawn, while the page runs for the first time; return the query of its address."""
+    visitor = Visitor(server.port)
+    arriving = asyncio.create_task(visitor.arrive())
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            while not visitor.keys(WINDOW):
+                await asyncio.sleep(0.001)
+            await visitor.move(WINDOW, 21)
+            await visitor.settled()
+            await arriving
+    finally:
+        await visitor.leave()
+    return visitor.query
+
+
+def test_a_slider_moved_before_the_page_has_run_to_its_end_acts(server: Server) -> None:
+    for _ in range(3):
+        assert "window_size=21" in awaited(moved_at_once(server))
+
+
 async def visited(server: Server, visitors: int) -> float:
     """Let visitors upload their own pairs, move a slider and leave; return the memory with all of them there, MB."""
     async with AsyncExitStack() as everybody:
