@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from typing import cast as declare
 
-from numba.extending import intrinsic, models, overload, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 from stereolag.loops.numba_inside import LANES, cgutils, ir, types
 
@@ -282,20 +282,19 @@ def _places(lanes: Sequence[int]) -> Any:
 def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
     """Give ``Lanes`` one operator: LLVM's instructions for integers and for floats (None: no such instruction)."""
 
-    @_instruction
-    def lane_by_lane(typing: Any, one: Any, other: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            if isinstance(one.dtype, types.Integer):
-                return getattr(builder, integers)(*arguments)
-            # "contract" lets a product and a sum become one fused instruction; it leaves NaN and infinity alone.
-            return getattr(builder, str(floats))(*arguments, flags=("contract",))
-
-        return one(one, other), generate
-
-    @overload(symbol, strict=False)
-    def on_lanes(one: Any, other: Any) -> Any:
+    def typer(one: Any, other: Any) -> Any:
         usable = isinstance(one, Lanes) and one == other and (floats or isinstance(one.dtype, types.Integer))
-        return (lambda one, other: lane_by_lane(one, other)) if usable else None
+        return one if usable else None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if isinstance(signature.args[0].dtype, types.Integer):
+            return getattr(builder, integers)(*arguments)
+        # "contract" lets a product and a sum become one fused instruction; it leaves NaN and infinity alone.
+        return getattr(builder, str(floats))(*arguments, flags=("contract",))
+
+    # Not by "overload", which compiles a function for each operator and dtype.
+    type_callable(symbol)(lambda context: typer)
+    lower_builtin(symbol, Lanes, Lanes)(generate)
 
 
 _let_operator_work(operator.add, "add", "fadd")
