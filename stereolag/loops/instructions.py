@@ -294,7 +294,7 @@ def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats:
 
     # Not by "overload", which compiles a function for each operator and dtype.
     type_callable(symbol)(lambda context: typer)
-    lower_builtin(symbol, Lanes, Lanes)(generate)
+    lower_builtin(symbol, Lanes, Lanes)(generate)  # type: ignore[no-untyped-call]
 
 
 _let_operator_work(operator.add, "add", "fadd")

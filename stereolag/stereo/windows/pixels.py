@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap, FloatMap, ReasonMap
+from stereolag.core.arrays import Array, DoubleMap, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import copy, fill
@@ -191,13 +192,11 @@ class _Matched(NamedTuple):
     beside_dx: FloatMap
 
 
-class _Row(NamedTuple):
-    """Columns of the windows of a row, px, and buffers for what becomes of them."""
+class _Places(NamedTuple):
+    """Where the windows of the rows and columns of a grid begin, px."""
 
+    tops: npt.NDArray[np.int32]
     columns: npt.NDArray[np.int32]
-    reason: ReasonMap
-    dy: FloatMap
-    disparity: FloatMap
 
 
 def spread_over_pixels(
@@ -220,14 +219,12 @@ def spread_over_pixels(
     refused
         (n_rows, n_cols) reasons already found, which any other overrides; None if there are none.
     """
-    shape = (query.left.shape[0], query.left.shape[1])
-    vertical = asked.rows > 1
-    maps = PixelMatches(
-        disparity=np.empty(shape, np.float32),
-        reason=np.empty(shape, np.uint8),
-        score=np.empty(shape, np.float32),
-        dy=np.empty(shape, np.float32) if vertical else NO_ROWS,
-    )
+    shape, grid = (query.left.shape[0], query.left.shape[1]), matches.score.shape
+    vertical, offset = asked.rows > 1, (query.window_size - query.step) // 2
+    whole = query.step == 1  # a window's cell is its pixel
+    written, at = (shape, offset) if whole else (grid, 0)
+    arrays = [np.empty(written, kind) for kind in (np.float32, np.uint8, np.float32, np.float32)[: 3 + vertical]]
+    maps = PixelMatches._make([*arrays, NO_ROWS][:4])
     found = _Matched(
         np.empty((0, 0), np.uint8) if refused is None else np.ascontiguousarray(refused),
         np.ascontiguousarray(matches.texture),
@@ -237,48 +234,55 @@ def spread_over_pixels(
         *fit_peaks(matches.around),
     )
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
-    cols = matches.score.shape[1]
-    columns = query.step * np.arange(cols, dtype=np.int32)
+    last = (shape[0] - query.window_size, shape[1] - query.window_size)
+    places = _Places(*(query.step * np.arange(side, dtype=np.int32) for side in grid))
 
     def write(first: int, end: int) -> None:
-        row = _Row(columns, np.empty(cols, np.uint8), *np.empty((2, cols), np.float32))
-        _write_cells(first, end, query.window_size, query.step, ends, query.circular, flat, found, maps, row)
+        _write_matches(first, end, at, places, last, ends, query.circular, flat, found, maps)
 
-    over_bands(write, matches.score.shape[0])
-    return maps if vertical else maps._replace(dy=None)
+    over_bands(write, grid[0])
+
+    def spread(values: Array, nothing: Any) -> Array:
+        rows, cols = (query.step * side for side in grid)
+        cells = values
+        if not whole:
+            cells = np.empty(shape, values.dtype)
+            large = cv2.resize(values, (cols, rows), interpolation=cv2.INTER_NEAREST_EXACT)
+            cells[offset : offset + rows, offset : offset + cols] = large
+        cells[:offset] = cells[offset + rows :] = nothing
+        cells[:, :offset] = cells[:, offset + cols :] = nothing
+        return cells
+
+    return PixelMatches(*map(spread, arrays, (NOTHING, OUT_OF_FRAME, NOTHING, NOTHING)))
 
 
 @compiled(counted=False)
-def _write_cells(
+def _write_matches(
     first: int,
     end: int,
-    window: int,
-    step: int,
+    at: int,
+    places: _Places,
+    last: tuple[int, int],
     ends: tuple[int, int, int, int],
     circular: bool,
     flat: float,
     found: _Matched,
     maps: Any,
-    row_buffers: _Row,
 ) -> None:
-    """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond.
+    """Write the matches of rows `first` to `end` of the grid, `at` px further down and right in the maps.
 
-    The cell of a window is the `step` × `step` px nearest to its centre. `maps` is a `PixelMatches`, with an empty `dy`
+    `last` is the place of the last window that fits into the image. `maps` is a `PixelMatches`, with an empty `dy`
     after a search along one row.
     """
     refused, texture, best, lag_dy, lag_dx, beside_dy, beside_dx = found
     dy_first, dy_last, dx_first, dx_last = ends
-    rows, cols = best.shape
-    height, width = maps.reason.shape
-    offset, last_row, last_col = (window - step) // 2, height - window, width - window
+    tops, columns = places
+    cols = columns.size
     vertical = lag_dy.size > 0
-    columns, reason, dy, disparity = row_buffers
     level = np.float32(flat)
-    last_32, first_32, end_32 = np.int32(last_col), np.int32(dx_first), np.int32(dx_last)
+    last_32, first_32, end_32 = np.int32(last[1]), np.int32(dx_first), np.int32(dx_last)
     for row in range(first, end):
-        top = offset + row * step
-        if step == 1:  # a window's cell is its pixel
-            reason, disparity = maps.reason[top, offset : offset + cols], maps.disparity[top, offset : offset + cols]
+        reason, disparity = maps.reason[at + row, at : at + cols], maps.disparity[at + row, at : at + cols]
         if refused.size:
             copy(refused[row], reason)
         else:
@@ -294,9 +298,9 @@ def _write_cells(
             if vertical:
                 for col in range(cols):
                     lag = lag_dy[row, col]
-                    place = row * step + lag
+                    place = tops[row] + lag
                     inside = (lag >= dy_first) & (lag <= dy_last)
-                    cut = (place == 0) | (place == last_row) | (reason[col] == OUT_OF_FRAME)
+                    cut = (place == 0) | (place == last[0]) | (reason[col] == OUT_OF_FRAME)
                     reason[col] = OUT_OF_FRAME if cut else (reason[col] if inside else AT_SEARCH_EDGE)
         # Everything is loaded before it is chosen from, and few arrays at a time: otherwise the loops do not vectorise.
         for col in range(cols):
@@ -308,43 +312,12 @@ def _write_cells(
             # 0 - dx, as a negated zero would print as -0.
             turned = np.float32(0) - (beside_dx[row, col] + np.float32(np.int32(lag_dx[row, col])))
             disparity[col] = turned if known == MEASURED else NOTHING
+        copy(best[row], maps.score[at + row, at : at + cols])
         if vertical:
+            dy = maps.dy[at + row, at : at + cols]
             for col in range(cols):
                 moved = beside_dy[row, col] + np.float32(lag_dy[row, col])
                 dy[col] = moved if reason[col] == MEASURED else NOTHING
-        for y in range(top, top + step):
-            _blank(maps, y, 0, offset)
-            _blank(maps, y, offset + cols * step, width)
-            if step == 1:
-                copy(best[row], maps.score[y, offset : offset + cols])
-                if vertical:
-                    copy(dy, maps.dy[y, offset : offset + cols])
-                continue
-            for x in range(cols * step):
-                col = x // step
-                maps.disparity[y, offset + x] = disparity[col]
-                maps.score[y, offset + x] = best[row, col]
-                maps.reason[y, offset + x] = reason[col]
-            if vertical:
-                for x in range(cols * step):
-                    maps.dy[y, offset + x] = dy[x // step]
-    if first == 0:
-        for y in range(offset):
-            _blank(maps, y, 0, width)
-    if end == rows:
-        for y in range(offset + rows * step, height):
-            _blank(maps, y, 0, width)
-
-
-@compiled(counted=False)
-def _blank(maps: Any, y: int, left: int, right: int) -> None:
-    for x in range(left, right):
-        maps.disparity[y, x] = NOTHING
-        maps.score[y, x] = NOTHING
-        maps.reason[y, x] = OUT_OF_FRAME
-    if maps.dy.size:
-        for x in range(left, right):
-            maps.dy[y, x] = NOTHING
 
 
 def spread_over_pixels_reference(

@@ -326,7 +326,7 @@ def _describe_rows(
         if texture.size > 0:
             about_mean = norm == 0 and share > 0
             if not about_mean:
-                energies(row_total, row_square, 1 / window**2, energy)
+                energies(row_total, row_square, 1 / (window * window), energy)
             deviations(energy, floor, window, deviation)
             take_every(step, deviation, texture[row])
             # About the mean, a flat window has no inverse norm yet.
