@@ -119,7 +119,7 @@ def test_all_of_many_copies_at_all_angles_are_found() -> None:
     assert search.clear == len(centres) == 9
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_size_of_one_between_the_pixels_is_recovered(seed: int) -> None:
     """On whole pixels a small one would score best a few percent too large or too small."""
     random, template = np.random.default_rng(seed), sprite()
@@ -130,7 +130,7 @@ def test_the_size_of_one_between_the_pixels_is_recovered(seed: int) -> None:
     assert match.rotation == 0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_around_a_full_circle_no_angle_is_an_end(seed: int) -> None:
     template, rotation = sprite(), float(np.random.default_rng(seed).uniform(172, 179))
     scene = drawn(blobs((120, 140, 3)), template, 60.0, 70.0, 1.0, rotation)
@@ -292,7 +292,7 @@ def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
     return np.asarray(picture)
 
 
-@pytest.mark.parametrize(("number", "size"), [(0, 1.25), (2, 1.5), (3, 1.1), (6, 1.1)])
+@pytest.mark.parametrize(("number", "size"), [(0, 1.25), (6, 1.1)])
 def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_is_not(
     number: int, size: float
 ) -> None:
