@@ -35,7 +35,9 @@ SECONDS = 6.0
 PATIENCE_S = 60.0
 """A stream that waits longer for an answer fails."""
 
-CLIENTS = (1, 2, 4, 8)
+CLIENTS = (0, 1, 2, 4, 8)
+"""Streams at a time; without any, the bystander alone, whose maps take memory too."""
+
 METHODS = {"fast": "Convolution", "StereoBM": "StereoBM"}
 LIVE = "Live camera"
 CAMERA = "stereolag.stereo_camera"
@@ -132,9 +134,9 @@ async def together(server: Server, count: int) -> Figures:
         waits = sorted(one.latency or 0 for one in bystander.moves)
     finally:
         await asyncio.gather(*(visitor.leave() for visitor in [*visitors, bystander]))
+    shares = {"least": min(rates), "most": max(rates)} if rates else {}
     return {
-        f"{count} streams: maps a second each, least": round(min(rates), 1),
-        f"{count} streams: maps a second each, most": round(max(rates), 1),
+        **{f"{count} streams: maps a second each, {name}": round(share, 1) for name, share in shares.items()},
         f"{count} streams: bystander p95 ms": round(1000 * waits[int(0.95 * (len(waits) - 1))]),
         f"{count} streams: RSS MB": round(server.megabytes()),
     }
@@ -144,7 +146,6 @@ async def measured(minutes: float) -> Figures:
     """Return all figures."""
     with serving(ENVIRONMENT) as server:
         figures = await alone(server)
-        figures["RSS before, MB"] = round(server.megabytes())
         for count in CLIENTS:
             figures |= await together(server, count)
         if minutes:

@@ -106,8 +106,6 @@ class Stream:
         a ValueError is answered with its text.
     kept
         Whatever the answers need from one message to the next.
-    latest
-        The last message that was answered.
     """
 
     def __init__(self, name: str, kind: type[Message], answer: Callable[[Any], bytes]) -> None:
@@ -116,18 +114,15 @@ class Stream:
         self.kind = kind
         self.answer = answer
         self.kept: dict[str, Any] = {}
-        self.latest: Any = None
         self.connection: object = None
         self.carrier = Carrier(self.token)
 
     def answered(self, message: Message) -> bytes:
         """Return the answer to a message, or the sentence that says why there is none."""
         try:
-            answer = self.answer(message)
+            return self.answer(message)
         except ValueError as error:
             return packed_item({"error": str(error), "digest": "error"}).data
-        self.latest = message
-        return answer
 
 
 class Carrier:
@@ -344,12 +339,12 @@ def parse_message(data: bytes, kind: type[M]) -> M:
     if not 2 <= length <= min(HEADER_BYTES, len(data) - 4):
         raise ValueError("The message has no header.")
     header = _Places.model_validate_json(data[4 : 4 + length])
-    body = data[4 + length :]
+    body = memoryview(data)[4 + length :]
     if any(not 0 <= start <= start + size <= len(body) for start, size in header.parts):
         raise ValueError("The parts are not where the header says.")
     if sum(size for _, size in header.parts) > len(body):
         raise ValueError("The parts overlap.")
-    parts = tuple(body[start : start + size] for start, size in header.parts)
+    parts = tuple(bytes(body[start : start + size]) for start, size in header.parts)
     return kind.model_validate({**(header.model_extra or {}), "parts": parts})
 
 

@@ -22,6 +22,7 @@ from starlette.applications import Starlette
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from stereolag import preset
 from stereolag.core.jobs import limits, set_defaults
 from stereolag.core.searches import TemplateQuery
 from stereolag.stereo.opencv import StereoBM
@@ -204,6 +205,19 @@ def test_whatever_a_page_is_sent_is_answered_or_refused(
         assert unpacked(Stream(page, kind, answer).answered(message))[0]["digest"]
 
 
+def test_of_a_frame_only_its_views_and_the_maps_as_shown_are_kept() -> None:
+    """Each visitor's last ones stay in memory: two bytes a pixel of both views, four of disparities, one of reasons."""
+    kept: dict[str, Any] = {}
+    beside = depth.Camera("beside", crossed=False, width=640)
+    depth.Answering(kept, [preset("fast", num_disparities=16)], beside, None)(
+        depth.Frame(parts=(as_jpeg(120, 320),), freeze=False)
+    )
+    (result,) = kept["results"]
+    held = [kept["pair"].left, kept["pair"].right, result.disparity, result.reason]
+    assert sum(one.nbytes for one in held) == 7 * 120 * 160
+    assert not result.score.strides[0]
+
+
 @pytest.mark.parametrize(
     ("page", "header", "parts"),
     [
@@ -233,7 +247,6 @@ def test_every_message_is_answered_in_order_by_the_latest_settings(open_stream: 
     for number in range(20):
         socket.send(packed_item({"number": number}, [b"part"]).data)
         assert next_answer(socket)["number"] == number
-        assert stream.latest == Numbered(number=number, parts=(b"part",))
     stream.answer = lambda message: packed_item({"number": -message.number}).data
     socket.send(packed_item({"number": 21}).data)
     assert next_answer(socket)["number"] == -21
@@ -243,10 +256,9 @@ def test_a_refused_message_is_answered_with_a_sentence(open_stream: Any) -> None
     def refuse(message: Message) -> bytes:
         raise ValueError("No board.")
 
-    stream, socket = open_stream(refuse)
+    _, socket = open_stream(refuse)
     socket.send(packed_item({}).data)
     assert next_answer(socket)["error"] == "No board."
-    assert stream.latest is None
 
 
 def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: Any) -> None:

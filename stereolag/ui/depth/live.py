@@ -142,7 +142,7 @@ def show_live(live: LiveCamera) -> None:
 
 def _stand_in() -> Pair:
     """Return a pair for the controls until the first frame is there."""
-    blank = np.zeros((480, 640), np.uint8)
+    blank = np.broadcast_to(np.uint8(0), (480, 640))  # takes no memory
     return Pair(blank, blank, PairId("live"), num_disparities=DISPARITIES_AT_FIRST)
 
 
@@ -190,7 +190,8 @@ class Answering:
         pair = self._pair(left, right)
         with _matching:
             results = [matcher.compute(pair.left, pair.right) for matcher in self._matchers]
-        self._kept["pair"], self._kept["results"] = pair, results
+        # The page shows no scores, and the maps of each visitor's last frame stay in memory.
+        self._kept["pair"], self._kept["results"] = pair, [replace(one, _score=None) for one in results]
         parts = [self._map(one) for one in results]
         return packed_item({"shape": [*left.shape[:2], len(parts)], "digest": "live"}, parts).data
 

@@ -65,7 +65,7 @@ def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
     if "follower" not in kept:
         raise ValueError(NO_BOX_YET)
     followed: Followed = kept["follower"].follow(picture, query)
-    kept["place"] = followed.place
+    kept["place"], kept["picture"] = followed.place, message.parts[0]
     told = {
         "digest": "followed",
         "number": message.number,
@@ -79,13 +79,13 @@ def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
 
 def _freeze(stream: Stream) -> None:
     """Make the last frame and the template the files of the page, to be searched at the size and angle it has there."""
-    template = stream.kept.get("template")
-    if stream.latest is None or template is None:
+    kept = stream.kept
+    if "picture" not in kept:
         return
-    hand_in_picture(stream.latest.parts[0], FROZEN, key=f"{PICTURES}.picture")
-    hand_in_picture(png(template), FROZEN_TEMPLATE, key=f"{PICTURES}.template")
+    hand_in_picture(kept["picture"], FROZEN, key=f"{PICTURES}.picture")
+    hand_in_picture(png(kept["template"]), FROZEN_TEMPLATE, key=f"{PICTURES}.template")
     forget_upload(f"{PICTURES}.mask")
-    place: Pose | None = stream.kept.get("place")
+    place: Pose | None = kept["place"]
     if place is not None and abs(place.scale - 1) > RESIZED:
         low, high = math.floor(place.scale / SIZES) * SIZES, math.ceil(place.scale / SIZES) * SIZES
         adopt_value("template.min_scale", round(max(SMALLEST, min(1.0, low)), 2))
