@@ -335,6 +335,8 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
 
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
+    # Before anything is computed: Streamlit sends what it has at once, and then nothing for 5 ms.
+    ahead = st.container(key="depth-ahead", gap=None)
     packs = {}
     for matcher in filter(None, matchers):
         with suppress(ValueError):  # shown in place of the map
@@ -342,7 +344,7 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
             if result is not None:
                 picture = Picture(matcher.title, None, _readings(result, digits=1))
                 packs[picture.title] = _packed(pair, picture, result)
-    with st.container(key="depth-ahead", gap=None):
+    with ahead:
         for title, pack in packs.items():
             send_picture(pack, title, key=KEY)
     digests = [pack.digest for pack in packs.values()]
