@@ -23,10 +23,7 @@ def pairs() -> list[tuple[Rgb, Rgb]]:
 def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
     left, right = zip(*pairs, strict=True)
     cameras = played_cameras(both=[np.hstack(pair) for pair in pairs], one=left, two=right)
-    page = open_page("Calibrate", script=cameras)
-    page.get_by_role("radio", name="Live camera").click()
-    settled(page)
-    return page
+    return open_page("Calibrate", choose="Live camera", script=cameras)
 
 
 def start(page: Page) -> None:

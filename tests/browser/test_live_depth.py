@@ -23,12 +23,7 @@ LEFT, RIGHT, TRUTH = stereo_scene(7, near=NEAR, far=FAR)
 def camera_page(keep_page: OpenPage) -> Page:
     """Open the depth page with four cameras: both views in one picture, or one view each."""
     cameras = played_cameras(both=[np.hstack([LEFT, RIGHT])], one=[LEFT], two=[RIGHT], hand=[LEFT, RIGHT])
-    page = keep_page("Depth_maps", script=cameras)
-    page.locator("summary").filter(has_text="Choose a pair").click()
-    settled(page)
-    page.get_by_role("radio", name="Live camera").click()
-    settled(page)
-    return page
+    return keep_page("Depth_maps?pair=own", choose="Live camera", script=cameras)
 
 
 def start(page: Page) -> None:

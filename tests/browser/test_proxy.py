@@ -204,10 +204,8 @@ def test_a_link_that_is_shared_is_shown_with_a_name_and_a_picture(proxy: Proxy) 
 def test_a_live_camera_reaches_its_process_and_no_other_page_does(browser: Browser, proxy: Proxy) -> None:
     left, right, _ = stereo_scene(3, near=20, far=8, shape=(120, 200))
     with faultless_pages(browser, proxy.address) as open_page:
-        page = open_page("Depth_maps", script=played_cameras(both=[np.hstack([left, right])]))
-        page.locator("summary").filter(has_text="Choose a pair").click()
-        page.get_by_role("radio", name="Live camera").click()
-        settled(page)
+        cameras = played_cameras(both=[np.hstack([left, right])])
+        page = open_page("Depth_maps?pair=own", choose="Live camera", script=cameras)
         page.get_by_role("button", name="Start", exact=True).click()
         expect(page.locator(".live .rates")).to_contain_text("a second")
         expect(page.locator(".viewport")).to_have_count(2)

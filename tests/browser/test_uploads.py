@@ -17,12 +17,6 @@ BROKEN = file_of("broken.wav", b"RIFF and nothing more")
 REFUSAL = "cut short before the layout of its samples"
 
 
-def on_own_files(page: Page) -> Page:
-    page.get_by_text("Your own files", exact=True).click()
-    settled(page)
-    return page
-
-
 def give(page: Page, number: int, file: FilePayload) -> None:
     page.locator("input[type=file]").nth(number).set_input_files(file)
     settled(page)
@@ -42,7 +36,7 @@ def unfold(page: Page) -> None:
 
 @pytest.fixture(scope="module")
 def own_page(keep_page: OpenPage) -> Page:
-    return on_own_files(keep_page("Sensor_lag", loses_server=True))
+    return keep_page("Sensor_lag", choose="Your own files", loses_server=True)
 
 
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
@@ -77,7 +71,7 @@ DROP = """(zone, given) => {
 
 
 def test_files_dropped_together_on_a_box_are_shared_out_by_name_and_the_page_says_how(open_page: OpenPage) -> None:
-    page = on_own_files(open_page("Sensor_lag"))
+    page = open_page("Sensor_lag", choose="Your own files")
     given = {"c.txt": b"1", "b.wav": wav(SOUND[:8_000]), "a.wav": wav(SOUND[300:][:8_000])}
     second = page.get_by_test_id("stFileUploaderDropzone").last
     second.evaluate(DROP, [[name, [*data]] for name, data in given.items()])

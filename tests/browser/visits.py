@@ -107,17 +107,16 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
     def opened(
         path: str = "",
         *,
-        scheme: str = "light",
-        width: int = 1280,
+        choose: str = "",
         moving: bool = False,
         loses_server: bool = False,
         script: str = "",
     ) -> Page:
         page = new_window(browser)
         pages.append(page)
-        page.set_viewport_size({"width": width, "height": 900})
+        page.set_viewport_size({"width": 1280, "height": 900})
         page.emulate_media(
-            color_scheme=scheme,  # type: ignore[arg-type]
+            color_scheme="light",
             # Without a graphics card, drawing animations while a page waits takes a third of all time.
             reduced_motion="no-preference" if moving else "reduce",
         )
@@ -127,6 +126,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
             page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{address}/{path}")
+        if choose:  # as soon as it is there, which spares the server the example
+            page.get_by_role("radio", name=choose).click()
         settled(page)
         return page
 
