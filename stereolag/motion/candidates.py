@@ -17,8 +17,9 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import LANES, cast, item, load, splat, store
 from stereolag.stereo.windows.engines import comparable, match_windows
+from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows, sum_columns
 from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
-from stereolag.stereo.windows.scores import Windows, change, changing_rows, describe_windows, row_change, sum_columns
+from stereolag.stereo.windows.scores import change, changing_rows, row_change
 from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
 
 Flow: TypeAlias = npt.NDArray[np.float32]
@@ -192,7 +193,8 @@ def _described(
     below = above + bottom - top
     shape = end - start + 2 * reach, width + 2 * reach + LANES
     windows = Windows(np.zeros(shape, kind), np.full(shape, NOTHING, np.float32))
-    describe_windows(image, window, 1, top, 1 / window**2, 0.0, floor, windows, (above, below, reach), texture)
+    norms = WindowNorms(window, step=1, share=1 / window**2, norm=0.0, floor=floor)
+    describe_windows(image, norms, top, windows, (above, below, reach), texture)
     pixels = np.zeros((shape[0] + 2 * window - 1, shape[1] + window - 1), image.dtype)
     pixels[window + above : 2 * window + below - 1, reach : reach + image.shape[1]] = image[top : bottom + window - 1]
     return _Windows(changing_rows(pixels, window, 1 if reach else -1), *windows)

@@ -13,19 +13,14 @@ from pairs import shifted_pair
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.engines import NO_RIGHT_MATCH, match_windows, score_surface
 from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
+from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows, describe_windows_reference
 from stereolag.stereo.windows.pixels import (
     fit_peaks,
     fit_peaks_reference,
     spread_over_pixels,
     spread_over_pixels_reference,
 )
-from stereolag.stereo.windows.scores import (
-    Windows,
-    describe_windows,
-    describe_windows_reference,
-    right_view_reference,
-    score_volume_reference,
-)
+from stereolag.stereo.windows.scores import right_view_reference, score_volume_reference
 from stereolag.stereo.windows.search import LagRange, Score, SearchArea, WindowMatches, WindowQuery
 
 
@@ -199,8 +194,9 @@ def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, wi
     total = np.zeros(shape, np.int32 if dtype == np.uint8 else np.float64)
     inverse, texture = np.zeros((2, *shape), np.float32)
     there = 0, shape[0], 0
-    describe_windows(image, window, step, 0, share, norm, 0.25, Windows(total, inverse), there, texture)
-    plain = describe_windows_reference(image, window, step, share, norm, 0.25)
+    norms = WindowNorms(window, step, share, norm, floor=0.25)
+    describe_windows(image, norms, 0, Windows(total, inverse), there, texture)
+    plain = describe_windows_reference(image, norms)
     for found, expected in zip((total, inverse, texture), plain, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
     assert np.isnan(inverse[shape[0] // 3, shape[1] // 3])

@@ -20,18 +20,17 @@ from stereolag.core.inputs import Image, flat_energy
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import LANES
+from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.scores import (
     OFFSET,
     SCALE,
     LeftTerms,
     TilePlace,
     WindowResults,
-    Windows,
     Workspace,
     as_right_dx,
     as_scores,
     changing_rows,
-    describe_windows,
     match_tile,
     record_group,
     record_runners_up,
@@ -158,7 +157,8 @@ class PreparedPair:
         where: tuple[int, int, int] | None = None,
     ) -> None:
         where = where or (0, len(windows.total), 0)
-        describe_windows(image, self.window, step, first, self.share, norm, self.floor, windows, where, texture)
+        norms = WindowNorms(self.window, step, self.share, norm, self.floor)
+        describe_windows(image, norms, first, windows, where, texture)
 
     def rescale(self, first: int, end: int, left_inverse: Array) -> None:
         """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""
