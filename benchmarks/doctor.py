@@ -15,7 +15,8 @@ from benchmarks.pairs import DATA, true_pairs
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, apply_remedy, diagnose
 from stereolag.assess.orientation import Correspondences, best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.sequences import StereoFrame, StereoSequence, diagnose_sequence
 

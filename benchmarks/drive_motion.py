@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereolag import optical_flow, preset, read_calibration, read_image
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.images import read_stored_disparity
+from stereolag.io.disparities import read_stored_disparity
 from stereolag.motion.moving_objects import KMH
 from stereolag.motion.scene_flow import scene_flow
 from stereolag.samples import DriveExample

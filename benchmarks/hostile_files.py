@@ -64,7 +64,8 @@ from benchmarks.recording_bytes import (
     zipped,
 )
 from stereolag.io.calibrations import read_calibration
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.io.recordings import read_signal
 from stereolag.io.settings import read_matcher, settings_json
 from stereolag.stereo.methods import METHODS

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 
 DATA = Path(os.environ.get("STEREOLAG_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 

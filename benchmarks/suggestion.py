@@ -10,7 +10,8 @@ from benchmarks.pairs import true_pairs
 from stereolag import StereoBM, StereoSGBM, preset, samples, suggest
 from stereolag.assess.judging import TuningPair
 from stereolag.assess.suggestion import candidates
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 

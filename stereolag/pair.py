@@ -35,8 +35,9 @@ from stereolag.geometry.rectification import (
     scaled_image,
     turned,
 )
+from stereolag.io.disparities import StoredDisparity, read_disparity, read_stored_disparity
 from stereolag.io.guard import Door, guarded, unguarded
-from stereolag.io.images import StoredDisparity, read_disparity, read_frame, read_image, read_stored_disparity
+from stereolag.io.images import read_frame, read_image
 from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
 from stereolag.stereo.opencv import StereoSGBM
 

@@ -32,7 +32,7 @@ from stereolag.commands.pairs import (
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
-from stereolag.io.images import DISPARITY_FORMATS
+from stereolag.io.disparities import DISPARITY_FORMATS
 from stereolag.pair import Pair, PairId, upright
 from stereolag.sequences import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher

@@ -26,7 +26,8 @@ from stereolag.figures.pictures import (
     thinned,
 )
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.images import image_png, ply
+from stereolag.io.disparities import ply
+from stereolag.io.images import image_png
 from stereolag.stereo.matcher import DisparityMap
 
 FAR_TO_NEAR = VIRIDIS

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.images import LARGEST_UINT16, as_map, counts_png, image_tiff, read_image
+from stereolag.io.disparities import as_map, counts_png
+from stereolag.io.images import LARGEST_UINT16, image_tiff, read_image
 from stereolag.io.sources import Source, write_file
 
 MAP = "depth map"

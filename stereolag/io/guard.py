@@ -52,7 +52,7 @@ TOO_SLOW = "The file takes more time to read than is allowed; save it again, in 
 TOO_LARGE = "The file takes more memory to read than is allowed; save it again, in another format."
 CRASHED = "The file is damaged: it cannot be decoded."
 
-_PRELOADED = ("stereolag.io.calibrations", "stereolag.io.images", "stereolag.io.recordings", "av")
+_PRELOADED = ("stereolag.io.calibrations", "stereolag.io.disparities", "stereolag.io.recordings", "av")
 
 
 class Door(Protocol):
@@ -263,7 +263,7 @@ def serve() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
     for name in _PRELOADED:
         importlib.import_module(name)
-    from stereolag.io.images import UnseenFrames  # the server itself decodes no images
+    from stereolag.io.images import UnseenFrames
 
     warnings.simplefilter("error", UnseenFrames)
     for number in (1, 2):  # decoders comment on every damaged file, which are no news for the server's log

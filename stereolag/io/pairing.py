@@ -14,7 +14,8 @@ from typing import TypeVar
 from stereolag.core.inputs import Image
 from stereolag.geometry.boards import MOST_PAIRS
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
-from stereolag.io.images import DISPARITY_SUFFIXES, IMAGE_SUFFIXES, read_image
+from stereolag.io.disparities import DISPARITY_SUFFIXES
+from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.sources import is_archive, quote, read_archive, read_bytes
 
 K = TypeVar("K", bound=Hashable)

@@ -25,8 +25,9 @@ from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_disparity
 from stereolag.io.guard import Door, unguarded
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.images import read_image
 from stereolag.io.settings import matcher_of, parsed_json, settings_document
 from stereolag.io.sources import Archive
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatcher

@@ -24,7 +24,7 @@ from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import ground_of
-from stereolag.io.images import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
+from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
 from stereolag.sequences.motion import Steadiness, matched, motion_since, steadied

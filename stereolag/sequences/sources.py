@@ -20,8 +20,9 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
+from stereolag.io.disparities import read_disparity
 from stereolag.io.guard import Door, guarded, unguarded
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Archive, Source, is_archive, quote, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile

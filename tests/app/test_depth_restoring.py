@@ -14,7 +14,8 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
-from stereolag.io.images import image_png, pfm
+from stereolag.io.disparities import pfm
+from stereolag.io.images import image_png
 from stereolag.io.settings import settings_json
 from stereolag.pair import PairSet, Preparation, read_bundle
 from stereolag.stereo.matcher import StereoMatcher

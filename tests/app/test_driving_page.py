@@ -14,7 +14,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
-from stereolag.io.images import image_png, read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.driving import inputs
 from stereolag.ui.driving.inputs import EXAMPLE, TWO

@@ -15,7 +15,8 @@ from stereolag import StereoBM
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
-from stereolag.io.images import image_png, kitti_png
+from stereolag.io.disparities import kitti_png
+from stereolag.io.images import image_png
 from stereolag.stereo.matcher import PixelMatches
 from tests.archives import zipped
 

@@ -23,7 +23,8 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.geometry.rectification import mode_for
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.depths import depth_png, depth_tiff
-from stereolag.io.images import image_png, kitti_png, pfm
+from stereolag.io.disparities import kitti_png, pfm
+from stereolag.io.images import image_png
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import npy

@@ -13,7 +13,8 @@ from pairs import shifted_pair, texture
 from pydantic import ValidationError
 
 from stereolag.core.settings import Applies, Settings, SettingsError, marker
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.signals import signal_lag
 from stereolag.stereo import opencv as matchers

@@ -22,7 +22,8 @@ from stereolag.assess.explaining import (
     passes,
     with_rows_around,
 )
-from stereolag.io.images import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM

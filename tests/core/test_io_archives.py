@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from stereolag import read_disparity
-from stereolag.io.images import image_png, kitti_png, pfm
+from stereolag.io.disparities import kitti_png, pfm
+from stereolag.io.images import image_png
 from stereolag.io.sources import MAX_BYTES, MAX_DIRECTORY_BYTES, bundle, file_name, is_archive, read_archive
 from tests.archives import zipped
 

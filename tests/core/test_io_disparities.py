@@ -16,17 +16,8 @@ from PIL import Image
 from ply_reader import read_ply
 
 from stereolag import read_disparity, read_image, write_disparity
-from stereolag.io.images import (
-    DISPARITY_FORMATS,
-    FORMATS,
-    check_kitti,
-    confidence_png,
-    image_png,
-    image_tiff,
-    kitti_png,
-    pfm,
-    ply,
-)
+from stereolag.io.disparities import DISPARITY_FORMATS, FORMATS, check_kitti, confidence_png, kitti_png, pfm, ply
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.sources import npy
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)

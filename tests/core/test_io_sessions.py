@@ -10,7 +10,8 @@ import pytest
 
 from stereolag import Calibration
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.images import image_png, image_tiff, pfm
+from stereolag.io.disparities import pfm
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.sessions import SESSION, Colours, Session, read_session, session_json
 from stereolag.io.sources import bundle, read_archive
 from stereolag.stereo.methods import METHODS

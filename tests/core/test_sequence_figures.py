@@ -14,7 +14,7 @@ from pairs import texture
 
 from stereolag import Calibration, StereoSGBM
 from stereolag.geometry.scene import ground_of
-from stereolag.io.images import kitti_png, pfm
+from stereolag.io.disparities import kitti_png, pfm
 from stereolag.sequences.frames import (
     COLUMNS,
     FrameMap,

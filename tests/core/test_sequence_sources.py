@@ -14,7 +14,8 @@ from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, 
 from stereolag.assess.layout import Layout
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
-from stereolag.io.images import image_png, kitti_png
+from stereolag.io.disparities import kitti_png
+from stereolag.io.images import image_png
 from stereolag.io.pairing import matched_pairs
 from stereolag.sequences import StereoSequence, open_sequence
 

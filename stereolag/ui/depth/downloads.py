@@ -17,7 +17,8 @@ from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.depths import FARTHEST_M, depth_png, depth_tiff, too_far
-from stereolag.io.images import check_kitti, confidence_png, image_file, image_png, kitti_png, pfm
+from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, pfm
+from stereolag.io.images import image_file, image_png
 from stereolag.io.programs import Cameras, opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.sessions import SESSION, session_json

@@ -17,15 +17,9 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import UNITS, Calibration
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES, read_calibration
+from stereolag.io.disparities import DISPARITY_SUFFIXES, StoredDisparity, read_stored_disparity
 from stereolag.io.guard import guarded
-from stereolag.io.images import (
-    DISPARITY_SUFFIXES,
-    IMAGE_SUFFIXES,
-    Frame,
-    StoredDisparity,
-    read_frame,
-    read_stored_disparity,
-)
+from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sessions import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (

@@ -1,0 +1,420 @@
+"""Disparity maps as files, read from untrusted bytes and written, with the masks and clouds that are made of maps."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.io.images import LARGEST_UINT16, image_png, parse_netpbm, parse_pfm, read_image
+from stereolag.io.sources import NPY_MAGIC, Source, check_pixels, npy, parse_npy, read_bytes, write_file
+
+MAP = "disparity map"
+KITTI_SCALE = 256
+BEHIND_INFINITY = -0.5
+"""Lowest disparity that the sub-pixel fit may give to a point at infinity, px."""
+
+_BAND_PIXELS = 2**20
+
+
+def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
+    """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+    divisor
+        Divides the stored values to give px; below 0 for files that count disparities with the other sign. The default
+        is 256 for images of 16 bits (as in KITTI and in this project's examples), 16 for arrays of int16 (as OpenCV
+        returns them) and for images of 16 bits whose unknown pixels are OpenCV's (65520), and 1 for other numbers and
+        for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required
+        for 8-bit integers: the data sets that use them differ (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
+
+    Returns
+    -------
+    disparity
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
+        0 in an image of integers, infinite or NaN in floats, one whole negative number among others from 0, and -9999
+        and the like.
+
+    Raises
+    ------
+    ValueError
+        An empty, damaged or unknown file, a colour image without colours, more megapixels than the limit in force, no
+        pixel with a disparity, 8-bit integers without a divisor, or a divisor of 0.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> disparity = sl.read_disparity(samples.stereo_pairs()["cube"].disparity)
+    >>> disparity.shape, disparity.dtype
+    ((480, 640), dtype('float32'))
+    >>> round(float(disparity[240, 320]), 2)  # px
+    45.57
+    """
+    found = read_stored_disparity(source)
+    divisor = found.divisor if divisor is None else divisor
+    if divisor is None:
+        raise ValueError(f"The {MAP} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
+    disparity = found.divided(divisor)
+    if divisor > 0 and np.nanmax(disparity) < 0:
+        said = f"All disparities of the {MAP} are below 0, behind infinity: divisor={-divisor:g} gives the other sign."
+        warnings.warn(UserWarning(said), stacklevel=2)
+    return disparity
+
+
+NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+"""Numbers that programs write where they have no data."""
+
+SINTEL = (4.0, 1 / 64, 1 / 16384)
+"""Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
+
+SINTEL_ALIKE = 0.6
+"""Correlation of red with green and with blue from which on a picture is a photograph."""
+
+OPENCV_SCALE = 16
+"""OpenCV's matchers return int16, in units of 1/16 px."""
+
+OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
+"""Their -1 px, no disparity, in a PNG: the only number of such a file that is above all of int16."""
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+class StoredDisparity(NamedTuple):
+    """A disparity map as stored in a file.
+
+    Attributes
+    ----------
+    stored
+        (rows, cols) numbers of any type.
+    divisor
+        Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
+    unknown
+        The stored numbers that mean unknown.
+    """
+
+    stored: npt.NDArray[Any]
+    divisor: float | None
+    unknown: tuple[float, ...] = ()
+
+    def divided(self, divisor: float) -> npt.NDArray[np.float32]:
+        """Return the disparities for a divisor, px, as :func:`read_disparity` does.
+
+        Raises
+        ------
+        ValueError
+            A divisor of 0, or no disparity at all.
+        """
+        if divisor == 0 or not math.isfinite(divisor):
+            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0, or below for the other sign.")
+        disparity = np.empty(self.stored.shape, np.float32)
+        step = max(1, _BAND_PIXELS // max(1, self.stored.shape[1]))
+        # Quotients of short numbers, rounded once or twice, are the same.
+        short = self.stored.dtype in (np.uint8, np.uint16) and float(np.float32(divisor)) == divisor
+        wide: type[np.float32 | np.float64] = np.float32 if short else np.float64
+        for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
+            band = self.stored[first : first + step]
+            with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
+                part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
+            part[~np.isfinite(part)] = np.nan
+            for mark in self.unknown:
+                part[band == mark] = np.nan
+            disparity[first : first + step] = part
+        if np.isnan(disparity).all():
+            raise ValueError(f"The {MAP} holds no disparity at all: every pixel is marked as unknown.")
+        return disparity
+
+
+def read_stored_disparity(source: Source) -> StoredDisparity:
+    """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
+    data = read_bytes(source, MAP)
+    kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
+    if data.startswith(HDF5):
+        raise ValueError(
+            f"The {MAP} is an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
+            "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])."
+        )
+    stored = kind.read(data)
+    if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
+        colours = stored[:, :, :3]
+        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL), np.nan).astype(np.float32)
+        # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
+        red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
+        together = all(
+            np.abs(np.cov(red, one)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * one.std())) for one in fractions
+        )
+        if np.nanmax(disparity) < stored.shape[1] and not together:
+            return StoredDisparity(disparity, 1.0)
+    if stored.ndim != 2:
+        raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
+    check_pixels(stored.shape[1], stored.shape[0], MAP)
+    if kind is IMAGES and stored.dtype.kind == "u":
+        if stored.dtype == np.uint16 and {*stored[stored >= 2**15]} == {OPENCV_UNKNOWN}:
+            return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
+        return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
+    divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
+    return StoredDisparity(stored, divisor, (*NO_DATA, *_one_negative_number(stored)))
+
+
+def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+    """Return the one negative number of a map, if it is whole and repeated: what programs write for no disparity."""
+    if stored.dtype.kind not in "if":
+        return ()
+    with np.errstate(invalid="ignore"):
+        below = stored[(stored < 0) & ~np.isin(stored, NO_DATA)]
+    if not 1 < below.size < stored.size:
+        return ()
+    mark = float(below[0])
+    return (mark,) if mark <= -1 and mark == np.rint(mark) and (below == mark).all() else ()
+
+
+def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
+    """Write a disparity map; :func:`stereolag.read_disparity` reads it back.
+
+    Parameters
+    ----------
+    path
+        Its suffix selects the format: ``.pfm`` and ``.npy`` store any disparity as float32, ``.png`` stores 0 to
+        255.99 px in steps of 1/256 px (16 bits, as in KITTI: :func:`stereolag.io.kitti_png`). An existing file is
+        replaced.
+    disparity
+        (rows, cols), px; NaN or infinite for pixels without one.
+
+    Raises
+    ------
+    ValueError
+        Another suffix, an array that is not (rows, cols), or a disparity that the format cannot store; nothing is
+        written then.
+    OSError
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> sl.write_disparity("map.pfm", [[12.5, np.nan]])  # px; NaN = none
+    >>> sl.read_disparity("map.pfm")
+    array([[12.5,  nan]], dtype=float32)
+    """
+    target = Path(path)
+    kind = DISPARITY_FORMATS.get(target.suffix.lower())
+    if kind is None:
+        allowed = ", ".join(DISPARITY_FORMATS)
+        raise ValueError(f"path ends in {target.suffix!r}; a disparity map is written as {allowed}.")
+    write_file(target, kind.write(disparity))
+
+
+def pfm(disparity: npt.ArrayLike) -> bytes:
+    """Return a disparity map as a grey PFM: float32, little-endian, bottom row first.
+
+    Parameters
+    ----------
+    disparity
+        (rows, cols), px; NaN or infinite for pixels without one, written as +infinity, as in Middlebury's files.
+
+    Raises
+    ------
+    ValueError
+        An array that is not (rows, cols).
+
+    Notes
+    -----
+    The header's scale is exactly -1.0. Its sign gives the byte order; its magnitude has no agreed meaning, and OpenCV
+    divides by it: from a Middlebury file with the scale 0.003922 (1/255) it reads disparities 255 times too large. At
+    -1.0 all readers agree. Format: https://www.pauldebevec.com/Research/HDR/PFM/
+    """
+    values = as_map(disparity)
+    stored = np.where(np.isfinite(values), values, np.inf).astype("<f4")
+    return f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode() + stored[::-1].tobytes()
+
+
+def kitti_png(disparity: npt.ArrayLike) -> bytes:
+    """Return a disparity map as KITTI stores it: a 16-bit grey PNG of the disparity × 256, 0 for pixels without one.
+
+    Parameters
+    ----------
+    disparity
+        (rows, cols), px, from -0.5 to 255.99; NaN or infinite for pixels without one. It is rounded to 1/256 px. Values
+        that would become 0, and those that the sub-pixel fit put up to half a pixel behind infinity, become
+        1/256 px.
+
+    Raises
+    ------
+    ValueError
+        A disparity that the format cannot store, or an array that is not (rows, cols).
+
+    Notes
+    -----
+    Format: the development kit of Geiger, Lenz & Urtasun, "Are we ready for autonomous driving?", CVPR 2012.
+    """
+    check_kitti(disparity)
+    return counts_png(as_map(disparity) * KITTI_SCALE)
+
+
+def check_kitti(disparity: npt.ArrayLike) -> None:
+    """Refuse a disparity map that :func:`kitti_png` cannot store; far quicker than trying.
+
+    Raises
+    ------
+    ValueError
+        As :func:`kitti_png` does.
+    """
+    values = as_map(disparity)
+    low, high = (float(end.reduce(values, axis=None)) for end in (np.fmin, np.fmax))
+    if not (math.isfinite(low) and math.isfinite(high)):
+        known = values[np.isfinite(values)]
+        if known.size == 0:
+            return
+        low, high = float(known.min()), float(known.max())
+    first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
+    if first < BEHIND_INFINITY * KITTI_SCALE or last > LARGEST_UINT16:
+        raise ValueError(
+            f"disparity reaches from {low:.2f} to {high:.2f} px; KITTI's PNG holds 0 to 255.99 px, "
+            "PFM and NPY hold any."
+        )
+
+
+def as_map(numbers: npt.ArrayLike, name: str = "disparity") -> npt.NDArray[np.floating[Any]]:
+    """Return a (rows, cols) map of floats; ValueError, with its name, for another shape."""
+    values = np.asarray(numbers)
+    if values.ndim != 2 or values.size == 0:
+        raise ValueError(f"{name} has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
+    return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
+
+
+def _stored_image(data: bytes) -> npt.NDArray[Any]:
+    if data.startswith((b"P2", b"P5")):
+        return parse_netpbm(data, MAP, as_stored=True)
+    try:
+        return read_image(data)
+    except ValueError as error:
+        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {error}") from error
+
+
+def _npy_map(disparity: npt.ArrayLike) -> bytes:
+    values = as_map(disparity).astype(np.float32)
+    return npy(np.where(np.isfinite(values), values, np.float32(np.nan)))
+
+
+class MapFormat(NamedTuple):
+    """A file format of disparity maps.
+
+    Attributes
+    ----------
+    name
+        Its name in messages.
+    suffixes
+        Of its files, in lower case; a map is written under the first.
+    begins
+        How its files begin.
+    read, write
+        From the bytes of a file, as stored, and to them; maps to be written are (rows, cols), px, NaN or infinite where
+        unknown.
+    holds
+        The disparities that it can store.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    begins: tuple[bytes, ...]
+    read: Callable[[bytes], npt.NDArray[Any]]
+    write: Callable[[npt.ArrayLike], bytes]
+    holds: str = "any disparity"
+
+
+IMAGES = MapFormat(
+    "PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor)",
+    ("png", "pgm"),
+    (b"\x89PNG", b"P2", b"P5"),
+    _stored_image,
+    kitti_png,
+    "0 to 255 px",
+)
+"""Read whatever else an image file may be, too."""
+
+FORMATS = (
+    MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), partial(parse_pfm, what=MAP), pfm),
+    IMAGES,
+    MapFormat("NPY", ("npy",), (NPY_MAGIC,), partial(parse_npy, what=MAP), _npy_map),
+)
+"""All formats: readers, writers, uploads and the help of commands follow this list."""
+
+ACCEPTED_MAPS = f"{', '.join(one.name for one in FORMATS[:-1])}, and {FORMATS[-1].name}"
+DISPARITY_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
+DISPARITY_FORMATS = {
+    f".{one.suffixes[0]}": one for one in sorted(FORMATS, key=lambda one: one.holds != "any disparity")
+}
+"""The formats by the suffix under which they are written, those that store any disparity first."""
+
+
+def confidence_png(sure: npt.ArrayLike) -> bytes:
+    """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
+    return counts_png(np.clip(np.asarray(sure), 0, 1) * LARGEST_UINT16)
+
+
+def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
+    """Return numbers as a 16-bit grey PNG, rounded, at least 1; 0 where they are NaN or infinite."""
+    counts = np.rint(numbers)
+    np.maximum(counts, np.float32(1), out=counts)
+    counts[~np.isfinite(numbers)] = 0
+    return image_png(counts.astype(np.uint16))
+
+
+VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
+
+_PLY_HEADER = """\
+ply
+format binary_little_endian 1.0
+comment metres in the frame of the left camera: x right, y down, z forward
+element vertex {count}
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+end_header
+"""
+
+
+def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
+    """Return a coloured point cloud as a binary little-endian PLY, which MeshLab, CloudCompare and Blender open.
+
+    Parameters
+    ----------
+    points
+        (n, 3), metres, as returned by :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`; stored as
+        float32.
+    colours
+        (n, 3) uint8 RGB.
+
+    Raises
+    ------
+    ValueError
+        Arrays of other shapes or types, or a point that is not finite.
+
+    Notes
+    -----
+    Format: Greg Turk, "The PLY Polygon File Format", 1994.
+    """
+    positions, shades = np.asarray(points, dtype=np.float32), np.asarray(colours)
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != shades.shape:
+        raise ValueError(f"points has shape {positions.shape} and colours {shades.shape}; both must be (n, 3).")
+    if shades.dtype != np.uint8:
+        raise ValueError(f"colours holds {shades.dtype}; allowed is uint8.")
+    bad = len(positions) - int(np.isfinite(positions).all(axis=1).sum())
+    if bad:
+        raise ValueError(f"points holds {bad} points that are NaN or infinite; every coordinate must be finite.")
+    vertices = np.empty(len(positions), dtype=VERTEX)
+    vertices["position"], vertices["colour"] = positions, shades
+    return _PLY_HEADER.format(count=len(vertices)).encode() + vertices.tobytes()
