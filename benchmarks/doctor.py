@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
-from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, apply_remedy, diagnose
+from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose
+from stereolag.assess.findings import Finding, FindingCode
 from stereolag.assess.orientation import Correspondences, best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
 from stereolag.io.disparities import read_disparity

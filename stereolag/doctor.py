@@ -1,13 +1,6 @@
 """The input doctor by the name under which scripts import it."""
 
-from stereolag.assess.diagnosis import (
-    Diagnosis,
-    Finding,
-    FindingCode,
-    Remedy,
-    apply_remedy,
-    diagnose,
-    judge_range,
-)
+from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
+from stereolag.assess.findings import Finding, FindingCode, Remedy
 
 __all__ = ["Diagnosis", "Finding", "FindingCode", "Remedy", "apply_remedy", "diagnose", "judge_range"]

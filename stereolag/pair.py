@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.diagnosis import Remedy, apply_remedy, quarters_upright
+from stereolag.assess.diagnosis import apply_remedy, quarters_upright
+from stereolag.assess.findings import Remedy
 from stereolag.assess.layout import Layout, in_words, likely_layout, views
 from stereolag.assess.orientation import RowEvidence, find_correspondences, row_evidence
 from stereolag.core.arrays import FloatMap, Mask

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stereolag.assess.diagnosis import Finding, FindingCode
+from stereolag.assess.findings import Finding, FindingCode
 
 
 def finding_in_words(finding: Finding) -> str:

@@ -17,7 +17,7 @@ from stereolag.stereo.opencv import SUBPIXEL, BlockMatcher, StereoSGBM
 from stereolag.version import VERSION
 
 if TYPE_CHECKING:
-    from stereolag.assess.diagnosis import Remedy
+    from stereolag.assess.findings import Remedy
 
 _PROGRAM = '''\
 """{purpose}

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from stereolag.assess.arrangement import find_views
-from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, range_for
+from stereolag.assess.diagnosis import Diagnosis, diagnose, range_for
+from stereolag.assess.findings import Finding, FindingCode
 from stereolag.assess.orientation import FEWEST_MATCHES, find_correspondences
 from stereolag.core.inputs import Image
 from stereolag.sequences.sources import StereoSequence

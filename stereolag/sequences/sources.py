@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.diagnosis import Finding
+from stereolag.assess.findings import Finding
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits

@@ -11,7 +11,7 @@ import pytest
 from ailing_pairs import ILLS, REMEDIES, barrel
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.diagnosis import FindingCode, Remedy
+from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.pair import Pair, PairId, example_pair, resized
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY

@@ -22,7 +22,7 @@ from stereolag import (
     read_image,
     read_matcher,
 )
-from stereolag.assess.diagnosis import Remedy
+from stereolag.assess.findings import Remedy
 from stereolag.core.jobs import Estimate
 from stereolag.figures.legends import Colours
 from stereolag.geometry.calibration import Calibration, StereoRig

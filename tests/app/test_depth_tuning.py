@@ -13,7 +13,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.diagnosis import Remedy
+from stereolag.assess.findings import Remedy
 from stereolag.assess.judging import Criterion, TuningPair, sweep
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.jobs import Estimate

@@ -14,8 +14,9 @@ from pairs import shifted_pair
 
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.assess.arrangement import Epipole
-from stereolag.assess.diagnosis import (
-    Diagnosis,
+from stereolag.assess.diagnosis import Diagnosis, judge_range
+from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
+from stereolag.assess.findings import (
     Finding,
     FindingCode,
     Remedy,
@@ -28,14 +29,12 @@ from stereolag.assess.diagnosis import (
     judge_matches,
     judge_mirrored,
     judge_moments,
-    judge_range,
     judge_raw_sides,
     judge_rotation,
     judge_rows,
     judge_sides,
     judge_texture,
 )
-from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.layout import Layout
 from stereolag.assess.orientation import RowEvidence

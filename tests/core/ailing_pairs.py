@@ -7,7 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from stereolag.assess.diagnosis import FindingCode, Remedy
+from stereolag.assess.findings import FindingCode, Remedy
 
 
 def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:

@@ -15,7 +15,7 @@ from commanded import Command
 from PIL import Image
 
 import stereolag as sl
-from stereolag.assess.diagnosis import FindingCode
+from stereolag.assess.findings import FindingCode
 from stereolag.core.settings import changed
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig

@@ -19,7 +19,8 @@ from straight_and_raw import ENTRIES, RECTIFYING, raw_pair, straight_pair
 from stereolag import read_calibration, read_disparity, read_image, rectify
 from stereolag.assess import diagnosis as examining
 from stereolag.assess import orientation
-from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, Remedy, apply_remedy, diagnose, judge_range
+from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
+from stereolag.assess.findings import Finding, FindingCode, Remedy
 from stereolag.assess.orientation import (
     Correspondences,
     RowEvidence,

@@ -13,7 +13,7 @@ import pytest
 from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
 
 import stereolag as sl
-from stereolag.assess.diagnosis import Remedy
+from stereolag.assess.findings import Remedy
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import StoredDisparity, pfm, read_stored_disparity
 from stereolag.io.images import image_png, image_tiff

@@ -20,7 +20,7 @@ import pytest
 from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
-from stereolag.assess.diagnosis import Finding, FindingCode
+from stereolag.assess.findings import Finding, FindingCode
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.sequences import (

@@ -10,15 +10,8 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.assess.diagnosis import (
-    Diagnosis,
-    Finding,
-    FindingCode,
-    Remedy,
-    diagnose,
-    estimate_diagnosis,
-    judge_range,
-)
+from stereolag.assess.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
+from stereolag.assess.findings import Finding, FindingCode, Remedy
 from stereolag.assess.sentences import finding_in_words
 from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher

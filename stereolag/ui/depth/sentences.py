@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stereolag.assess.diagnosis import Finding, Remedy
 from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
+from stereolag.assess.findings import Finding, Remedy
 from stereolag.assess.judging import Criterion, Sweep, Unjudged
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap

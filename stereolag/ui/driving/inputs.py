@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.assess.diagnosis import Diagnosis, Finding, Remedy
+from stereolag.assess.diagnosis import Diagnosis
+from stereolag.assess.findings import Finding, Remedy
 from stereolag.assess.layout import Layout
 from stereolag.assess.sentences import finding_in_words
 from stereolag.core.inputs import as_stereo_pair

@@ -1,0 +1,254 @@
+"""The findings of the input doctor: codes and numbers, with the limits of what is healthy, and the remedies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
+
+from stereolag.assess.arrangement import Epipole
+from stereolag.assess.layout import Layout
+from stereolag.assess.orientation import FEWEST_MATCHES, LENS_LEFT
+
+ROW_OFFSET_PX = 0.75
+ROTATION_DEG = 0.15
+SCALE_DIFFERENCE = 0.006
+BENT_PX = 0.6
+"""Beyond noise, at the size at which features were matched, which limits the precision. Public drives, rectified by
+their makers, bend by up to 0.57 px."""
+SAME_GREYS = 0.002
+"""Mean difference up to which two pictures count as identical, as a share of the image's grey-level range."""
+SAME_PLACE_PX = 0.35
+"""Largest displacement of features between identical views, at the size at which they were matched."""
+GAIN_DIFFERENCE = 0.10
+OFFSET_SHARE = 0.04
+"""Share of the image's grey-level range."""
+FLAT_SHARE = 0.4
+"""Share of the pixels."""
+
+BORDER_SHARE = 0.01
+"""Share of the pixels from which on borders that no camera took count."""
+
+SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
+"""The sides of a raw pair are known if more than the first share of its features agree and less than the second
+disagree."""
+
+
+class FindingCode(StrEnum):
+    """The questions that the input doctor asks about a pair."""
+
+    MATCHES = "matches"
+    IDENTICAL = "identical"
+    LAYOUT = "layout"
+    MIRRORED = "mirrored"
+    ABOVE_EACH_OTHER = "above_each_other"
+    ONE_MOVING_CAMERA = "one_moving_camera"
+    NOT_SAME_MOMENT = "not_same_moment"
+    SWAPPED = "swapped"
+    ROWS = "rows"
+    ROTATION = "rotation"
+    BENT_ROWS = "bent_rows"
+    EXPOSURE = "exposure"
+    TEXTURE = "texture"
+    EMPTY_BORDER = "empty_border"
+    RANGE = "range"
+
+
+class Remedy(StrEnum):
+    """The fix for a finding: a corrected pair (:func:`apply_remedy`), or another search range."""
+
+    MIRROR_RIGHT = "mirror_right"
+    TURN_UPRIGHT = "turn_upright"
+    """Turn both images by a quarter, so that cameras above each other stand side by side."""
+    SWAP_SIDES = "swap_sides"
+    ALIGN_ROWS = "align_rows"
+    LEVEL = "level"
+    """Rotate and scale the right image until its rows match; depth becomes relative."""
+    RECTIFY = "rectify"
+    """Rotate both views, and undo a lens distortion if that helps, until rows match; depth becomes relative.
+    This is no substitute for a calibration."""
+    MATCH_EXPOSURE = "match_exposure"
+    SET_RANGE = "set_range"
+    """Search the range that the finding suggests: changes the settings, not the images."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The answer to one question about a pair.
+
+    Attributes
+    ----------
+    code
+        The question.
+    healthy
+        Whether the pair is within the limits.
+    numbers
+        The measurements, by name, read-only:
+
+        =========  =========================================================================================
+        MATCHES    ``count`` of features matched between the images, ``needed`` to judge the geometry
+        IDENTICAL  ``difference``: mean pixel difference, as a share of the grey-level range;
+                   ``moved_px``: 95th percentile of the displacement of matched features, if there are enough
+        LAYOUT     ``beside`` 1 if the left image holds both views, one beside the other; 0 if one above the other;
+                   ``half`` 1 if they are squeezed; nothing if it holds one
+        MIRRORED   ``count`` of features that agree with the right image once it is mirrored, 0 if not tried
+        ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
+                   ``quarters`` of a turn, counter-clockwise; ``x``, ``y`` of the epipole, if it is near, in widths and
+                   heights of the left image
+        SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
+                   an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
+        ROWS       ``offset_px``, ``spread_px``: median and robust standard deviation of dy, right minus left
+        ROTATION   ``rotation_deg``, ``scale`` of the right image relative to the left one
+        BENT_ROWS  ``spread_px``: robust standard deviation of dy after removing offset, rotation and scale;
+                   ``noise_px`` of the matches; ``lowest_px``, ``highest_px``: 2nd and 98th percentile of that dy; if
+                   there is a remedy, ``rectified_px``: the spread after it, for matches it was not fitted to, and its
+                   ``lens`` coefficient, 0 if none helps
+        EXPOSURE   ``gain``, ``offset`` in grey levels: ``right ≈ gain * left + offset``
+        TEXTURE    ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1, the sky aside
+        EMPTY_BORDER
+                   ``left_share``, ``right_share``: share of the pixels of each image in black borders, 0..1
+        RANGE      ``lowest_px``, ``highest_px``: disparities seen; ``min_disparity``, ``num_disparities``: searched;
+                   ``missing_px``: how far the disparities seen extend beyond those searched, 0 if they do not;
+                   ``suggested_min_disparity``, ``suggested_num_disparities``; ``repeats_px``: distance at which the
+                   picture repeats along its rows, 0 if it does not
+        =========  =========================================================================================
+    remedy
+        The fix; None if there is nothing to fix, or no fix.
+    """
+
+    code: FindingCode
+    healthy: bool
+    numbers: Mapping[str, float] = field(hash=False)
+    remedy: Remedy | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", MappingProxyType(dict(self.numbers)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, and pairs may be diagnosed in other processes.
+        return type(self), (self.code, self.healthy, dict(self.numbers), self.remedy)
+
+
+def judge_matches(count: int) -> Finding:
+    """Judge the number of features matched between the images."""
+    return Finding(FindingCode.MATCHES, count >= FEWEST_MATCHES, {"count": count, "needed": FEWEST_MATCHES})
+
+
+def judge_identical(difference: float, moved: float | None, scale: float) -> Finding:
+    """Judge whether both pictures show one view.
+
+    By their mean difference, a share of the grey-level range, and the largest displacement of nearly all features, px,
+    None with too few of them; `scale` is that at which they were matched.
+    """
+    same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
+    numbers = {} if moved is None else {"moved_px": moved}
+    return judged(FindingCode.IDENTICAL, same, None, difference=difference, **numbers)
+
+
+def judge_layout(layout: Layout | None) -> Finding:
+    """Judge how both views stand in the left image, None if it holds one."""
+    numbers = {} if layout is None else {part: float(part in layout.value) for part in ("beside", "half")}
+    return judged(FindingCode.LAYOUT, layout is not None, None, **numbers)
+
+
+def judge_mirrored(count: int) -> Finding:
+    """Judge the number of features that agree once the right image is mirrored; 0 unless far more than as given."""
+    return judged(FindingCode.MIRRORED, count > 0, Remedy.MIRROR_RIGHT, count=count)
+
+
+def judge_above(quarters: int) -> Finding:
+    """Judge the quarters of a turn, counter-clockwise, that bring cameras side by side; 0 if they are so already."""
+    return judged(FindingCode.ABOVE_EACH_OTHER, quarters != 0, Remedy.TURN_UPRIGHT, quarters=quarters)
+
+
+def judge_moments(epipole: Epipole | None) -> tuple[Finding, Finding]:
+    """Judge whether one moving camera took both images, and whether they are of one moment, by an epipole near them."""
+    place = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
+    inside = epipole is not None and epipole.inside
+    return (
+        judged(FindingCode.ONE_MOVING_CAMERA, inside, None, **place),
+        judged(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **place),
+    )
+
+
+def judge_sides(lowest: float, highest: float) -> Finding:
+    """Judge whether the sides of a rectified pair are swapped, from the ends of its disparity range, px."""
+    swapped = highest <= 0 or (lowest < 0 and -lowest > 4 * max(highest, 1.0))
+    return judged(FindingCode.SWAPPED, swapped, Remedy.SWAP_SIDES, lowest_px=lowest, highest_px=highest, known=1)
+
+
+def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: float) -> Finding:
+    """Judge whether the sides of an unrectified pair are swapped.
+
+    By the ends of its disparity range after an uncalibrated rectification, px, and the shares of its features that are
+    certainly in front of infinity, and certainly behind it, as with swapped sides.
+    """
+    known = max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
+    numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
+    return judged(FindingCode.SWAPPED, known and behind > in_front, Remedy.SWAP_SIDES, **numbers)
+
+
+def judge_rows(offset: float, spread: float, remedy: Remedy | None = Remedy.ALIGN_ROWS) -> Finding:
+    """Judge the median and the spread of dy, px."""
+    return judged(FindingCode.ROWS, abs(offset) > ROW_OFFSET_PX, remedy, offset_px=offset, spread_px=spread)
+
+
+def judge_rotation(degrees: float, scale: float, remedy: Remedy | None = Remedy.LEVEL) -> Finding:
+    """Judge the rotation, degrees, and the scale of the right image relative to the left one."""
+    unrectified = abs(degrees) > ROTATION_DEG or abs(scale - 1) > SCALE_DIFFERENCE
+    return judged(FindingCode.ROTATION, unrectified, remedy, rotation_deg=degrees, scale=scale)
+
+
+def judge_bent_rows(
+    spread: float,
+    noise: float,
+    ends: tuple[float, float],
+    scale: float,
+    rectified: tuple[float, float] | None,
+    *,
+    lens: float = 0.0,
+) -> Finding:
+    """Judge the dy that remains after removing offset, rotation and scale.
+
+    Parameters
+    ----------
+    spread, noise
+        Its robust standard deviation, and the contribution of noise, px.
+    ends
+        Its lowest and highest values without a few outliers, px.
+    scale
+        Scale at which the features were matched.
+    rectified
+        The spread after an uncalibrated rectification, px, and its lens coefficient; None if none helps.
+    lens
+        The lens coefficient that bends them, 0 if it is not surely told or bends them too little.
+    """
+    bent = abs(lens) > LENS_LEFT or math.sqrt(max(spread**2 - noise**2, 0.0)) * scale > BENT_PX
+    numbers = {"spread_px": spread, "noise_px": noise, "lowest_px": ends[0], "highest_px": ends[1]}
+    after = {} if rectified is None else {"rectified_px": rectified[0], "lens": rectified[1]}
+    return judged(FindingCode.BENT_ROWS, bent, Remedy.RECTIFY if after else None, **numbers, **after)
+
+
+def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
+    """Judge ``right ≈ gain * left + offset`` relative to the image's grey-level range."""
+    unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys
+    return judged(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
+
+
+def judge_texture(flat_share: float) -> Finding:
+    """Judge the share of the pixels without texture."""
+    return judged(FindingCode.TEXTURE, flat_share > FLAT_SHARE, None, flat_share=flat_share)
+
+
+def judge_border(left_share: float, right_share: float) -> Finding:
+    """Judge the shares of the images in black borders, where nothing was seen."""
+    empty = max(left_share, right_share) > BORDER_SHARE
+    return judged(FindingCode.EMPTY_BORDER, empty, None, left_share=left_share, right_share=right_share)
+
+
+def judged(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
+    """Return the finding on a question; with its remedy if something is ill."""
+    return Finding(code, not ill, numbers, remedy if ill else None)
