@@ -1,8 +1,9 @@
-// A camera that films a seeded scene: a sign moves and is covered for a while, beside one like it.
+// A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
 // It takes its next picture once the one before was answered, so that answers and pictures go together.
 (() => {
-  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 60];
-  const COVERED = [25, 40];
+  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 200];
+  const COVERED = [60, 90];
+  const AWAY = [120, 165];
   let seed = 7;
   const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
   const drawing = (cols, rows) => new OffscreenCanvas(cols, rows).getContext("2d");
@@ -38,8 +39,10 @@
   const context = camera.getContext("2d");
   const placeAt = (number) => {
     const turn = (2 * Math.PI * number) / 100;
-    return { row: ROWS * (0.45 + 0.28 * Math.sin(1.3 * turn)), col: COLS * (0.5 + 0.33 * Math.cos(turn)) };
+    const away = within(number, AWAY) ? 1.1 * COLS * Math.sin((Math.PI * (number - AWAY[0])) / (AWAY[1] - AWAY[0])) : 0;
+    return { row: ROWS * (0.45 + 0.28 * Math.sin(1.3 * turn)), col: COLS * (0.5 + 0.33 * Math.cos(turn)) + away };
   };
+  const isUnseen = (number) => within(number, COVERED) || placeAt(number).col > COLS + SIDE / 2;
   const paint = (number) => {
     const { row, col } = placeAt(number);
     context.drawImage(ground.canvas, 0, 0);
@@ -81,7 +84,7 @@
         const length = new DataView(data).getUint32(0, true);
         const { state, place, score, error } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
         const number = sent.shift();
-        scene.told.push({ number, state, place, score, error, truth: placeAt(number), unseen: within(number, COVERED) });
+        scene.told.push({ number, state, place, score, error, truth: placeAt(number), unseen: isUnseen(number) });
         if (number !== scene.number) return; // an older picture once more
         if (scene.number < LAST) scene.number += 1;
         take();
