@@ -516,7 +516,7 @@ def test_the_divisor_is_the_smallest_where_nothing_tells(side: int) -> None:
     assert likely_divisor(np.full((side, side), 40.0), flat, flat) == DIVISORS[0]
 
 
-@pytest.mark.parametrize("number", [1, 2, 9, 12])
+@pytest.mark.parametrize("number", [1, 12])
 def test_wrong_matches_in_a_sky_do_not_begin_the_range_beyond_infinity(number: int) -> None:
     (drive,) = drives().values()
     found = diagnose(read_image(drive.left[number]), read_image(drive.right[number]))

@@ -329,10 +329,9 @@ def of_each_kind(numbers: np.ndarray, pair: tuple[int, np.ndarray], factor: floa
     return factor * numbers[::-1].astype(np.float64) + pair[0] * pair[1], numbers.sum()
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
-def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did(dtype: type) -> None:
+def test_a_loop_takes_every_kind_of_argument_and_its_kept_code_answers_as_it_did() -> None:
     loop = compiled(of_each_kind)
-    numbers = (np.random.default_rng(1).random((8, 6)) * 9).astype(dtype)
+    numbers = (np.random.default_rng(1).random((8, 6)) * 9).astype(np.uint8)
     fixed = numbers[:, 1].copy()
     fixed.flags.writeable = False
     columns = (numbers[:, 1], numbers[:, 1].copy(), fixed)
