@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose
+from stereolag.assess.features import Correspondences
 from stereolag.assess.findings import Finding, FindingCode
-from stereolag.assess.orientation import Correspondences, best_rectification, find_correspondences
+from stereolag.assess.orientation import best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image

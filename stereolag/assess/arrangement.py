@@ -10,14 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolag.assess.orientation import (
-    FEWEST_MATCHES,
-    Correspondences,
-    find_correspondences,
-    fundamental_matrix,
-    row_spread,
-    vertical_plane,
-)
+from stereolag.assess.features import FEWEST_MATCHES, Correspondences
+from stereolag.assess.orientation import find_correspondences, fundamental_matrix, row_spread, vertical_plane
 from stereolag.core.inputs import Image, as_grey
 
 FEW_MATCHES = 400

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.assess.arrangement import find_views, mirrored_matches, repetition
+from stereolag.assess.features import FEWEST_MATCHES, Correspondences
 from stereolag.assess.findings import (
     BENT_PX,
     Finding,
@@ -35,12 +36,9 @@ from stereolag.assess.findings import (
 )
 from stereolag.assess.layout import Anaglyph, likely_layout
 from stereolag.assess.orientation import (
-    FEWEST_MATCHES,
     LENS_LEFT,
-    Correspondences,
     bend_of,
     best_rectification,
-    centre_of,
     find_correspondences,
     match_noise,
     nearest_neighbours,
@@ -48,6 +46,7 @@ from stereolag.assess.orientation import (
     row_spread,
     vertical_plane,
 )
+from stereolag.assess.uncalibrated import centre_of
 from stereolag.core.arrays import DoubleMap, FloatMap, median, percentiles
 from stereolag.core.inputs import (
     Image,

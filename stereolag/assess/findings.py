@@ -10,8 +10,9 @@ from types import MappingProxyType
 from typing import Any
 
 from stereolag.assess.arrangement import Epipole
+from stereolag.assess.features import FEWEST_MATCHES
 from stereolag.assess.layout import Layout
-from stereolag.assess.orientation import FEWEST_MATCHES, LENS_LEFT
+from stereolag.assess.orientation import LENS_LEFT
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15

@@ -1,468 +1,38 @@
-"""The relative orientation of two views: matched features, which of them agree on it, rows, and rectification."""
+"""The relative orientation of two views: which matches agree on it, their rows, and the rectification they ask for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.assess.features import (
+    APART_PX,
+    EXACT_TREE,
+    FEWEST_MATCHES,
+    LARGEST_SIDE,
+    PATCH,
+    Correspondences,
+    Eight,
+    Points,
+    at_full_size,
+    match_features,
+    tracked,
+)
+from stereolag.assess.uncalibrated import (
+    NOISE_PX,
+    UncalibratedRectification,
+    centre_of,
+    cost_of_errors,
+    fit_rectification,
+    held_out_errors,
+)
 from stereolag.core.arrays import DoubleMap, Mask, median, percentiles
 from stereolag.core.inputs import Image, as_grey, transparent, with_border_transparent
-
-Points = npt.NDArray[np.float32]
-Eight = npt.NDArray[np.uint8]
-Codes = npt.NDArray[np.integer[Any] | np.floating[Any]]
-
-FEWEST_MATCHES = 25
-"""Fewest matched features for which the geometry of a pair is judged."""
-
-LARGEST_SIDE = 1000
-"""Longer side to which larger images are reduced before features are detected, px."""
-
-FEATURES = 2000
-
-LOWE_RATIO = 0.8
-"""A SIFT feature is matched if its best candidate is closer than this share of the next one's distance (Lowe 2004)."""
-
-DISTINCTIVE = 0.85
-"""A match is distinctive if it is closer than this share of the distance to any other feature of its own image; on a
-repeating pattern, where it may be one repetition off, it is not."""
-
-APART_PX = 5.0
-"""Features closer together than this show the same point."""
-
-EXACT_TREE: dict[str, bool | int | float | str] = {"algorithm": 4, "leaf_max_size": 10}
-"""FLANN's tree for places of two coordinates, whose search is exact (``KDTREE_SINGLE``, Muja and Lowe 2009)."""
-
-CODES_AT_ONCE = 32
-"""Descriptors compared at a time: their distances stay in the cache."""
-
-PATCH, FARTHEST_REFINED_PX = 15, 3
-"""Side of the optical-flow window that refines a match, and how far it may move a match, px."""
-
-
-@dataclass(frozen=True)
-class Correspondences:
-    """Matched points.
-
-    Attributes
-    ----------
-    left, right
-        (n, 2) float32 (x, y) in the left and in the right image, px.
-    shape
-        (rows, cols) of the images.
-    scale
-        Factor by which the images were reduced before features were matched, at most 1; it limits the precision.
-    candidates
-        The distinctive matches of which these agree; None if nearly all of them do.
-    """
-
-    left: Points
-    right: Points
-    shape: tuple[int, int]
-    scale: float = 1.0
-    candidates: Correspondences | None = None
-
-    @property
-    def dx(self) -> Points:
-        """Return the horizontal displacements, right minus left, px."""
-        return self.right[:, 0] - self.left[:, 0]
-
-    @property
-    def dy(self) -> Points:
-        """Return the vertical displacements, right minus left, px."""
-        return self.right[:, 1] - self.left[:, 1]
-
-    def __len__(self) -> int:
-        return len(self.left)
-
-    def chosen(self, which: Mask | npt.NDArray[np.intp]) -> Correspondences:
-        """Return the matches selected by a mask or by indices."""
-        return replace(self, left=self.left[which], right=self.right[which])
-
-    def joined(self, other: Correspondences) -> Correspondences:
-        """Return these matches together with others of the same pair."""
-        left, right = np.concatenate([self.left, other.left]), np.concatenate([self.right, other.right])
-        return replace(self, left=left, right=right)
-
-
-@dataclass(frozen=True, eq=False)
-class FeatureMatches:
-    """Feature matches of two views, found without assumptions about rows, range or exposure.
-
-    Mostly right on an easy pair, mostly wrong on a hard one.
-
-    Attributes
-    ----------
-    points
-        The matches, refined to sub-pixel precision by Lucas-Kanade flow.
-    places, codes
-        Positions and descriptors of all features, for the left and for the right view.
-    indices
-        (2, n) The matched features of the left and of the right view.
-    distances
-        (n,) The distances of their descriptors.
-    norm
-        The norm that compares descriptors.
-    """
-
-    points: Correspondences
-    places: Sequence[Points]
-    codes: Sequence[Codes]
-    indices: npt.NDArray[np.intp]
-    distances: npt.NDArray[np.float64]
-    norm: int
-
-    def distinctive(self) -> Correspondences:
-        """Return the matches whose features resemble no other feature of their own view."""
-        distinctive = np.ones(len(self.points), dtype=np.bool_)
-        for places, codes, which in zip(self.places, self.codes, self.indices, strict=True):
-            ranked = cv2.BFMatcher(self.norm).knnMatch(codes[which], codes, k=4) if len(which) else ()
-            for number, (own, near) in enumerate(zip(which, ranked, strict=True)):
-                others = (one.distance for one in near if np.abs(places[own] - places[one.trainIdx]).max() > APART_PX)
-                distinctive[number] &= self.distances[number] < DISTINCTIVE * next(others, np.inf)
-        return self.points.chosen(distinctive)
-
-
-def match_features(views: tuple[Eight, Eight], shape: tuple[int, int], scale: float, *, binary: bool) -> FeatureMatches:
-    """Match the features of the left and the right view in 8-bit grey, and refine their places by optical flow.
-
-    Parameters
-    ----------
-    shape, scale
-        (rows, cols) of the images, and the factor by which they were reduced.
-    binary
-        The mutual best matches of ORB features (Rublee et al. 2011), which is fast; one whose flow does not converge is
-        dropped. Otherwise SIFT matches that pass the ratio test (Lowe 2004): several times slower, but more robust; one
-        whose flow does not converge stays where it was.
-    """
-    detector: cv2.Feature2D
-    if binary:
-        detector = cv2.ORB.create(FEATURES, fastThreshold=8)
-        smallest, norm = detector.getPatchSize(), cv2.NORM_HAMMING
-    else:
-        detector, smallest, norm = cv2.SIFT.create(FEATURES, contrastThreshold=0.02), PATCH, cv2.NORM_L2
-    places, codes = [], []
-    for view in views:
-        keys, described = detector.detectAndCompute(view, None) if min(view.shape) >= smallest else ((), None)
-        places.append(np.array([key.pt for key in keys], dtype=np.float32).reshape(-1, 2))
-        codes.append(np.empty((0, 1), np.uint8) if described is None else described)
-    indices, distances = np.empty((2, 0), np.intp), np.empty(0)
-    if binary and all(map(len, places)):
-        indices, distances = mutual_matches(codes[0], codes[1])
-    elif not binary and len(places[0]) and len(places[1]) > 1:
-        ranked = cv2.BFMatcher(norm).knnMatch(codes[0], codes[1], k=2)
-        found = [best for best, second in ranked if best.distance < LOWE_RATIO * second.distance]
-        indices = np.array([(one.queryIdx, one.trainIdx) for one in found], dtype=np.intp).reshape(-1, 2).T
-        distances = np.array([one.distance for one in found])
-    start, end = places[0][indices[0]], places[1][indices[1]]
-    if len(start):
-        flow, ok = _flow(views, start, end)
-        near = ok & (np.abs(flow - end).max(axis=1) < FARTHEST_REFINED_PX)
-        end = np.where(near[:, None], flow, end)
-        if binary:
-            start, end, indices, distances = start[near], end[near], indices[:, near], distances[near]
-    return FeatureMatches(_at_full_size(start, end, shape, scale), places, codes, indices, distances, norm)
-
-
-def mutual_matches(left: Codes, right: Codes) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-    """Return the binary descriptors of both views that are nearest to each other, and the bits in which they differ.
-
-    The first of equally near ones counts, as in OpenCV's ``BFMatcher`` with a cross-check, which takes twice as long.
-
-    Parameters
-    ----------
-    left, right
-        (n, bytes) and (m, bytes), bytes a multiple of 8, m at most 65,536.
-
-    Returns
-    -------
-    indices
-        (2, matches) of the left and of the right descriptors, in the order of the left ones.
-    distances
-        (matches,)
-    """
-    words, others = left.view(np.uint64).T.copy(), right.view(np.uint64)
-    nearest_left = np.empty(len(right), np.intp)
-    # To each left one: the bits, then the index of the right one.
-    nearest = np.full(len(left), np.iinfo(np.uint32).max, np.uint32)
-    for first in range(0, len(right), CODES_AT_ONCE):
-        some = others[first : first + CODES_AT_ONCE]
-        bits = np.zeros((len(some), len(left)), np.uint16)
-        for word, values in enumerate(words):
-            bits += np.bitwise_count(some[:, word, None] ^ values)
-        nearest_left[first : first + len(some)] = bits.argmin(axis=1)
-        keys = bits.astype(np.uint32) << 16
-        keys |= np.arange(first, first + len(some), dtype=np.uint32)[:, None]
-        np.minimum(nearest, keys.min(axis=0), out=nearest)
-    nearest_right = (nearest & 0xFFFF).astype(np.intp)
-    mutual = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(left)))
-    return np.stack([mutual, nearest_right[mutual]]), (nearest[mutual] >> 16).astype(np.float64)
-
-
-def _flow(
-    views: tuple[Eight, Eight], start: Points, end: Points, levels: int = 0, weakest: float = 1e-4
-) -> tuple[Points, Mask]:
-    """Return where points of the first view are in the second one, searched from `end`, and which were found."""
-    flow, ok, _ = cv2.calcOpticalFlowPyrLK(
-        *views,
-        start,
-        end.copy(),
-        winSize=(PATCH, PATCH),
-        maxLevel=levels,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        minEigThreshold=weakest,
-    )
-    return np.asarray(flow, np.float32), np.asarray(ok.ravel() == 1)
-
-
-def _at_full_size(start: Points, end: Points, shape: tuple[int, int], scale: float) -> Correspondences:
-    """Return the matches of reduced images, whose pixels stand for the centres of blocks of the large ones."""
-    left, right = (np.asarray((points + 0.5) / scale - 0.5, dtype=np.float32) for points in (start, end))
-    return Correspondences(left, right, shape, scale)
-
-
-USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
-"""Typical magnitudes of the parameters: rotations in radians, logarithms of focal lengths, and the lens coefficient
-with its shape.
-
-This prior only resolves ambiguities in the matches: a planar scene, or views too narrow to tell rotation from shift.
-"""
-
-LENS, SHAPE = 7, 8
-"""Indices of the lens coefficient and its shape among the parameters."""
-
-NOISE_PX = 0.3
-"""Typical error of a match, px at the size at which it was matched."""
-
-MOST_STEPS, MOST_POINTS = 30, 400
-"""Limits on fitting steps and on matches; more matches cost more time than they are worth."""
-DIFFERENCE = 1e-6
-"""Step of the parameters for numerical derivatives."""
-
-GRID_PX = 8
-"""Spacing of the grid on which a warp is computed; between its nodes the warp is linear to a hundredth of a pixel."""
-
-NEWTON_STEPS, FLATTEST = 5, 0.1
-"""Newton steps to undo a distortion, and the least slope of the distortion used in them."""
-
-PARTS = 4
-"""Number of parts into which matches are split for cross-validation."""
-
-
-@dataclass(frozen=True, eq=False)
-class UncalibratedRectification:
-    """The model that makes the rows of two views match: each is undistorted, and rotated as a camera would be.
-
-    Attributes
-    ----------
-    parameters
-        (9,) Yaw and roll of the left camera and of the right one, and the pitch between them, radians; the logarithms
-        of the left focal length over the width, and of the right focal length over the left; the lens coefficient k and
-        its shape s in ``distorted = undistorted * (1 + k r² + (1 + 2 s) k² r⁴)``, r in image widths from the centre. k
-        is OpenCV's k1 for a focal length of one width, negative for barrel distortion; s is -1/2 if there is no r⁴
-        term, and near 1/2 for the division model of Fitzgibbon (2001), which is closer to most lenses.
-    covariance
-        (9, 9) covariance of the parameters.
-    shape
-        (rows, cols) of the images.
-    spread_px
-        Robust standard deviation of the row differences of matches it was not fitted to, px; NaN if not measured.
-
-    Notes
-    -----
-    Fusiello, Irsara (2008), Quasi-Euclidean uncalibrated rectification: rotations with a guessed focal length distort
-    far less than two arbitrary homographies that fit.
-    """
-
-    parameters: DoubleMap
-    covariance: DoubleMap
-    shape: tuple[int, int]
-    spread_px: float = np.nan
-
-    @property
-    def lens(self) -> float:
-        """Return the lens coefficient; 0 if none was fitted."""
-        return float(self.parameters[LENS])
-
-    def row_errors(self, points: Correspondences) -> DoubleMap:
-        """Return the remaining row differences of matches, right minus left, px."""
-        return _row_errors(self.parameters, points)
-
-    def agrees(self, points: Correspondences, tolerance: float) -> Mask:
-        """Return which matches are on the same row to `tolerance` px, at the size at which they were matched."""
-        return np.asarray(np.abs(self.row_errors(points)) * points.scale < tolerance)
-
-    def disparities(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
-        """Return the disparities after rectification, 0 at infinity, and their standard deviations, px."""
-
-        def disparity(parameters: DoubleMap) -> DoubleMap:
-            left, right = _rectified(parameters, self.shape, points.left, points.right)
-            return np.asarray(left[:, 0] - right[:, 0])
-
-        here = disparity(self.parameters)
-        slopes = _slopes(disparity, self.parameters, here)
-        return here, np.sqrt(np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes))
-
-    def applied(self, left: Image, right: Image) -> tuple[Image, Image]:
-        """Return both images rectified, of the same size and type; pixels from outside repeat the border."""
-        width, centre = self.shape[1], centre_of(self.shape)
-        focal, cameras = _cameras(self.parameters)
-        # Both are shifted alike, so that together they are centred in the frame.
-        middles = _rectified(self.parameters, self.shape, centre[None], centre[None])
-        shift = (centre - (middles[0] + middles[1]) / 2)[0]
-        rows, cols = (np.arange(0, side + GRID_PX, GRID_PX) for side in self.shape)
-        grid = np.stack(np.meshgrid(cols, rows), axis=-1)
-        target = grid.reshape(-1, 2)
-        rays = np.column_stack([(target - shift - centre) / (width * focal), np.ones(len(target))])
-        nodes = np.diag([1.0 / GRID_PX, 1.0 / GRID_PX, 1.0])[:2]
-        done = []
-        for image, (turn, length) in zip((left, right), cameras, strict=True):
-            seen = rays @ turn
-            undistorted = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * length
-            sources = _distorted(undistorted, self.parameters) * width + centre
-            known = sources.astype(np.float32).reshape(grid.shape)
-            where = cv2.warpAffine(known, nodes, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-            x, y = cv2.split(where)
-            done.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
-        return done[0], done[1]
-
-
-def fit_rectification(
-    points: Correspondences, *, lens: bool, start: UncalibratedRectification | None = None
-) -> UncalibratedRectification:
-    """Fit the model to matches robustly, by damped least squares of the row differences with Cauchy weights.
-
-    The matches are mostly right. The lens coefficient is 0 unless `lens` is set. It starts from another model, or from
-    cameras side by side.
-    """
-    if len(points) > MOST_POINTS:
-        points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
-
-    def reduced_errors(given: DoubleMap) -> DoubleMap:
-        return _row_errors(given, points) * points.scale
-
-    free = np.arange(len(USUAL) if lens else LENS)
-    parameters = np.zeros(len(USUAL))
-    if start is not None:
-        parameters[free] = start.parameters[free]
-    damping, usual = 1e-3, np.diag(USUAL**-2)
-    errors = reduced_errors(parameters)
-    for _ in range(MOST_STEPS):
-        noise = max(NOISE_PX, 1.4826 * median(np.abs(errors)))
-        slopes = _slopes(reduced_errors, parameters, errors)
-        weights = 1 / (1 + (errors / (2 * noise)) ** 2) / noise**2
-        normal = (slopes.T @ (weights[:, None] * slopes) + usual)[np.ix_(free, free)]
-        downhill = -(slopes.T @ (weights * errors) + usual @ parameters)[free]
-        before = _cost(errors, noise, parameters)
-        tried, after = parameters.copy(), np.inf
-        while after >= before and damping < 1e6:
-            tried[free] = parameters[free] + np.linalg.solve(normal + damping * np.diag(np.diag(normal)), downhill)
-            tried_errors = reduced_errors(tried)
-            after = _cost(tried_errors, noise, tried)
-            damping *= 0.1 if after < before else 10
-        if after < before:
-            parameters, errors = tried, tried_errors
-        if after >= before * (1 - 1e-4):
-            break
-    covariance = np.zeros((len(USUAL), len(USUAL)))
-    covariance[np.ix_(free, free)] = np.linalg.inv(normal)
-    return UncalibratedRectification(parameters, covariance, points.shape)
-
-
-def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedRectification) -> DoubleMap:
-    """Return the row error of every match, px, under a model fitted only to other matches."""
-    errors = np.zeros(len(points))
-    dealt = np.random.default_rng(0).permutation(len(points)) % PARTS
-    for part in range(PARTS):
-        fitted = fit_rectification(points.chosen(dealt != part), lens=lens, start=start)
-        errors[dealt == part] = fitted.row_errors(points.chosen(dealt == part))
-    return errors
-
-
-def _cost(errors: DoubleMap, noise: float, parameters: DoubleMap) -> float:
-    """Return the cost of a model: its misfit to matches, and a penalty for unusual cameras."""
-    with np.errstate(all="ignore"):
-        total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
-    return total if np.isfinite(total) else np.inf
-
-
-def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
-    # A step of the fit may try impossible cameras; their cost is infinite.
-    with np.errstate(all="ignore"):
-        left, right = _rectified(parameters, points.shape, points.left, points.right)
-        return np.asarray(right[:, 1] - left[:, 1])
-
-
-def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:
-    """Return the (n, 9) derivatives of a function by each parameter; `here` is its value at `at`."""
-    steps = DIFFERENCE * np.eye(len(at))
-    return np.column_stack([(function(at + step) - here) / DIFFERENCE for step in steps])
-
-
-def centre_of(shape: tuple[int, int]) -> DoubleMap:
-    """Return the (x, y) of the centre of an image, px."""
-    return (np.array(shape[::-1], dtype=np.float64) - 1) / 2
-
-
-def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float], tuple[DoubleMap, float]]]:
-    """Return the focal length of the rectified images, and the rotation and focal length of each camera, in widths."""
-    left_yaw, left_roll, right_yaw, right_roll, pitch, focal, ratio = parameters[:LENS]
-    left_turn, right_turn = (
-        np.asarray(cv2.Rodrigues(np.array(turn))[0], dtype=np.float64)
-        for turn in ((-pitch / 2, left_yaw, left_roll), (pitch / 2, right_yaw, right_roll))
-    )
-    length = float(np.exp(focal))
-    return length, ((left_turn, length), (right_turn, float(np.exp(focal + ratio))))
-
-
-def _rectified(
-    parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]
-) -> tuple[DoubleMap, DoubleMap]:
-    """Return the rectified positions of points of the left and right images, before both are moved into the frame."""
-    width, centre = shape[1], centre_of(shape)
-    focal, cameras = _cameras(parameters)
-    done = []
-    for points, (turn, length) in zip(views, cameras, strict=True):
-        seen = (points - centre) / width
-        undistorted = _undistorted(seen, parameters)
-        rays = undistorted @ (turn[:, :2] / length).T + turn[:, 2]
-        done.append(np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], 1e-3) * (width * focal) + centre))
-    return done[0], done[1]
-
-
-def _radial(parameters: DoubleMap) -> tuple[float, float]:
-    """Return the factors of r² and r⁴ in the distortion."""
-    lens = float(parameters[LENS])
-    return lens, (1 + 2 * float(parameters[SHAPE])) * lens**2
-
-
-def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
-    """Return the distorted positions of points, in widths from the centre, at most the model's largest radius."""
-    second, fourth = _radial(parameters)
-    square = (straight**2).sum(axis=1, keepdims=True)
-    turning_back = [root.real for root in np.roots([5 * fourth, 3 * second, 1]) if root.real > 0 and root.imag == 0]
-    square = np.minimum(square, min(turning_back, default=np.inf))
-    return np.asarray(straight * (1 + second * square + fourth * square**2))
-
-
-def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
-    """Return the undistorted positions of points, in widths from the centre, by Newton's method."""
-    second, fourth = _radial(parameters)
-    far = np.sqrt((seen**2).sum(axis=1, keepdims=True))
-    straight = far
-    for _ in range(NEWTON_STEPS):
-        square = straight**2
-        slope = np.maximum(1 + 3 * second * square + 5 * fourth * square**2, FLATTEST)
-        straight = np.maximum(straight - (straight * (1 + second * square + fourth * square**2) - far) / slope, 0)
-    return np.asarray(seen * np.divide(straight, far, out=np.ones_like(far), where=far > 0))
-
 
 LEAST_NOISE_PX = 0.1
 CELLS, NEIGHBOURS = 100, 3
@@ -674,7 +244,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
         seeds = fundamental_matrix(distinct, EPIPOLAR_PX, MOST_TRIALS)[1], _on_a_plane(distinct)
         models = [model for seed in seeds if (model := _settled(distinct, seed)) is not None]
     errors = [np.clip(model.row_errors(distinct) * scale, -4, 4) for model in models]  # some of them of wrong matches
-    costs = [_cost(one, 2 * NOISE_PX, model.parameters) for one, model in zip(errors, models, strict=True)]
+    costs = [cost_of_errors(one, 2 * NOISE_PX, model.parameters) for one, model in zip(errors, models, strict=True)]
     best = models[int(np.argmin(costs))] if models else None
     if best is None or best.agrees(distinct, TOLERANCES_PX[-1]).sum() < CHANCE_SHARE * len(distinct):
         return every.chosen(np.arange(0))
@@ -728,11 +298,11 @@ def _tracked_evenly(views: tuple[Eight, Eight], seeds: Correspondences) -> Corre
         return seeds.chosen(np.arange(0))
     nearest = nearest_neighbours(seeds.left, (start + 0.5) / seeds.scale - 0.5, 1)[:, 0]
     guess = (seeds.right - seeds.left)[nearest] * np.float32(seeds.scale)
-    end, ok = _flow(views, start, start + guess, PYRAMID_LEVELS, WEAKEST_CORNER)
-    back, same = _flow((views[1], views[0]), end, end - guess, PYRAMID_LEVELS, WEAKEST_CORNER)
+    end, ok = tracked(views, start, start + guess, PYRAMID_LEVELS, WEAKEST_CORNER)
+    back, same = tracked((views[1], views[0]), end, end - guess, PYRAMID_LEVELS, WEAKEST_CORNER)
     inside = np.minimum(end, np.array(views[0].shape[::-1]) - end).min(axis=1) > PATCH / 2
     good = ok & same & inside & (np.abs(back - start).max(axis=1) < RETURNED_PX)
-    return _at_full_size(start[good], end[good], seeds.shape, seeds.scale)
+    return at_full_size(start[good], end[good], seeds.shape, seeds.scale)
 
 
 def _on_a_plane(points: Correspondences) -> Mask:

@@ -20,18 +20,11 @@ from stereolag import read_calibration, read_disparity, read_image, rectify
 from stereolag.assess import diagnosis as examining
 from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
+from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import Finding, FindingCode, Remedy
-from stereolag.assess.orientation import (
-    Correspondences,
-    RowEvidence,
-    best_rectification,
-    find_correspondences,
-    fit_rectification,
-    mutual_matches,
-    robust_fit,
-    row_evidence,
-)
+from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit, row_evidence
 from stereolag.assess.sentences import finding_in_words
+from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
 from stereolag.pair import DIVISORS, likely_divisor
 from stereolag.samples import drives, stereo_pairs
