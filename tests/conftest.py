@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 from tests.snapshots import Snapshot, Texts, compare, place_of
 
@@ -26,6 +28,25 @@ settings.load_profile("stereolag")
 
 
 LONGEST_FIRST = ("browser", "package", "app", "core")
+
+OF_WHOLE_PAGES = ("test_pages.py", "test_live_calibrate.py", "test_proxy.py")
+"""Files for a browser that open every page: half of the time of all such files."""
+
+
+class TwoBrowsers(LoadFileScheduling):
+    """Each worker takes a file at a time, but those for a browser in two halves: no third one starts a browser and an
+    app of its own, which computes all examples anew."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = Path(super()._split_scope(nodeid))
+        if file.parent.name != "browser":
+            return str(file)
+        return "whole pages" if file.name in OF_WHOLE_PAGES else "parts of pages"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TwoBrowsers:
+    return TwoBrowsers(config, log)
 
 
 @pytest.hookimpl(optionalhook=True)
