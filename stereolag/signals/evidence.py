@@ -403,7 +403,8 @@ class WeightedCurve:
             for reach in _SCALES
             if self.lobe < reach < self.curve.size
         ]
-        powers = [float(one @ one) / int(np.count_nonzero(one)) for one in around if one.any()]
+        # Not "@": the linear algebra library starts threads for it, which then wait busily for more.
+        powers = [float(np.einsum("n,n->", one, one)) / int(np.count_nonzero(one)) for one in around if one.any()]
         local = height / math.sqrt(max(powers)) if powers else 0.0
         others = [float(one.max()) for one in (self.curve[:low], rest, self.curve[end:]) if one.size]
         lead = height / max(*others, 1e-30) if len(others) > 1 else height / max(others[0], 1e-30)
