@@ -178,7 +178,7 @@ JOBS = {
     "StereoSGBM, HH4": _match("StereoSGBM(mode='hh4', block_size=9)", 640, 850),
     "flow": _match("FlowMatcher(search=16, levels=3)", 500, 640),
     "diagnosis": (
-        "l = colours(1060, 1414); r = np.roll(l, -8, axis=1)",
+        "l = colours(850, 1130); r = np.roll(l, -8, axis=1)",
         "diagnose(l[:200, :300], r[:200, :300])",
         "diagnose(l, r)",
         "estimate_diagnosis(l.shape, l.dtype)",
