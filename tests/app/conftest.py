@@ -40,7 +40,7 @@ SESSION = "test session id"
 @pytest.fixture(scope="session", autouse=True)
 def without_a_browser() -> Iterator[None]:
     """Leave out what AppTest does too often, and what is done or waited for on account of a browser."""
-    ask = local_script_runner.require_widgets_deltas
+    ask, only_scripts = local_script_runner.require_widgets_deltas, cache(ScriptCache)
 
     def wait(runner: local_script_runner.LocalScriptRunner, timeout: float = 3) -> None:
         """Sleep until a run has ended: AppTest polls every millisecond, and takes the lock from the page each time."""
@@ -52,7 +52,8 @@ def without_a_browser() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         # A server scans installed packages for components and compiles the pages only once.
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
-        patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
+        for module in (app_test, local_script_runner):
+            patch.setattr(module, "ScriptCache", only_scripts)
         # Hashes of messages save sending them again.
         patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
         patch.setattr(local_script_runner, "require_widgets_deltas", wait)
