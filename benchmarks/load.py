@@ -63,9 +63,9 @@ def machine_seconds() -> float:
 
 @contextmanager
 def serving(environment: Mapping[str, str] | None = None) -> Iterator[Server]:
-    """Run the app on a free port."""
+    """Run the app on a free port, its threads sharing freed memory as in ``stereolag app``."""
     port = free_port()
-    with served_process(port=port, environment=environment) as process:
+    with served_process(port=port, environment={"MALLOC_ARENA_MAX": "1"} | dict(environment or {})) as process:
         yield Server(process, port)
 
 

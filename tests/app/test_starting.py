@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import socket
 import subprocess
@@ -17,6 +18,23 @@ from tests.browser.serving import PROJECT, free_port, served_process
 
 LAUNCHER = "stereolag/commands/serving.py"
 PATIENCE_S = 120
+
+STORES = """
+import ctypes, sys, threading
+from stereolag.commands.serving import share_freed_memory
+if "shared" in sys.argv:
+    share_freed_memory()
+for _ in range(4):
+    taken, end = threading.Barrier(2), threading.Event()
+    threading.Thread(target=lambda: (bytes(10_000), taken.wait(), end.wait()), daemon=True).start()
+    taken.wait()
+libc = ctypes.CDLL(None)
+libc.fopen.restype = ctypes.c_void_p
+file = libc.fopen(sys.argv[1].encode(), b"w")
+libc.malloc_info(0, ctypes.c_void_p(file))
+libc.fclose(ctypes.c_void_p(file))
+"""
+"""Writes what glibc keeps of the freed memory of a few threads into a file."""
 
 
 @pytest.fixture
@@ -103,3 +121,12 @@ def test_make_run_starts_it_on_the_port_that_is_named() -> None:
     made = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)
     assert made.stdout.splitlines()[-1].endswith(f"python -P {LAUNCHER} --port 8642")
     assert "http" not in made.stdout
+
+
+@pytest.mark.skipif("glibc" not in platform.libc_ver(), reason="other allocators share all memory")
+def test_freed_memory_is_kept_once_for_all_threads_of_a_server(tmp_path: Path) -> None:
+    stores = []
+    for asked in ("shared", "by default"):
+        subprocess.run([sys.executable, "-c", STORES, str(tmp_path / "stores.xml"), asked], cwd=PROJECT, check=True)
+        stores.append((tmp_path / "stores.xml").read_text().count("<heap "))
+    assert stores[0] == 1 < stores[1]
