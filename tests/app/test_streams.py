@@ -114,8 +114,11 @@ def next_answer(socket: ClientConnection) -> dict[str, Any]:
     return received
 
 
-def code_of_end(socket: ClientConnection) -> int:
+def code_of_end(socket: ClientConnection, *messages: Any) -> int:
+    """Code a connection is closed with once it has sent these messages, or as many as it could before it was."""
     with pytest.raises(ConnectionClosed) as ended:
+        for message in messages:
+            socket.send(message)
         while True:
             socket.recv(timeout=PATIENCE_S)
     assert ended.value.rcvd is not None
@@ -264,8 +267,7 @@ def test_a_refused_message_is_answered_with_a_sentence(open_stream: Any) -> None
 def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: Any) -> None:
     for first in ("", "x" * 43, b"\0"):
         with connected(port) as socket:
-            socket.send(first)
-            assert code_of_end(socket) == streams.WRONG_TOKEN
+            assert code_of_end(socket, first) == streams.WRONG_TOKEN
     for origin in ("http://elsewhere.example", f"http://localhost:{port + 1}", "null"):
         with pytest.raises(InvalidStatus), connected(port, origin):
             pass
@@ -275,8 +277,7 @@ def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: 
         second.send(stream.token)
         second.send(packed_item({"number": 1}).data)
         assert next_answer(second)["number"] == 1
-        first_socket.send(packed_item({}).data)
-        assert code_of_end(first_socket) == streams.WRONG_TOKEN
+        assert code_of_end(first_socket, packed_item({}).data) == streams.WRONG_TOKEN
 
 
 @pytest.mark.parametrize(
@@ -296,9 +297,7 @@ def test_a_connection_that_breaks_the_rules_is_closed(messages: list[Any], code:
 
     with limited(max_live_message_mb=1):
         _, socket = open_stream(slow)
-        for message in messages:
-            socket.send(message)
-        assert code_of_end(socket) == code
+        assert code_of_end(socket, *messages) == code
         _, another = open_stream()
         another.send(packed_item({"number": 1}).data)
         assert next_answer(another)["number"] == 1
