@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import gc
 import importlib
 import inspect
 import json
@@ -20,6 +19,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TextIO, TypeAlias, get_args
@@ -416,7 +416,7 @@ def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytes
 
 @pytest.mark.parametrize("all_of_them", [False, True], ids=["pages", "all"])
 def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.MonkeyPatch, all_of_them: bool) -> None:
-    for loop in (one for one in gc.get_objects() if type(one) is Loop):  # isinstance would ask dead proxies
+    for loop in chain.from_iterable(modules_with_loops().values()):
         monkeypatch.setattr(loop, "_code", {})
     for part in PARTS if all_of_them else OF_PAGES:
         part()
