@@ -23,9 +23,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Mask
+from stereolag.core.arrays import Array, Mask
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress, silent
+from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, warped_shape
 
 Result = TypeVar("Result")
@@ -91,52 +92,78 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
     return scores
 
 
-class WindowEnergy:
-    """The squared deviations of each window from the mean of each channel, summed over all channels.
-
-    From summed-area tables: sums of integers are exact below 2**53. Shift the mean of other numbers near 0 first.
+@compiled(fastmath={"contract"}, counted=False)
+def score_windows(
+    planes: Array,
+    products: Array,
+    size: tuple[int, int],
+    tolerance: float,
+    memory: tuple[Array, Array],
+    scores: Array,
+    corner: tuple[int, int],
+) -> None:
+    """Set the score of each window as :func:`pearson` does, with its energy from sums along the columns, then the rows.
 
     Parameters
     ----------
     planes
-        The channels, (rows, cols) each.
-    height, width
-        Size of the window, px.
+        (channels, rows, cols), numbers around 0; the sums of whole numbers are exact below 2**53.
+    products
+        (rows, cols), the sums of products.
+    size
+        Height and width of the window, px.
+    tolerance
+        A window with no more energy than this is flat.
     memory
-        For the tables.
+        float64 for the sums of every column and for a row of windows: (channels, 2, cols of the planes) and (3, cols).
+    scores
+        The result, a float32 map of which this is a part.
+    corner
+        Row and column of the first window in that map.
     """
+    (height, width), (columns, row_sums), (rows, cols) = size, memory, products.shape
+    kind = products.dtype.type
+    sums, squares, energy = row_sums[0], row_sums[1], row_sums[2]
+    for channel in range(len(planes)):
+        for at in range(columns.shape[2]):
+            columns[channel, 0, at] = columns[channel, 1, at] = 0.0
+        for row in range(height - 1):
+            _add_row(planes[channel, row], columns[channel, 0], columns[channel, 1], 1.0)
+    for row in range(rows):
+        for at in range(cols):
+            energy[at] = 0.0
+        for channel in range(len(planes)):
+            column_sums, column_squares = columns[channel, 0], columns[channel, 1]
+            _add_row(planes[channel, row + height - 1], column_sums, column_squares, 1.0)
+            total = square_total = 0.0
+            for at in range(width):
+                total += column_sums[at]
+                square_total += column_squares[at]
+            entering, entering_squares = column_sums[width:], column_squares[width:]
+            for at in range(cols - 1):
+                sums[at], squares[at] = total, square_total
+                total += entering[at] - column_sums[at]
+                square_total += entering_squares[at] - column_squares[at]
+            sums[cols - 1], squares[cols - 1] = total, square_total
+            for at in range(cols):
+                energy[at] += squares[at] - sums[at] * sums[at] * (1 / (height * width))
+            _add_row(planes[channel, row], column_sums, column_squares, -1.0)
+        line, scored = products[row], scores[corner[0] + row][corner[1] :]
+        for at in range(cols):
+            spread = kind(energy[at])
+            score = np.float32(line[at] / np.sqrt(spread))
+            score = max(min(score, np.float32(1)), np.float32(-1))
+            score = np.float32(1) if score > _AS_GOOD_AS_ONE else score
+            scored[at] = score if spread > tolerance else np.float32(np.nan)
 
-    def __init__(self, planes: Sequence[npt.NDArray[Any]], height: int, width: int, memory: Memory) -> None:
-        self._height, self._width = height, width
-        shape = tuple(side + 1 for side in planes[0].shape)
-        # In int32 sums of tables wrap around, those of windows do not.
-        whole = [planes[0].dtype == np.uint8 and most * height * width < 2**31 for most in (255, 255**2)]
-        sums, squares = (np.int32 if fits else np.float64 for fits in whole)
-        self._tables = [
-            cv2.integral2(
-                plane,
-                memory.part(f"sums {number}", shape, sums),
-                memory.part(f"squares {number}", shape, squares),
-                sdepth=cv2.CV_32S if whole[0] else cv2.CV_64F,
-                sqdepth=cv2.CV_32S if whole[1] else cv2.CV_64F,
-            )
-            for number, plane in enumerate(planes)
-        ]
 
-    def of(self, rows: slice) -> npt.NDArray[np.float64]:
-        """Return the energy of the windows that begin in some rows."""
-        energy: npt.NDArray[np.float64] | None = None
-        for tables in self._tables:
-            squared, squares = (self._sums(table, rows).astype(np.float64, copy=False) for table in tables)
-            energy = squares if energy is None else np.add(energy, squares, out=energy)
-            np.multiply(squared, squared, out=squared)
-            cv2.scaleAdd(squared, -1 / (self._height * self._width), energy, energy)
-        assert energy is not None
-        return energy
-
-    def _sums(self, table: npt.NDArray[Any], rows: slice) -> npt.NDArray[Any]:
-        down = cv2.subtract(table[rows.start + self._height : rows.stop + self._height], table[rows])
-        return np.asarray(cv2.subtract(down[:, self._width :], down[:, : -self._width]))
+@compiled(fastmath={"contract"}, counted=False)
+def _add_row(line: Array, sums: Array, squares: Array, sign: float) -> None:
+    """Add numbers and their squares to the sums of their columns, or take them off."""
+    for at in range(line.size):
+        value = float(line[at])
+        sums[at] += sign * value
+        squares[at] += sign * value * value
 
 
 VALUES_AT_ONCE = 1_000_000
@@ -255,7 +282,8 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     tiles = [
         partial(
             _score_tile,
-            scores[row : row + down, col : col + across],
+            scores,
+            (row, col),
             image[row : row + down + height - 1, col : col + across + width - 1],
             pattern,
             kernels,
@@ -270,37 +298,41 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
 
 
 def _score_tile(
-    scores: ScoreMap, block: Image, pattern: Pattern, kernels: list[Plane], weights: Plane | None, engine: _Single
+    scores: ScoreMap,
+    corner: tuple[int, int],
+    block: Image,
+    pattern: Pattern,
+    kernels: list[Plane],
+    weights: Plane | None,
+    engine: _Single,
 ) -> None:
-    """Write the scores of one tile.
+    """Write the scores of one tile, whose first position is that corner.
 
     `block` is the part of the image that its positions cover; `kernels` and `weights` are the template's as the engine
     takes them, the latter None if all of it counts the same.
     """
-    shape, places = block.shape[:2], scores.shape
-    planes = _centred(block, engine.planes("planes", len(kernels), shape))
+    shape = block.shape[:2]
+    places = shape[0] - pattern.shape[0] + 1, shape[1] - pattern.shape[1] + 1
+    planes = _centred(block, engine.memory.part("planes", (len(kernels), *shape), engine.kind))
     tolerance = _flatness(block, planes, pattern)
+    operands = engine.operands("spectra", planes)
+    products = engine.correlated(operands, kernels, places, "products")
+    if weights is None:
+        columns, row = (len(planes), 2, shape[1]), (3, places[1])
+        memory = engine.memory.part("columns", columns, np.float64), engine.memory.part("row", row, np.float64)
+        score_windows(planes, products, pattern.shape, tolerance, memory, scores, corner)
+        return
     # Sums of integers are integers: rounded to the nearest, they are exact.
     exact = _exact(planes, block, pattern)
-    energy_of: Callable[[slice], Plane]
-    if weights is None:
-        given = list(planes)
-        if block.dtype == np.uint8:
-            given = [block[:, :, 0]] if len(planes) == 1 else [cv2.extractChannel(block, one) for one in range(3)]
-        energy_of = WindowEnergy(given, *pattern.shape, engine.memory).of
-    else:
-        squares = engine.planes("squares", 1, shape)
-        np.einsum("crx,crx->rx", planes, planes, out=squares[0])
-        energy = engine.correlated(engine.operands("squares", squares), [weights], places, "energy", exact)
-        energy_of = energy.__getitem__
-    operands = engine.operands("planes", planes)
-    if weights is not None:
-        for operand in operands:
-            sums = engine.correlated([operand], [weights], places, "sums", exact)
-            energy -= np.multiply(np.square(sums, out=sums), 1 / sums.dtype.type(pattern.count), out=sums)
-    products = engine.correlated(operands, kernels, places, "products")
+    squares = engine.memory.part("squares", (1, *shape), engine.kind)
+    np.einsum("crx,crx->rx", planes, planes, out=squares[0])
+    energy = engine.correlated(engine.operands("square spectra", squares), [weights], places, "energy", exact)
+    for operand in operands:
+        sums = engine.correlated([operand], [weights], places, "sums", exact)
+        energy -= np.multiply(np.square(sums, out=sums), 1 / sums.dtype.type(pattern.count), out=sums)
+    tile = scores[corner[0] : corner[0] + places[0], corner[1] : corner[1] + places[1]]
     for some in strips(places):
-        pearson(products[some], energy_of(some), tolerance, scores[some])
+        pearson(products[some], energy[some], tolerance, tile[some])
 
 
 class _Single:
@@ -322,12 +354,8 @@ class _Single:
         """Return a plane of a template as :meth:`correlated` takes it."""
         return plane.astype(self.kind)
 
-    def planes(self, name: str, count: int, shape: tuple[int, ...]) -> Plane:
-        """Return memory for so many planes of a tile."""
-        return self.memory.part(name, (count, *shape), self.kind)
-
     def operands(self, name: str, planes: Plane) -> list[Plane]:
-        """Return planes, written to the memory of that name, as :meth:`correlated` takes them."""
+        """Return planes as :meth:`correlated` takes them, in the memory of that name if they have to be transformed."""
         return list(planes)
 
     def correlated(
@@ -356,14 +384,11 @@ class _Double(_Single):
         padded[: plane.shape[0], : plane.shape[1]] = plane
         return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
 
-    def planes(self, name: str, count: int, shape: tuple[int, ...]) -> Plane:
-        padded = self.memory.part(name, (count, *self.shape), self.kind)
-        padded[:, shape[0] :] = 0
-        padded[:, : shape[0], shape[1] :] = 0
-        return padded[:, : shape[0], : shape[1]]
-
     def operands(self, name: str, planes: Plane) -> list[Plane]:
         spectra = self.memory.part(name, (len(planes), *self.shape), self.kind)
+        spectra[:, planes.shape[1] :] = 0
+        spectra[:, : planes.shape[1], planes.shape[2] :] = 0
+        spectra[:, : planes.shape[1], : planes.shape[2]] = planes
         return [np.asarray(cv2.dft(spectrum, dst=spectrum, nonzeroRows=planes.shape[1])) for spectrum in spectra]
 
     def correlated(

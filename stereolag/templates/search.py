@@ -83,7 +83,8 @@ def estimate_search(
     if poses is not None:
         return _estimate_poses(image_shape, template_shape, channels, itemsize, grey, poses)
     weighted = has_alpha(template_shape) if masked is None else masked
-    tiles = _tile_amounts(image_shape, template_shape, channels, weighted, np.dtype(dtype).kind == "f")
+    single = np.dtype(dtype) == np.uint8
+    tiles = _tile_amounts(image_shape, template_shape, channels, weighted, single)
     at_once = min(tiles.number, max(1, cv2.getNumThreads()))
     return COSTS["template by fft"].estimate(
         grey=grey,
@@ -91,8 +92,8 @@ def estimate_search(
         places=places,
         hidden=hidden.memory,
         hidden_values=hidden.values,
-        # 8 bits are transformed in single precision, and summed as integers.
-        points=(tiles.shared + at_once * tiles.points) / (2 if np.dtype(dtype) == np.uint8 else 1),
+        # 8 bits are transformed in single precision.
+        points=(tiles.shared + at_once * tiles.points) / (2 if single else 1),
         turns=tiles.turns / at_once,
     )
 
@@ -105,7 +106,7 @@ def _estimate_poses(
     largest = max(scale for scale, _ in grid)
     sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
     little = [math.ceil(max(side / factor, least)) for side, least in zip((rows, cols), sides, strict=True)]
-    tiles = _tile_amounts(little, sides, 1, masked=True, floats=True)
+    tiles = _tile_amounts(little, sides, 1, masked=True, single=False)
     threads = max(1, cv2.getNumThreads())
     pixels, score, peak, double = little[0] * little[1], 4, 40, 8
     coarse = rows * cols * itemsize + score * pixels
@@ -135,21 +136,18 @@ class _Tiles(NamedTuple):
 
 
 def _tile_amounts(
-    image_shape: Sequence[int], template_shape: Sequence[int], channels: int, masked: bool, floats: bool
+    image_shape: Sequence[int], template_shape: Sequence[int], channels: int, masked: bool, single: bool
 ) -> _Tiles:
     (rows, cols), (height, width) = image_shape[:2], template_shape[:2]
     (down, across), transformed = tiling((rows - height + 1, cols - width + 1), (height, width))
     count = -(-(rows - height + 1) // down) * -(-(cols - width + 1) // across)
     points = math.prod(transformed)
-    # The channels; the spectra of one of them and of the sum, or the sum with the energy, norm and squares of the
-    # windows, and their summed-area tables; under a mask those of the mask too.
-    planes = channels * (down + height - 1) * (across + width - 1)
-    places, values = down * across, channels * height * width
-    tables = (channels + 1) * (down + height) * (across + width)
-    work = tables + max(min(channels, 2) * points, points + places + max(values, planes * floats))
-    if masked:
-        work = max(planes + points, 3 * points + 3 * places)
-    if 4 * height * width > (down + height - 1) * (across + width - 1):
+    # The channels, their spectra unless OpenCV makes them, and the products, of one and the sum; under a mask the
+    # squares and their spectrum, the energy and the sums of windows too.
+    plane = (down + height - 1) * (across + width - 1)
+    planes = (channels + masked) * plane
+    work = (channels * (not single) + min(channels, 2) + 3 * masked) * points
+    if 4 * height * width > plane:
         work += 4 * points  # OpenCV's own transforms of such a template, in double precision whatever it is given
     # Freed spectra, which the allocator may keep.
     slack = 2 * min(points, HEAP_BLOCK // 8)

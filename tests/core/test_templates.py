@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stereolag.core.inputs import FLAT_WHOLE
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 from stereolag.templates.score_maps import (
-    Memory,
     Places,
-    WindowEnergy,
     peaks,
     pearson,
+    score_windows,
     scores_at,
 )
 
@@ -279,21 +279,24 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
     st.integers(0, 12),
     st.integers(0, 12),
 )
-def test_the_energy_of_windows_equals_the_formula(
+def test_scores_of_windows_by_running_sums_equal_the_formula(
     seed: int, channels: int, height: int, width: int, down: int, across: int
 ) -> None:
-    shape = (channels, height + down, width + across)
-    planes = np.random.default_rng(seed).integers(-255, 256, shape).astype(np.float64)
-    planes[:, : height + 2, : width + 2] = 77
+    random, shape = np.random.default_rng(seed), (channels, height + down, width + across)
+    planes = random.integers(-255, 256, shape).astype(np.float64)
+    planes[:, : height + 2, : width + 2] = 77  # flat windows
     windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
-    expected = (height * width * windows.var(axis=(3, 4))).sum(axis=0)
-    memory, rows = Memory(), slice(0, down + 1)
-    for _ in range(2):  # the memory is used again
-        np.testing.assert_allclose(WindowEnergy(planes, height, width, memory).of(rows), expected, rtol=1e-9, atol=1e-6)
-    whole = np.abs(planes).astype(np.uint8)
-    windows = np.lib.stride_tricks.sliding_window_view(whole, (height, width), axis=(1, 2))
-    expected = (height * width * windows.var(axis=(3, 4))).sum(axis=0)
-    np.testing.assert_allclose(WindowEnergy(whole, height, width, memory).of(rows), expected, rtol=1e-9, atol=1e-6)
+    energy = (height * width * windows.var(axis=(3, 4))).sum(axis=0)
+    products = random.uniform(-1.2, 1.2, energy.shape) * np.sqrt(energy)
+    memory = np.full((channels, 2, shape[2]), np.nan), np.full((3, across + 1), np.nan)
+    for kind in (np.float64, np.float32):
+        scores = np.full((down + 3, across + 5), 7, dtype=np.float32)
+        given = planes.astype(kind), products.astype(kind)
+        score_windows(*given, (height, width), FLAT_WHOLE, memory, scores, (1, 2))
+        expected = pearson(products, energy, tolerance=FLAT_WHOLE)
+        np.testing.assert_allclose(scores[1:-1, 2:-2], expected, atol=2e-6)
+        scores[1:-1, 2:-2] = 7
+        assert (scores == 7).all()
 
 
 def test_a_flat_window_has_no_score_and_rounding_takes_none_beyond_one() -> None:
