@@ -19,7 +19,8 @@ from stereolag.core.arrays import Mask
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
-from stereolag.templates.score_maps import Places, Plane, fft_score_map, in_threads, peaks, scores_at
+from stereolag.templates.places import Places, peaks
+from stereolag.templates.score_maps import Plane, fft_score_map, in_threads, scores_at
 
 ALONG = 4
 """Blocks along each side of the template."""

@@ -1,4 +1,4 @@
-"""The correlation coefficient (ZNCC) of a template at every place of an image, and the peaks of that map.
+"""The correlation coefficient (ZNCC) of a template at every place of an image.
 
 By FFT or plainly by sliding, over the pixels of the template T with their weights w and the window I under them,
 channels c with their own weighted means:
@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from dataclasses import dataclass
-from functools import cached_property, partial
-from itertools import islice
+from functools import partial
 from typing import Any, TypeVar
 
 import cv2
@@ -27,13 +25,11 @@ from stereolag.core.arrays import Array, Mask
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
-from stereolag.templates.patterns import Pattern, warped_shape
+from stereolag.templates.patterns import Pattern
 
 Result = TypeVar("Result")
 Plane = npt.NDArray[np.floating[Any]]
 Indices = npt.NDArray[np.intp]
-
-
 ScoreMap = npt.NDArray[np.float32]
 
 STRIP = 28_000
@@ -203,6 +199,15 @@ def scores_at(
     return np.asarray(np.clip(scores, -1.0, 1.0))
 
 
+def best_position(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float] | None:
+    """Return the best of these positions and its score; None if there are none or all are flat."""
+    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.weights, rows, cols)
+    if np.isnan(scores).all():
+        return None
+    best = int(np.nanargmax(scores))
+    return int(rows[best]), int(cols[best]), float(scores[best])
+
+
 LONGEST_FFT = 1296
 """Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
 
@@ -331,8 +336,7 @@ def _score_tile(
         sums = engine.correlated([operand], [weights], places, "sums", exact)
         energy -= np.multiply(np.square(sums, out=sums), 1 / sums.dtype.type(pattern.count), out=sums)
     tile = scores[corner[0] : corner[0] + places[0], corner[1] : corner[1] + places[1]]
-    for some in strips(places):
-        pearson(products[some], energy[some], tolerance, tile[some])
+    pearson(products, energy, tolerance, tile)
 
 
 class _Single:
@@ -490,144 +494,3 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list
         return [future.result() for future in futures]
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-PLACES_AT_ONCE = 2**19
-"""Places of a score map searched for peaks at a time: enough to be worth a thread, and the copies stay small."""
-
-PEAKS_AT_ONCE = 256
-"""Peaks, best first, compared with those already chosen: mostly enough for all that are wanted."""
-
-NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
-
-
-@dataclass(frozen=True)
-class Places:
-    """Scored positions of a template.
-
-    Parameters
-    ----------
-    rows, cols, scores
-        One for each position, a top-left pixel; no score is NaN.
-    shape
-        Height and width of the template, px.
-    poses
-        Scale and rotation at each position, None if the template is searched only as given. The position is then the
-        top-left pixel of the upright box around it.
-    """
-
-    rows: Indices
-    cols: Indices
-    scores: Plane
-    shape: tuple[int, int]
-    poses: list[tuple[float, float]] | None = None
-
-    def best(
-        self, count: int, *, share: float = 0.0, taken: Sequence[int] = (), left: Indices | None = None
-    ) -> list[int]:
-        """Return the indices of up to `count` positions, best first: each removes those that overlap it.
-
-        Parameters
-        ----------
-        count
-            Number of positions.
-        share
-            Largest share of the smaller of two rectangles that may overlap.
-        taken
-            Positions that remove others before the first is chosen.
-        left
-            Positions to choose from; all by default. Of equal scores the first wins.
-        """
-        return list(islice(self.in_order(share=share, taken=taken, left=left), count))
-
-    def in_order(self, *, share: float = 0.0, taken: Sequence[int] = (), left: Indices | None = None) -> Iterator[int]:
-        """Yield the positions of :meth:`best`, as many as there are."""
-        left = np.arange(len(self.rows)) if left is None else left
-        found: list[int] = []
-        for some in self._sorted(left):
-            for one in (*taken, *found):
-                some = self.apart(one, some, share)
-            while some.size:
-                found.append(int(some[0]))
-                yield found[-1]
-                some = self.apart(found[-1], some[1:], share)
-
-    def _sorted(self, left: Indices) -> Iterator[Indices]:
-        """Yield positions best first, some at a time; the many after the first ones are sorted only when wanted."""
-        scores = -self.scores[left]
-        first = np.ones(len(left), dtype=bool)
-        if len(left) > PEAKS_AT_ONCE:
-            first = scores <= np.partition(scores, PEAKS_AT_ONCE)[PEAKS_AT_ONCE]
-        for part in (first, ~first):
-            order = left[part][np.argsort(scores[part], kind="stable")]
-            for start in range(0, len(order), PEAKS_AT_ONCE):
-                yield order[start : start + PEAKS_AT_ONCE]
-
-    def box(self, index: int) -> tuple[int, int]:
-        """Return height and width, px, of the upright box at a position."""
-        return self.shape if self.poses is None else warped_shape(self.shape, *self.poses[index])
-
-    @cached_property
-    def _boxes(self) -> npt.NDArray[np.float64]:
-        """Centre, height and width, not upright but along the sides of the template, of each position."""
-        places, sides = np.column_stack([self.rows, self.cols]), np.broadcast_to(self.shape, (len(self.rows), 2))
-        if self.poses is None:
-            return np.column_stack([places + sides / 2, sides])
-        boxes = np.array([self.box(index) for index in range(len(places))]).reshape(-1, 2)
-        return np.column_stack([places + boxes / 2, sides * np.array(self.poses).reshape(-1, 2)[:, :1]])
-
-    def apart(self, one: int, some: Indices, share: float = 0.0) -> Indices:
-        """Return those of `some` positions that share no more than that share of the smaller rectangle with one.
-
-        As if all were rotated as that one is.
-        """
-        (row, col, height, width), (rows, cols, heights, widths) = self._boxes[one], self._boxes[some].T
-        turn = 0.0 if self.poses is None else math.radians(self.poses[one][1])
-        down, right = rows - row, cols - col
-        along, across = right * math.cos(turn) - down * math.sin(turn), right * math.sin(turn) + down * math.cos(turn)
-        tall = np.minimum((heights + height) / 2 - np.abs(across), np.minimum(heights, height))
-        wide = np.minimum((widths + width) / 2 - np.abs(along), np.minimum(widths, width))
-        smaller = np.minimum(heights * widths, height * width)
-        return np.asarray(some[np.maximum(tall, 0) * np.maximum(wide, 0) <= share * smaller])
-
-
-def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
-    """Return the local maxima of the map of a template of that shape: no neighbour scores higher.
-
-    The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
-    NaN is never a peak.
-    """
-    rows_at_once = -(-PLACES_AT_ONCE // score_map.shape[1])
-
-    def band(first: int) -> Indices:
-        start = max(0, first - 1)  # compared with the adjacent rows too
-        part = score_map[start : first + rows_at_once + 1]
-        flat = bool(np.isnan(part.min()))
-        if flat:
-            part = np.fmax(part, np.float32(-2.0))
-        highest = part >= np.asarray(cv2.dilate(part, NEIGHBOURS)).reshape(part.shape)
-        if flat:
-            highest &= part >= -1
-        return np.asarray(np.flatnonzero(highest[first - start :][:rows_at_once]) + first * score_map.shape[1])
-
-    found = in_threads([partial(band, first) for first in range(0, len(score_map), rows_at_once)], silent)
-    rows, cols = np.divmod(np.concatenate(found), score_map.shape[1])
-    return Places(rows, cols, score_map[rows, cols], shape)
-
-
-def positions_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:
-    """Return the rows and columns of all positions in the image within `reach` px of one."""
-    rows, cols = (
-        np.arange(max(0, at - reach), min(length - side, at + reach) + 1)
-        for at, length, side in zip((row, col), image.shape, pattern.shape, strict=False)
-    )
-    return np.repeat(rows, cols.size), np.tile(cols, rows.size)
-
-
-def best_position(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float] | None:
-    """Return the best of these positions and its score; None if there are none or all are flat."""
-    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.weights, rows, cols)
-    if np.isnan(scores).all():
-        return None
-    best = int(np.nanargmax(scores))
-    return int(rows[best]), int(cols[best]), float(scores[best])

@@ -14,7 +14,8 @@ from stereolag.core.jobs import silent
 from stereolag.core.showing import Shown
 from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped, warped_shape
-from stereolag.templates.score_maps import Places, fft_score_map
+from stereolag.templates.places import Places
+from stereolag.templates.score_maps import fft_score_map
 
 Reason: TypeAlias = Literal[
     "clear",
