@@ -59,11 +59,11 @@ def workspace(pair: Pair) -> None:
         doctor = st.container()
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
-            colours, checks = st.container(width="content"), st.container(width="content")
+            line = st.container(horizontal=True, width="content")
             waiting = st.container(width="stretch")
         for method in shown:
             results |= measured(pair, matchers[method], waiting)
-        with colours:
+        with line:
             view = coloured_alike(pair, results)
             late = {one.settings.title for one in results.values() if one.settings != matchers[type(one.settings)]}
             view = replace(view, late=late)
@@ -81,7 +81,7 @@ def workspace(pair: Pair) -> None:
         "Look closer", [*PARTS], required=True, **persistent(PART), width="stretch", label_visibility="collapsed"
     )
     with doctor:
-        show_doctor(view, checks)
+        show_doctor(view, line)
     if part:
         for method in METHODS:
             if method not in shown:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -271,12 +272,28 @@ def keep_uploads_in_memory() -> None:
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
 
 
+FORGETTING_S = 5.0
+"""How long to wait for Streamlit's event loop to forget sessions, s; it may have ended."""
+
+
 def forget_ended_sessions() -> None:
-    """Drop expired sessions and their files; Streamlit does so only when the next session or run ends, maybe never."""
-    if runtime.exists():
+    """Drop expired sessions and their files; Streamlit does so only when the next session or run ends, maybe never.
+
+    Its event loop does it, which the store of sessions belongs to; this returns once it is done.
+    """
+    if not runtime.exists():
+        return
+    server, forgotten = runtime.get_instance(), threading.Event()
+
+    def forget() -> None:
         with suppress(AttributeError):  # another version of Streamlit drops them itself, later
-            runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
-        runtime.get_instance().media_file_mgr.remove_orphaned_files()
+            server._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
+        server.media_file_mgr.remove_orphaned_files()
+        forgotten.set()
+
+    with suppress(RuntimeError):  # the loop has ended
+        server._get_async_objs().eventloop.call_soon_threadsafe(forget)
+        forgotten.wait(FORGETTING_S)
 
 
 def keep_file(content: bytes, file_name: str, media_type: str, coordinates: str) -> None:

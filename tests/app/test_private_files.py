@@ -35,7 +35,9 @@ class Clock:
 def files(monkeypatch: pytest.MonkeyPatch) -> MediaFileManager:
     """Return a server's file store, without a server."""
     store = MediaFileManager(MemoryMediaFileStorage("/media"))
-    monkeypatch.setattr(Runtime, "_instance", MagicMock(spec=Runtime, media_file_mgr=store))
+    server = MagicMock(spec=Runtime, media_file_mgr=store)
+    server._get_async_objs.return_value.eventloop.call_soon_threadsafe.side_effect = lambda call: call()
+    monkeypatch.setattr(Runtime, "_instance", server)
     monkeypatch.setattr(downloads, "_recent_files", downloads._RecentFiles())
     return store
 

@@ -101,6 +101,7 @@ def test_uploads_above_a_megabyte_go_to_the_disk_unless_the_parser_is_told() -> 
 def test_expired_sessions_are_dropped_only_by_the_hand_of_the_next_one() -> None:
     storage = MemorySessionStorage(ttl_seconds=0)
     assert hasattr(storage._cache, "expire")
+    assert hasattr(Runtime, "_get_async_objs")
     assert not hasattr(Runtime, "expire_sessions")
     assert "Timer" not in inspect.getsource(MemorySessionStorage)
 

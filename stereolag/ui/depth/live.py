@@ -191,7 +191,7 @@ class Answering:
         with _matching:
             results = [matcher.compute(pair.left, pair.right) for matcher in self._matchers]
         # The page shows no scores, and the maps of each visitor's last frame stay in memory.
-        self._kept["pair"], self._kept["results"] = pair, [replace(one, _score=None) for one in results]
+        self._kept["pair"], self._kept["results"] = pair, [one.without_scores() for one in results]
         parts = [self._map(one) for one in results]
         return packed_item({"shape": [*left.shape[:2], len(parts)], "digest": "live"}, parts).data
 
