@@ -143,6 +143,8 @@ class File(NamedTuple):
         Help of the button, and description of the file in the ZIP.
     refusal
         Why the file is not available; "" if it is.
+    first
+        Whether its button stands before those of the others while it is available.
     """
 
     label: str
@@ -150,6 +152,7 @@ class File(NamedTuple):
     make: Callable[[], bytes | str]
     meaning: str
     refusal: str = ""
+    first: bool = False
 
 
 def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:

@@ -35,7 +35,7 @@ def page() -> None:
 
     from stereolag.stereo.methods import METHODS
     from stereolag.ui.controls import ask_matcher, matcher_as_set
-    from stereolag.ui.depth.downloads import PAIR_EXPORTS, Download, archive
+    from stereolag.ui.depth.downloads import Download, archive, pair_files
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
 
@@ -46,7 +46,7 @@ def page() -> None:
         results |= measured(pair, matchers[method])
     view = coloured_alike(pair, results)
     st.session_state["shown"] = pair, [*matchers.values()], view
-    st.session_state["taken"] = archive(Download(view, next(iter(results))), PAIR_EXPORTS)
+    st.session_state["taken"] = archive(Download(view, next(iter(results))), pair_files)
 
 
 def stepping(files: dict[str, bytes]) -> AppTest:

@@ -22,7 +22,9 @@ from stereolag.io.programs import script
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui.depth.downloads import EXPORTS, Download, Export
+from stereolag.ui.depth import downloads
+from stereolag.ui.depth.downloads import Download, files
+from stereolag.ui.downloads import File
 from tests.app import keys
 from tests.app.conftest import figures, viewers
 from tests.app.pages import DEPTH, address, linked
@@ -141,17 +143,16 @@ def test_a_new_method_is_a_column_of_the_benchmark(monkeypatch: pytest.MonkeyPat
     assert values["pairs"]["shifted"]["maps"]["Made up"]["bad"] < 20  # type: ignore[index]
 
 
-def test_a_new_export_is_a_button_and_in_the_archive() -> None:
-    def mean(download: Download) -> str:
-        return f"{np.nanmean(download.result.disparity):.3f}\n"
+def test_a_new_export_is_a_button_and_in_the_archive(monkeypatch: pytest.MonkeyPatch) -> None:
+    def with_mean(download: Download) -> list[File]:
+        return [
+            *files(download),
+            File("Mean", "mean.txt", lambda: f"{np.nanmean(download.result.disparity):.3f}\n", ""),
+        ]
 
-    export = Export("Mean", "mean.txt", mean, "The mean disparity.")
-    EXPORTS.append(export)
-    try:
-        app = linked(DEPTH)
-        app.session_state["depth.take.opened"] = True
-        app.run()
-        assert not app.exception
-        assert "depth.take.mean.txt" in [button.key for button in app.get("download_button")]
-    finally:
-        EXPORTS.remove(export)
+    monkeypatch.setattr(downloads, "files", with_mean)
+    app = linked(DEPTH)
+    app.session_state["depth.take.opened"] = True
+    app.run()
+    assert not app.exception
+    assert "depth.take.mean.txt" in [button.key for button in app.get("download_button")]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TypeVar, cast
 
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag.core.arrays import FloatMap
@@ -56,7 +55,6 @@ WANTED = f"{KEY}.wanted"
 NO_METRES = "Depth in metres takes a calibration, or one point whose distance is known."
 
 T = TypeVar("T")
-Text = str | Callable[["Download"], str]
 
 
 def show_downloads(view: DepthView) -> None:
@@ -72,7 +70,8 @@ def show_downloads(view: DepthView) -> None:
             _compute_in_own_size(download)
         rows, cols = download.pair.left.shape[:2]
         memory = BYTES_OF_A_PIXEL * rows * cols
-        first = [one for one in EXPORTS if one.first and not one.refusal(download)]
+        offered = files(download)
+        first = [one for one in offered if one.first and not one.refusal]
         with st.container(horizontal=True, gap="small"):
             show_zip_button(
                 partial(archive, download),
@@ -80,19 +79,19 @@ def show_downloads(view: DepthView) -> None:
                 key=KEY,
                 more="Upload it as the left image to reopen the page as it is now.",
             )
-            show_file_buttons(files(download, first), memory, key=KEY)
+            show_file_buttons(first, memory, key=KEY)
             more = st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more")
             with more.container(horizontal=True, gap="small"):  # which wraps them
                 download_button(
                     "Session ZIP",
-                    partial(run_queued, partial(archive, download, PAIR_EXPORTS), memory),
+                    partial(run_queued, partial(archive, download, pair_files), memory),
                     "stereolag-session.zip",
                     "application/zip",
                     key=f"{KEY}.session",
                     meaning="The pair and the page’s settings, without the results: enough to continue from here.",
                     icon=":material/bookmark:",
                 )
-                show_file_buttons(files(download, [one for one in EXPORTS if one not in first]), memory, key=KEY)
+                show_file_buttons([one for one in offered if one not in first], memory, key=KEY)
         if download.calibration is None:
             prose.caption(NO_METRES)
         prose.caption(" ".join([size_in_words(download), *(change.sentence for change in download.pair.changes)]))
@@ -218,7 +217,7 @@ class Download:
             return self.computed
         if self.light and self.settings is not None:
             return self.settings.compute(self.pair.left, self.pair.right)
-        return self._enlarged(self.method)
+        return self.enlarged_map(self.method)
 
     @property
     def raw(self) -> Pair | None:
@@ -235,12 +234,13 @@ class Download:
         """Return that map as the images were taken, turned back if they were turned to be matched."""
         return self.result.turned(-self.pair.turn)
 
-    def each_result(self) -> Iterator[tuple[str, DisparityMap]]:
-        """Yield the maps of all methods at the pair's own size, one by one; those of the other methods are enlarged."""
-        for name in self.view.results:
-            yield name, self.result if name == self.method else self._enlarged(name)
+    @property
+    def confidence(self) -> FloatMap:
+        """Return the confidence of that map, as the images were taken."""
+        return turned(confidence(self.result, self.pair.left, self.pair.right), -self.pair.turn)
 
-    def _enlarged(self, method: str) -> DisparityMap:
+    def enlarged_map(self, method: str) -> DisparityMap:
+        """Return the map of a method that the page shows, enlarged to the pair's own size."""
         shown = self.view.results[method]
         if not self.reduced:
             return shown
@@ -256,39 +256,183 @@ def _known(value: T | None) -> T:
 # The files
 
 
-@dataclass(frozen=True)
-class Export:
-    """A file offered for download.
-
-    Attributes
-    ----------
-    label
-        Label of the button; "" for a file that is only in the ZIP.
-    name
-        File name, or a function that returns it.
-    make
-        Makes its bytes or text.
-    meaning
-        Help of the button, and description of the file in the ZIP.
-    refusal
-        Returns why the file is not available; "" if it is.
-    offered
-        Returns whether the file makes sense for this result at all.
-    first
-        Whether its button stands in the first line while the file is available.
-    """
-
-    label: Text
-    name: Text
-    make: Callable[[Download], bytes | str]
-    meaning: Text
-    refusal: Callable[[Download], str] = lambda download: ""
-    offered: Callable[[Download], bool] = lambda download: True
-    first: bool = False
+def files(it: Download) -> list[File]:
+    """Return the files about a result in the order offered; a new one is added here and nowhere else."""
+    pair, colours = it.pair, it.view.colours
+    no_metres, no_settings = NO_METRES if it.calibration is None else "", it.settings_refusal
+    of = f"_enlarged_{it.factor:.3g}x" if it.enlarged else ""
+    sure = (
+        "the method’s own score, or 0 if that is negative"
+        if has_scores(it.shown)
+        else "how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method gives no "
+        "score from 0 to 1"
+    )
+    sure = f"Confidence of each measured disparity, 0 to 1: {sure}."
+    begun = "pair" if it.raw is None else "raw pair"
+    ended = "" if it.calibration is None else ", and to metres"
+    made = [
+        File(
+            "Python script",
+            "reproduce.py",
+            partial(_script, it),
+            f"Goes from the {begun} in the ZIP to the map{ended}.",
+            no_settings,
+            first=True,
+        ),
+        File(
+            "Point cloud PLY",
+            "cloud.ply",
+            partial(_cloud, it),
+            "Points in metres and true colour, flying pixels left out; at most 2 million.",
+            no_metres,
+            first=True,
+        ),
+        File(
+            "Depth TIFF, m",
+            f"depth{of}.tif",
+            lambda: depth_tiff(it.depth),
+            "Depth of every pixel of the left image, metres as floats; NaN: none.",
+            no_metres,
+            first=True,
+        ),
+        File(
+            "Depth PNG, mm",
+            f"depth{of}_mm.png",
+            lambda: depth_png(it.depth),
+            _millimetres_in_words(it),
+            no_metres,
+            first=True,
+        ),
+        File(
+            "PFM",
+            f"disparity{of}.pfm",
+            lambda: pfm(it.as_taken.disparity),
+            "Disparity in px as floats; infinite: none.",
+        ),
+        File("NPY", f"disparity{of}.npy", lambda: npy(it.as_taken.disparity), "Disparity in px for NumPy; NaN: none."),
+        File(
+            "KITTI PNG",
+            f"disparity{of}_kitti.png",
+            lambda: kitti_png(it.as_taken.disparity),
+            "Disparity × 256 in 16 bits; 0: none.",
+            refusal_of(partial(check_kitti, it.shown.disparity * it.factor)),
+        ),
+        File(
+            "Coloured PNG",
+            f"disparity{of}_coloured.png",
+            lambda: coloured_png(
+                it.as_taken.disparity, colours.low * it.factor, colours.high * it.factor, colours.palette
+            ),
+            "As shown, with a legend.",
+        ),
+        File("Valid mask", "valid.png", lambda: image_png(it.as_taken.valid), "White where there is a disparity."),
+        File(
+            "Measured mask",
+            "measured.png",
+            lambda: image_png(it.as_taken.measured),
+            "White where the disparity was measured, black where it was filled in or there is none.",
+        ),
+        File(
+            "Confidence PNG",
+            "confidence.png",
+            lambda: confidence_png(it.confidence),
+            f"{sure} × 65535 in 16 bits; 0: none.",
+        ),
+        File("Confidence NPY", "confidence.npy", lambda: npy(it.confidence), f"{sure} NaN: none."),
+        File(
+            "Metrics CSV",
+            "metrics.csv",
+            partial(_metrics, it),
+            "Coverage and time of every method, and its figures against the ground truth if that is known, with and "
+            "without occluded pixels; otherwise bad-2 as estimated in the scoreboard.",
+        ),
+        File(
+            "Settings JSON",
+            "settings.json",
+            lambda: settings_json(_known(it.settings)),
+            "Can be loaded again below.",
+            no_settings,
+        ),
+    ]
+    if isinstance(it.shown.settings, BlockMatcher):
+        matcher = cast(BlockMatcher, it.settings)
+        made += [
+            File(
+                "OpenCV YAML",
+                "opencv.yml",
+                partial(opencv_yaml, matcher),
+                "For OpenCV’s Algorithm::load or read.",
+                no_settings,
+            ),
+            File(
+                "OpenCV script",
+                "reproduce_opencv.py",
+                partial(opencv_script, matcher, *image_names(pair), (pair.left, pair.right)),
+                "Reproduces the map from these images with OpenCV alone.",
+                no_settings,
+            ),
+        ]
+    return [*made, *pair_files(it), *raw_files(it)]
 
 
 RAW = "raw_"
 """What the names of the files of the pair as it was taken begin with."""
+CALIBRATION, RAW_CALIBRATION = "calibration.json", f"{RAW}calibration.json"
+
+
+def pair_files(it: Download) -> list[File]:
+    """Return the files of the pair and of the state of the page: everything needed to continue from there."""
+    pair = it.pair
+    found = {
+        "left": file_of_image("left", pair.left, "The left image as it is matched, at full size."),
+        "right": file_of_image("right", pair.right, "The right image as it is matched, at full size."),
+    }
+    if pair.truth is not None:
+        found["truth"] = File("", "ground_truth.pfm", partial(pfm, pair.truth), "The ground truth, px; infinite: none.")
+    if pair.visible is not None:
+        seen = partial(image_png, pair.visible)
+        found["visible"] = File("", "visible.png", seen, "White where both cameras see the point.")
+    if it.calibration is not None:
+        found["calibration"] = File(
+            "Calibration JSON",
+            CALIBRATION,
+            partial(calibration_json, it.calibration),
+            "Of the left image as it is matched: focal length and principal point in px, baseline in m.",
+        )
+    session = File(
+        "",
+        SESSION,
+        partial(session_json, files={what: file.name for what, file in found.items()}, **it.session),
+        "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
+    )
+    return [*found.values(), session]
+
+
+def raw_files(it: Download) -> list[File]:
+    """Return the files of the pair as it was taken, and of its cameras: what the program begins with."""
+    raw = it.raw
+    if raw is None:
+        return []
+    known, (rows, cols) = _known(raw.calibration), raw.left.shape[:2]
+    rig = _known(known.rig)
+    sized = replace(known, rig=replace(rig, width=rig.width or cols, height=rig.height or rows))
+    return [
+        file_of_image(f"{RAW}left", raw.left, "The left image as it was taken."),
+        file_of_image(f"{RAW}right", raw.right, "The right image as it was taken."),
+        File(
+            "Raw calibration JSON",
+            RAW_CALIBRATION,
+            partial(calibration_json, sized),
+            "Both cameras before rectification, under OpenCV’s names; lengths in m.",
+        ),
+    ]
+
+
+def file_of_image(stem: str, image: Image, meaning: str) -> File:
+    """Return the file of an image whose name begins so."""
+    name, write = image_file(stem, image)
+    label = f"{stem.replace('_', ' ').capitalize()} {name.rpartition('.')[2].upper()}"
+    return File(label, name, partial(write, image), meaning)
 
 
 def image_names(pair: Pair, before: str = "") -> tuple[str, str]:
@@ -296,274 +440,45 @@ def image_names(pair: Pair, before: str = "") -> tuple[str, str]:
     return image_file(f"{before}left", pair.left)[0], image_file(f"{before}right", pair.right)[0]
 
 
-def _image_export(stem: str, image_of: Callable[[Download], Image | None], meaning: str) -> Export:
-    """Return the export of one image, as a file whose name begins so."""
-
-    def file_of(download: Download) -> tuple[str, Callable[[npt.ArrayLike], bytes]]:
-        return image_file(stem, _known(image_of(download)))
-
-    return Export(
-        lambda it: f"{stem.replace('_', ' ').capitalize()} {file_of(it)[0].rpartition('.')[2].upper()}",
-        lambda it: file_of(it)[0],
-        lambda it: file_of(it)[1](_known(image_of(it))),
-        meaning,
-        offered=lambda it: image_of(it) is not None,
-    )
-
-
-def _raw_calibration(download: Download) -> str:
-    """Return the calibration of both cameras, for images of the size of the raw ones if it states none."""
-    raw = _known(download.raw)
-    known = _known(raw.calibration)
-    rig, (rows, cols) = _known(known.rig), raw.left.shape[:2]
-    return calibration_json(replace(known, rig=replace(rig, width=rig.width or cols, height=rig.height or rows)))
-
-
-def _script(download: Download) -> str:
+def _script(it: Download) -> str:
     """Return the program that goes from the images to the map, and from a raw pair on if it was rectified here."""
-    pair, raw, calibration, cameras = download.pair, download.raw, None, None
+    pair, raw, calibration, cameras = it.pair, it.raw, None, None
     if raw is not None:
-        cameras = Cameras(str(RAW_CALIBRATION.name), _known(pair.rectification).alpha, pair.id.remedies)
-    if download.calibration is not None and (raw is None or download.view.known_distance is not None):
-        calibration = str(CALIBRATION.name)
+        cameras = Cameras(RAW_CALIBRATION, _known(pair.rectification).alpha, pair.id.remedies)
+    if it.calibration is not None and (raw is None or it.view.known_distance is not None):
+        calibration = CALIBRATION
     names = image_names(pair) if raw is None else image_names(raw, RAW)
-    return script(_known(download.settings), *names, calibration, cameras=cameras)
+    return script(_known(it.settings), *names, calibration, cameras=cameras)
 
 
-TRUTH = Export(
-    "",
-    "ground_truth.pfm",
-    lambda it: pfm(_known(it.pair.truth)),
-    "The ground truth, px; infinite: none.",
-    offered=lambda it: it.pair.truth is not None,
-)
-VISIBLE = Export(
-    "",
-    "visible.png",
-    lambda it: image_png(_known(it.pair.visible)),
-    "White where both cameras see the point.",
-    offered=lambda it: it.pair.visible is not None,
-)
-CALIBRATION = Export(
-    "Calibration JSON",
-    "calibration.json",
-    lambda it: calibration_json(_known(it.calibration)),
-    "Of the left image as it is matched: focal length and principal point in px, baseline in m.",
-    offered=lambda it: it.calibration is not None,
-)
-RAW_CALIBRATION = Export(
-    "Raw calibration JSON",
-    f"{RAW}calibration.json",
-    _raw_calibration,
-    "Both cameras before rectification, under OpenCV’s names; lengths in m.",
-    offered=lambda it: it.raw is not None,
-)
-RAW_EXPORTS = [
-    _image_export(f"{RAW}left", lambda it: it.raw.left if it.raw else None, "The left image as it was taken."),
-    _image_export(f"{RAW}right", lambda it: it.raw.right if it.raw else None, "The right image as it was taken."),
-    RAW_CALIBRATION,
-]
-"""The pair as it was taken, and its cameras: what the program begins with."""
-
-SESSION_EXPORT = Export(
-    "",
-    SESSION,
-    lambda it: session_json(files=pair_files(it), **it.session),
-    "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
-)
-
-PAIR_EXPORTS = [
-    _image_export("left", lambda it: it.pair.left, "The left image as it is matched, at full size."),
-    _image_export("right", lambda it: it.pair.right, "The right image as it is matched, at full size."),
-    TRUTH,
-    VISIBLE,
-    CALIBRATION,
-    SESSION_EXPORT,
-]
-"""The files of a pair and of the state of the page: everything needed to continue from there."""
+def _cloud(it: Download) -> bytes:
+    pair = upright(replace(it.pair, calibration=it.calibration))
+    return cloud_ply(_known(pair.calibration), it.as_taken.disparity, pair.left)
 
 
-def pair_files(download: Download) -> dict[str, str]:
-    """Return the file names of the pair, by their names in a session."""
-    left, right = image_names(download.pair)
-    others = {"truth": TRUTH, "visible": VISIBLE, "calibration": CALIBRATION}
-    offered = {what: str(export.name) for what, export in others.items() if export.offered(download)}
-    return {"left": left, "right": right} | offered
-
-
-def _of_map(ending: str, kind: str = "disparity") -> Callable[[Download], str]:
-    """Return a function that names a file of the map; the name of an enlarged map says so."""
-    return lambda it: f"{kind}{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
-
-
-def _confidence(download: Download) -> FloatMap:
-    found = confidence(download.result, download.pair.left, download.pair.right)
-    return turned(found, -download.pair.turn)
-
-
-def _cloud(download: Download) -> bytes:
-    pair = upright(replace(download.pair, calibration=download.calibration))
-    return cloud_ply(_known(pair.calibration), download.as_taken.disparity, pair.left)
-
-
-def _confidence_in_words(form: str) -> Callable[[Download], str]:
-    """Return a function that describes a confidence file: the source of its values for this map, and its `form`."""
-    own = "the method’s own score, or 0 if that is negative"
-    correlated = (
-        "how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method gives no "
-        "score from 0 to 1"
-    )
-    return lambda it: (
-        f"Confidence of each measured disparity, 0 to 1: {own if has_scores(it.shown) else correlated}. {form}."
-    )
-
-
-def _metrics(download: Download) -> str:
+def _metrics(it: Download) -> str:
     """Return the figures of every method on the page as CSV, for comparison."""
     judged: dict[str, Evaluation] = {}
-    for name, result in download.each_result():
-        judged |= evaluations(download.pair, {name: result})
-    maps: dict[str, DisparityMap] = {**download.view.results}
-    if not download.enlarged:
-        maps[download.method] = download.result
-    return metrics_csv(judged, maps, download.estimated_bad)
+    for name in it.view.results:  # one by one: each is as large as the pair
+        judged |= evaluations(it.pair, {name: it.result if name == it.method else it.enlarged_map(name)})
+    maps: dict[str, DisparityMap] = {**it.view.results}
+    if not it.enlarged:
+        maps[it.method] = it.result
+    return metrics_csv(judged, maps, it.estimated_bad)
 
 
-def _no_metres(download: Download) -> str:
-    return NO_METRES if download.calibration is None else ""
-
-
-def _millimetres_in_words(download: Download) -> str:
+def _millimetres_in_words(it: Download) -> str:
     """Return a description of the depth in millimetres, which counts the pixels that the page shows beyond it."""
     said = f"Depth of every pixel of the left image, mm in 16 bits, as ROS has it; 0: none, or beyond {FARTHEST_M} m"
-    if download.calibration is None:
+    if it.calibration is None:
         return f"{said}."
-    shown = download.calibration.depth(download.shown.disparity * download.factor)
+    shown = it.calibration.depth(it.shown.disparity * it.factor)
     return f"{said}: {too_far(shown):,} of the {shown.size:,} pixels shown are."
 
 
-EXPORTS: list[Export] = [
-    Export(
-        "Python script",
-        "reproduce.py",
-        _script,
-        lambda it: (
-            f"Goes from the {'pair' if it.raw is None else 'raw pair'} in the ZIP to the map"
-            f"{'' if it.calibration is None else ', and to metres'}."
-        ),
-        lambda it: it.settings_refusal,
-        first=True,
-    ),
-    Export(
-        "Point cloud PLY",
-        "cloud.ply",
-        lambda it: _cloud(it),
-        "Points in metres and true colour, flying pixels left out; at most 2 million.",
-        _no_metres,
-        first=True,
-    ),
-    Export(
-        "Depth TIFF, m",
-        _of_map(".tif", "depth"),
-        lambda it: depth_tiff(it.depth),
-        "Depth of every pixel of the left image, metres as floats; NaN: none.",
-        _no_metres,
-        first=True,
-    ),
-    Export(
-        "Depth PNG, mm",
-        _of_map("_mm.png", "depth"),
-        lambda it: depth_png(it.depth),
-        _millimetres_in_words,
-        _no_metres,
-        first=True,
-    ),
-    Export("PFM", _of_map(".pfm"), lambda it: pfm(it.as_taken.disparity), "Disparity in px as floats; infinite: none."),
-    Export("NPY", _of_map(".npy"), lambda it: npy(it.as_taken.disparity), "Disparity in px for NumPy; NaN: none."),
-    Export(
-        "KITTI PNG",
-        _of_map("_kitti.png"),
-        lambda it: kitti_png(it.as_taken.disparity),
-        "Disparity × 256 in 16 bits; 0: none.",
-        lambda it: refusal_of(partial(check_kitti, it.shown.disparity * it.factor)),
-    ),
-    Export(
-        "Coloured PNG",
-        _of_map("_coloured.png"),
-        lambda it: coloured_png(
-            it.as_taken.disparity,
-            it.view.colours.low * it.factor,
-            it.view.colours.high * it.factor,
-            it.view.colours.palette,
-        ),
-        "As shown, with a legend.",
-    ),
-    Export("Valid mask", "valid.png", lambda it: image_png(it.as_taken.valid), "White where there is a disparity."),
-    Export(
-        "Measured mask",
-        "measured.png",
-        lambda it: image_png(it.as_taken.measured),
-        "White where the disparity was measured, black where it was filled in or there is none.",
-    ),
-    Export(
-        "Confidence PNG",
-        "confidence.png",
-        lambda it: confidence_png(_confidence(it)),
-        _confidence_in_words("× 65535 in 16 bits; 0: none"),
-    ),
-    Export("Confidence NPY", "confidence.npy", lambda it: npy(_confidence(it)), _confidence_in_words("NaN: none")),
-    Export(
-        "Metrics CSV",
-        "metrics.csv",
-        _metrics,
-        "Coverage and time of every method, and its figures against the ground truth if that is known, with and "
-        "without occluded pixels; otherwise bad-2 as estimated in the scoreboard.",
-    ),
-    Export(
-        "Settings JSON",
-        "settings.json",
-        lambda it: settings_json(_known(it.settings)),
-        "Can be loaded again below.",
-        lambda it: it.settings_refusal,
-    ),
-    Export(
-        "OpenCV YAML",
-        "opencv.yml",
-        lambda it: opencv_yaml(cast(BlockMatcher, it.settings)),
-        "For OpenCV’s Algorithm::load or read.",
-        lambda it: it.settings_refusal,
-        lambda it: isinstance(it.shown.settings, BlockMatcher),
-    ),
-    Export(
-        "OpenCV script",
-        "reproduce_opencv.py",
-        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it.pair), (it.pair.left, it.pair.right)),
-        "Reproduces the map from these images with OpenCV alone.",
-        lambda it: it.settings_refusal,
-        lambda it: isinstance(it.shown.settings, BlockMatcher),
-    ),
-    *PAIR_EXPORTS,
-    *RAW_EXPORTS,
-]
-"""All files about a result, in the order offered; a new one is added here and nowhere else."""
-
-
-def files(download: Download, exports: Sequence[Export] = EXPORTS) -> list[File]:
-    """Return the files about a result in the order offered."""
-
-    def said(text: Text) -> str:
-        return text if isinstance(text, str) else text(download)
-
-    return [
-        File(said(one.label), said(one.name), partial(one.make, download), said(one.meaning), one.refusal(download))
-        for one in exports
-        if one.offered(download)
-    ]
-
-
-def archive(download: Download, exports: Sequence[Export] = EXPORTS) -> bytes:
-    """Return a ZIP of the available files and a description of each."""
-    return zip_of(files(download, exports), size_in_words(download))
+def archive(download: Download, of: Callable[[Download], list[File]] = files) -> bytes:
+    """Return a ZIP of those files that are available, and a description of each."""
+    return zip_of(of(download), size_in_words(download))
 
 
 def size_in_words(download: Download) -> str:
