@@ -17,9 +17,9 @@ from stereolag.ui import prose, streams
 from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
-from stereolag.ui.elements import show_picture
+from stereolag.ui.elements import in_columns, show_picture
 from stereolag.ui.inputs import example_pictures, example_recordings
-from stereolag.ui.lag.panels import slide_by_hand
+from stereolag.ui.lag.parts import slide_by_hand
 from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed
 
@@ -113,15 +113,13 @@ def show_home() -> None:
                 "largest the two agree, and the distance you slid is the **lag**. **stereolag** measures three things "
                 "this way."
             )
-        for column, (question, (show, path, name)) in zip(
-            st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True
-        ):
-            with column.container(border=True, height="stretch"):
+        for question, (show, path, name) in in_columns(MEASUREMENTS.items()):
+            with st.container(border=True, height="stretch"):
                 prose.markdown(f"## {question}")
                 show()
                 st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
-        for column, (path, name, said) in zip(st.columns(2, gap="medium"), MORE, strict=True):
-            with column.container(border=True, height="stretch"):
+        for path, name, said in in_columns(MORE):
+            with st.container(border=True, height="stretch"):
                 prose.markdown(said)
                 st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
         st.space("small")

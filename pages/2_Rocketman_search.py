@@ -13,10 +13,16 @@ from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
-from stereolag.ui.search.comparison import damage_it, show_opencv_beside
 from stereolag.ui.search.following import show_following
-from stereolag.ui.search.panels import show_funnel
-from stereolag.ui.search.result import drag_it, show_answer, show_match_files, show_places
+from stereolag.ui.search.parts import (
+    damage_it,
+    drag_it,
+    show_answer,
+    show_funnel,
+    show_match_files,
+    show_opencv_beside,
+    show_places,
+)
 from stereolag.ui.search.sentences import METHODS_FOLLOWING
 from stereolag.ui.sentences import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 

@@ -48,6 +48,7 @@ from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import (
     Number,
     announce,
+    in_columns,
     show_line,
     show_offer,
     show_picture,
@@ -457,13 +458,10 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         shared=pictures.shared,
         label="Drawing the corners …",
     )
-    for column, side, picture, corners in zip(
-        st.columns(2, gap="small"), ("Left", "Right"), shown, (left, right), strict=True
-    ):
-        with column:
-            found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
-            show_picture(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
-            prose.caption(f"{side}: {found}")
+    for side, picture, corners in in_columns(zip(("Left", "Right"), shown, (left, right), strict=True), gap="small"):
+        found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
+        show_picture(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
+        prose.caption(f"{side}: {found}")
     if report is not None:
         prose.markdown(pair_in_words(report))
 
@@ -504,11 +502,10 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
         ("Left", [pair.left for pair in used if pair.left], result.left_coverage),
         ("Right", [pair.right for pair in used if pair.right], result.right_coverage),
     )
-    for column, (side, corners, share) in zip(st.columns(2, gap="small"), sides, strict=True):
-        with column:
-            said = f"{side}: boards in {percent(share)} of the picture"
-            show_picture(png(coverage_picture(corners, size)), said)
-            prose.caption(said)
+    for side, corners, share in in_columns(sides, gap="small"):
+        said = f"{side}: boards in {percent(share)} of the picture"
+        show_picture(png(coverage_picture(corners, size)), said)
+        prose.caption(said)
 
 
 def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:

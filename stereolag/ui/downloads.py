@@ -19,7 +19,9 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import format_bytes, limits
+from stereolag.io.images import image_file
 from stereolag.io.recordings import wav
 from stereolag.io.sources import bundle
 from stereolag.ui import prose
@@ -153,6 +155,13 @@ class File(NamedTuple):
     meaning: str
     refusal: str = ""
     first: bool = False
+
+
+def file_of_image(stem: str, image: Image, meaning: str) -> File:
+    """Return the file of an image whose name begins so."""
+    name, write = image_file(stem, image)
+    label = f"{stem.replace('_', ' ').capitalize()} {name.rpartition('.')[2].upper()}"
+    return File(label, name, partial(write, image), meaning)
 
 
 def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:

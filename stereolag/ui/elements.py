@@ -6,7 +6,7 @@ import base64
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -15,6 +15,8 @@ from stereolag.core.jobs import Progress
 from stereolag.core.typography import NO_BREAK, typeset
 from stereolag.ui import prose
 from stereolag.ui.components import component
+
+T = TypeVar("T")
 
 PERCENT, PIXELS, SECONDS = (
     f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))
@@ -110,6 +112,14 @@ def shown_progress(label: str) -> Iterator[Progress]:
         place = st.empty()  # below the label, and gone before it: neither of the two moves
         yield show
         place.empty()
+
+
+def in_columns(items: Iterable[T], *, gap: Literal["small", "medium", "large"] = "medium") -> Iterator[T]:
+    """Yield each of several items in a column of its own: what is drawn until the next one is drawn there."""
+    known = [*items]
+    for column, item in zip(st.columns(len(known), gap=gap), known, strict=True):
+        with column:
+            yield item
 
 
 def show_refused(reason: object) -> None:

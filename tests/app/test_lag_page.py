@@ -20,8 +20,8 @@ from stereolag.core.typography import typeset
 from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.phasors import LAG, SIZE
 from stereolag.signals.verdict import Reason
-from stereolag.ui.lag import comparison
-from stereolag.ui.lag.panels import judged
+from stereolag.ui.lag import parts
+from stereolag.ui.lag.parts import judged
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import uploads
 from tests.app.pages import lag_found, numbers
@@ -155,7 +155,7 @@ def waited(app: AppTest) -> AppTest:
 
 
 def test_every_method_has_a_row_and_runs_are_timed(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison, "LONGEST_S", 3.0)
+    monkeypatch.setattr(parts, "LONGEST_METHOD_S", 3.0)
     app = open_page(PAGE, {"lag.part": "Methods"})
     assert not app.dataframe
     app.button(key="lag.comparison.recordings coast.button").click().run()

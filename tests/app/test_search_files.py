@@ -16,8 +16,8 @@ from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.ui import downloads
 from stereolag.ui.downloads import File, archive
 from stereolag.ui.inputs import PictureAndTemplate, RecordingPair
-from stereolag.ui.lag import result as lag_files
-from stereolag.ui.search import result as match_files
+from stereolag.ui.lag import parts as lag_files
+from stereolag.ui.search import parts as match_files
 from tests.app.pages import FIND, LAG, OpenPage
 from tests.app.uploads import noise, texture
 from tests.programs import run_program

@@ -11,7 +11,7 @@ from playwright.sync_api import Locator, expect
 from stereolag import SignalLag, signal_lag
 from stereolag.core.searches import LagSearch
 from stereolag.ui.inputs import RecordingPair, example_recordings
-from stereolag.ui.lag.panels import show_disturbances, show_phasors, show_plan, slide_by_hand
+from stereolag.ui.lag.parts import fool_it, show_phasors, show_plan, slide_by_hand
 from tests.browser.axe import check
 from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
@@ -154,7 +154,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
 
 
 def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: ShowParts) -> None:
-    parts = show_parts(lambda: show_disturbances(key="lag.fooling"))
+    parts = show_parts(lambda: fool_it(*measured()))
     page, root = parts.page, parts.page.locator(".disturbances")
     verdict, said = root.locator(".verdict"), root.locator(".said")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.templates import match_template
 from stereolag.ui.inputs import example_pictures
 from stereolag.ui.search.hand_marks import Box, PaintedMask, box_in, painted_mask
-from stereolag.ui.search.panels import packed, search_by_hand, show_funnel, show_score_map
+from stereolag.ui.search.parts import drag_it, show_funnel
 from tests.browser.axe import check
 from tests.browser.parts import Parts, Show, ShowParts, box_of, drag, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
@@ -43,17 +44,10 @@ def drag_to(page: Page, row: float, col: float, *, finger: bool = False) -> None
 
 
 def searched(name: str) -> Show:
-    """Return a function that draws the score map of an example with the search by hand below it, as the page does."""
+    """Return a function that draws the search by hand of an example with the score map below it, as the page does."""
     inputs = example_pictures(name)
     result = match_template(inputs.picture, inputs.template, mask=inputs.mask)
-    assert result.score_map is not None
-    scores = packed(result.score_map, result.matches)
-
-    def show() -> None:
-        show_score_map(scores)
-        search_by_hand(inputs, result, TemplateQuery())
-
-    return show
+    return partial(drag_it, inputs, result, TemplateQuery())
 
 
 @pytest.fixture(scope="module")

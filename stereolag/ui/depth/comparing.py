@@ -65,7 +65,7 @@ from stereolag.ui.depth.sentences import (
     estimates_in_words,
 )
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, show_chart, show_picture, show_refused
+from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, in_columns, show_chart, show_picture, show_refused
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn
@@ -256,11 +256,10 @@ def _columns(evaluation: Evaluation) -> dict[str, Any]:
 
 def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, against: str, key: str) -> None:
     """Show where each map differs from the ground truth or a reference, with the legend of the colours."""
-    for column, (name, result) in zip(st.columns(len(results)), results.items(), strict=True):
-        with column:
-            prose.markdown(f"**{name}**")
-            alt = errors_in_words(result.disparity, reference, against)
-            show_picture(error_png(result.disparity, reference), f"{name}. {alt}")
+    for name, result in in_columns(results.items(), gap="small"):
+        prose.markdown(f"**{name}**")
+        alt = errors_in_words(result.disparity, reference, against)
+        show_picture(error_png(result.disparity, reference), f"{name}. {alt}")
     show_chart(error_legend(), f"{key}.legend", ERROR_COLOURS_IN_WORDS)
 
 

@@ -10,7 +10,6 @@ from typing import TypeVar, cast
 import streamlit as st
 
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import Image
 from stereolag.core.jobs import format_bytes, limits
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
@@ -35,6 +34,7 @@ from stereolag.ui.depth.state import adopt, for_size, saved_state
 from stereolag.ui.downloads import (
     File,
     download_button,
+    file_of_image,
     refusal_of,
     run_queued,
     show_file_buttons,
@@ -426,13 +426,6 @@ def raw_files(it: Download) -> list[File]:
             "Both cameras before rectification, under OpenCV’s names; lengths in m.",
         ),
     ]
-
-
-def file_of_image(stem: str, image: Image, meaning: str) -> File:
-    """Return the file of an image whose name begins so."""
-    name, write = image_file(stem, image)
-    label = f"{stem.replace('_', ' ').capitalize()} {name.rpartition('.')[2].upper()}"
-    return File(label, name, partial(write, image), meaning)
 
 
 def image_names(pair: Pair, before: str = "") -> tuple[str, str]:

@@ -39,7 +39,7 @@ from stereolag.ui.controls import (
 )
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
-from stereolag.ui.elements import announce, show_picture, show_refused
+from stereolag.ui.elements import announce, in_columns, show_picture, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
     PackedPicture,
@@ -398,11 +398,10 @@ def _smaller(pair: Pair, divisor: int) -> Pair:
 def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
     """Show the maps of a few settings side by side, if nobody has to wait for them."""
     low, high, palette = view.colours.low, view.colours.high, view.colours.palette
-    for column, (title, matcher) in zip(st.columns(len(matchers)), matchers.items(), strict=True):
+    for title, matcher in in_columns(matchers.items(), gap="small"):
         result = computed_at_once(**_computation(view.pair, matcher))
         if result is not None:
-            with column:
-                show_picture(png(coloured(result.disparity, low, high, palette)), title, title)
+            show_picture(png(coloured(result.disparity, low, high, palette)), title, title)
 
 
 def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:

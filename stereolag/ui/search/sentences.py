@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -105,7 +106,7 @@ def numbers_of(trial: Trial) -> str:
     return f"{best} {trial.score:.3f} · {duration(trial.elapsed_s)}"
 
 
-def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float) -> str:
+def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) -> str:
     """Return a sentence or two on why the methods succeeded or failed."""
     of = {trial.method: trial for trial in trials}
     fft, sampled = of["fft"], of["sampled"]

@@ -1,0 +1,584 @@
+"""The parts of the page that measures a lag: the verdict, its curve and files, panels moved by hand, and other methods.
+
+The panels are the interactive counterparts of Figs. 1.1, 1.3b, A.2 and C.1 to C.3 of the report. All but the disturbed
+recordings run in the browser; those are mixed and measured here whenever a slider moves.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import cache, lru_cache, partial
+from typing import Any, Final, cast, get_args
+
+import numpy as np
+import streamlit as st
+
+from stereolag import samples
+from stereolag.core.arrays import Vector
+from stereolag.core.jobs import Estimate, Progress, limits, part
+from stereolag.core.searches import LagSearch, SignalMethod
+from stereolag.core.settings import Bounds
+from stereolag.core.typography import typeset
+from stereolag.figures import recordings as figures
+from stereolag.figures.recordings import band_of_chance
+from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
+from stereolag.io.alignment import aligned_file, check_wav
+from stereolag.io.programs import lag_command, lag_script
+from stereolag.io.results import curve_csv, lag_json
+from stereolag.io.sources import npy
+from stereolag.signals import SignalLag, by_hand, estimate_lag, phasors, signal_lag
+from stereolag.signals.alignment import align, mix
+from stereolag.signals.correlation import HeldRecording, overlap_pearson, overlap_slices
+from stereolag.signals.lag import normalised
+from stereolag.signals.over_time import LagOverTime
+from stereolag.ui import prose
+from stereolag.ui.components import component
+from stereolag.ui.downloads import File, refusal_of, take_away, too_large
+from stereolag.ui.elements import Number, announce, show_line
+from stereolag.ui.inputs import LONGEST_S, RecordingPair, example_recordings, player
+from stereolag.ui.lag import COLOURS
+from stereolag.ui.lag.sentences import (
+    DISTURBANCE_EXAMPLES,
+    DISTURBANCE_WORDS,
+    IN_A_SENTENCE,
+    PHASOR_EXAMPLES,
+    PHASOR_INTRODUCTION,
+    PHASOR_WORDS,
+    PLAN_INTRODUCTION,
+    SLIDING_EXAMPLES,
+    SLIDING_WORDS,
+    aligned_in_words,
+    blocks_in_words,
+    close_up_in_words,
+    disturbed_in_words,
+    drift_in_words,
+    excerpt_in_words,
+    excerpt_slid_in_words,
+    heard_in_words,
+    own_in_words,
+    ribbon_in_words,
+    run_times_in_words,
+    waveforms_in_words,
+)
+from stereolag.ui.navigation import fragment
+from stereolag.ui.results import computed_or_refused, remembered
+from stereolag.ui.sentences import CURVES, LAG_METHODS, duration
+from stereolag.ui.streamlit_inside import Container
+
+WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
+PLAIN_CURVE = "correlation (Pearson)"
+
+KEY = "lag.take"
+NAMES = ("recording_1.npy", "recording_2.npy")
+
+CURVE_LAGS = 1_000_000
+"""Most lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
+
+BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 80, 256
+"""Memory while the ZIP is made: recordings and curve, as numbers and as text."""
+
+BYTES_OF_ALIGNED, BYTES_OF_A_LINE = 10, 60
+"""Memory per sample while the aligned WAV, and the CSV, are written."""
+
+ALIGNED = "Recording 2 on the clock of recording 1, lag, drift and steps undone, as long as recording 1."
+
+
+def assumed(pair: RecordingPair, search: LagSearch) -> set[str]:
+    """Return the settings that neither the recordings nor the visitor gave."""
+    first = LagSearch()
+    return {
+        name
+        for name in ("speed", "sampling_rate")
+        if getattr(pair, name) is None and getattr(search, name) == getattr(first, name)
+    }
+
+
+def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the verdict and the lag in words and numbers; metres only if the lag is sure."""
+    headline = verdict_in_words(result, assumed(pair, search))
+    prose.header(headline, anchor=False)
+    announce(headline)
+    for sentence in verdict_explained(result):
+        prose.markdown(sentence)
+    changes = result.over_time is not None and result.over_time.shows
+    numbers = []
+    if result.verdict != "sure":
+        doubtful = "In samples, where the curve is highest: not a lag to rely on."
+        numbers.append(Number("Highest at", f"{result.lag:,}", doubtful))
+    score, undone = result.score, ""
+    if changes and result.over_time is not None:
+        score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
+    agreement = f"Pearson’s correlation where both overlap{undone}: 1 is perfect agreement."
+    numbers.append(Number("Agreement", f"{score:.3f}", agreement))
+    judgement = result.judgement
+    evidence = f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed"
+    meaning = "How far the peak stands above chance, in standard deviations, and how far it must for this many lags."
+    numbers.append(Number("Evidence", evidence, meaning))
+    took = Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
+    show_line((*numbers, took))
+
+
+def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the correlation curve with the range expected by chance."""
+    sizes, title = None, CURVES[search.method]
+    if search.method in ("fft", "direct"):
+        curve = st.segmented_control(
+            "Curve", (WEIGHTED, PLAIN), default=WEIGHTED, required=True, key="lag.curve", label_visibility="collapsed"
+        )
+        if curve == PLAIN:
+            sizes, title = (pair.signal_1.size, pair.signal_2.size), PLAIN_CURVE
+    curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
+    st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
+    if result.lags is not None:
+        said = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair")
+        first, _, more = said.partition(". ")
+        prose.caption(f"{first.removesuffix('.')}.", help=typeset(more) or None)
+
+
+def show_over_time(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the lag of each block over time."""
+    over_time = result.over_time
+    if over_time is None:
+        prose.caption("The lag was not measured block by block: that takes a sure lag, and recordings that are longer.")
+        return
+    figure = figures.lag_over_time(over_time, search.sampling_rate)
+    st.plotly_chart(figure, key="lag_over_time", alt=blocks_in_words(over_time, search.sampling_rate))
+    prose.caption(drift_in_words(over_time))
+
+
+def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show both recordings with the lag removed, whole and up close."""
+    second, lag = lined_up(pair, result)
+    left, right = st.columns(2, gap="large")
+    with left:
+        prose.markdown("### Shifted to line up")
+        both = figures.aligned(pair.signal_1, second, lag, search.sampling_rate)
+        st.plotly_chart(both, key="aligned", alt=aligned_in_words(result))
+    with right:
+        shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
+        prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
+        start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
+        if start < highest:
+            liveliest = figures.liveliest_start(pair.signal_1, shared)
+            start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
+        close_up = figures.close_up(pair.signal_1, second, lag, start)
+        st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(lag, start))
+
+
+def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show both recordings with a player each, and play both together, before and after the lag is undone."""
+    rate = search.sampling_rate
+    waveforms = figures.waveforms(pair.signal_1, pair.signal_2, rate)
+    st.plotly_chart(waveforms, key="waveforms", alt=waveforms_in_words(pair.signal_1, pair.signal_2, rate))
+    columns = st.columns(4, gap="medium")
+    for column, signal, name in zip(columns, (pair.signal_1, pair.signal_2), "12", strict=False):
+        with column:
+            player(signal, rate, f"sensor {name}")
+    _hear_both(pair, result, rate, columns[2:])
+
+
+def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
+    """Return recording 2 to be drawn beside recording 1, and the whole lag still to be undone, samples."""
+    if result.over_time is not None and result.over_time.shows:
+        return _aligned(pair, result), 0
+    opposite = result.judgement.opposite_lag
+    return pair.signal_2, result.lag if opposite is None else opposite
+
+
+def _aligned_score(pair: RecordingPair, result: SignalLag, over_time: LagOverTime) -> float:
+    """Return Pearson's correlation of recording 1 and of recording 2 on its clock, where both have samples."""
+    shared = slice(over_time.stretches[0].begin, over_time.stretches[-1].end)
+    first, second = (HeldRecording(normalised(one[shared])) for one in (pair.signal_1, _aligned(pair, result)))
+    return overlap_pearson(first, second, 0)
+
+
+def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
+    """Return recording 2 on the clock of recording 1; at its best-fitting lag if that is not sure."""
+    lag = result if result.verdict == "sure" else result.lag_subsample
+    return remembered(
+        "aligned recording",
+        lambda: np.asarray(align(pair.signal_1, pair.signal_2, lag), dtype=np.float64),
+        inputs=pair.digest,
+        settings=f"{result.lag_subsample} {result.over_time}",
+        shared=pair.shared,
+    )
+
+
+def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Offer the files of a lag."""
+    memory = BYTES_OF_A_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
+    memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
+    files, command = lag_files(pair, result, search), lag_command(search, *NAMES)
+    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key=KEY)
+
+
+def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:
+    """Return the files of a lag, in the order they are offered."""
+    rate, first, second = search.sampling_rate, pair.signal_1, pair.signal_2
+    votes = result.lags is None
+    many = result.lags is not None and len(result.lags) > CURVE_LAGS
+    which = f"the {CURVE_LAGS:,} lags around the one found" if many else "every lag"
+    if result.lags is not None and result.lags[-1] - result.lags[0] >= len(result.lags):
+        which = "the highest lag of each stretch, as drawn"
+    refusal = "" if result.verdict == "sure" else "Only a lag that is sure can be undone."
+    return [
+        File(
+            "Votes CSV" if votes else "Curve CSV",
+            "votes.csv" if votes else "curve.csv",
+            partial(curve_csv, result, rate, CURVE_LAGS),
+            "Lags in samples and in seconds, and their votes."
+            if votes
+            else f"Lag in samples, time in seconds and correlation, of {which}.",
+        ),
+        File(
+            "Result JSON",
+            "lag.json",
+            partial(lag_json, result, search, assumed(pair, search)),
+            "The figures and settings, with the names of stereolag lag --json.",
+        ),
+        File(
+            "Aligned WAV",
+            "aligned.wav",
+            partial(aligned_file, ".wav", first, second, result, rate),
+            f"{ALIGNED} 32-bit floats.",
+            refusal or refusal_of(partial(check_wav, first.size, rate)) or too_large(BYTES_OF_ALIGNED * first.size),
+        ),
+        File(
+            "Aligned CSV",
+            "aligned.csv",
+            partial(aligned_file, ".csv", first, second, result, rate),
+            f"{ALIGNED} Time in seconds, and the samples.",
+            refusal or too_large(BYTES_OF_A_LINE * first.size),
+        ),
+        File("Python script", "reproduce.py", partial(lag_script, search, *NAMES), "Measures this lag again."),
+        File("", NAMES[0], partial(npy, first), "The samples of sensor 1 as they were compared."),
+        File("", NAMES[1], partial(npy, second), "The samples of sensor 2 as they were compared."),
+    ]
+
+
+def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float, columns: Sequence[Container]) -> None:
+    most = round(LONGEST_S * sampling_rate)
+    aligned = _aligned(pair, result)
+    # Long ones are heard from where both have begun.
+    begun = max(0, -result.lag) if aligned.size > most else 0
+    heard = {
+        "as recorded": (pair.signal_1[:most], pair.signal_2[:most]),
+        "the lag undone": (pair.signal_1[begun:][:most], aligned[begun:][:most]),
+    }
+    for column, (name, both) in zip(columns, heard.items(), strict=True):
+        with column:
+            player(mix(*both), sampling_rate, f"both, {name}")
+    said = heard_in_words(result)
+    if max(pair.signal_1.size, pair.signal_2.size) > most:
+        said += f" Only {LONGEST_S} s are played."
+    prose.caption(said)
+
+
+# Panels
+
+_sliding, _disturbances, _phasors, _plan = map(component, ("sliding", "disturbances", "phasors", "plan"))
+
+# Slide it
+
+
+def slide_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show an excerpt of the recordings to slide by hand, beside the correlation of the whole recordings."""
+    by_hand_place, curve = st.columns([2, 1], gap="medium")
+    with by_hand_place:
+        slide_by_hand(pair, result)
+    with curve:
+        show_curve(pair, result, search)
+        prose.markdown(IN_A_SENTENCE)
+
+
+def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False) -> None:
+    """Show an excerpt of the recordings, if they overlap enough, and the examples that can be slid by hand.
+
+    A small one is low, without the other examples, and explains nothing.
+    """
+    own = remembered(
+        "excerpt",
+        lambda: _excerpt(pair, result),
+        inputs=pair.digest,
+        settings=f"{result.lag} {result.verdict}",
+        shared=pair.shared,
+    )
+    examples = json.loads(own) + ([] if small else _slides())
+    _sliding(
+        key="lag.sliding",
+        data={"examples": examples, "colours": COLOURS, "words": SLIDING_WORDS, "small": small},
+    )
+
+
+def _excerpt(pair: RecordingPair, result: SignalLag) -> bytes:
+    """Return the excerpt of the recordings as JSON, in a list that is empty if they overlap too little."""
+    found = by_hand.excerpt(pair.signal_1, pair.signal_2, result.lag)
+    return json.dumps([described_slide(found, **excerpt_slid_in_words(found, result))] if found else []).encode()
+
+
+@cache
+def _slides() -> list[dict[str, Any]]:
+    slides = by_hand.seven_numbers(), by_hand.tone(), by_hand.noise(), by_hand.loud_stretch()
+    return [described_slide(slide, **SLIDING_EXAMPLES[slide.name]) for slide in slides]
+
+
+def described_slide(slide: by_hand.Slide, **said: Any) -> dict[str, Any]:
+    """Return an example as data for the browser, together with its texts, `said`."""
+    return {
+        "name": slide.name,
+        "cut": slide.cut.round(4).tolist(),
+        "recording": slide.recording.round(4).tolist(),
+        "lag": slide.lag,
+        "step": slide.step,
+        "whole": bool((slide.recording == slide.recording.round()).all()),
+        **said,
+    }
+
+
+# Fool it
+
+SLIDERS: Final = [
+    {
+        "name": name,
+        "title": field.title,
+        "meaning": field.description,
+        **asdict(Bounds.of(field)),
+        **cast("dict[str, str]", field.json_schema_extra),
+    }
+    for name, field in by_hand.Disturbances.model_fields.items()
+    if field.title
+]
+
+SHOWN: Final = slice(3000, 3240)
+"""The samples of recording 1 shown above those of recording 2 that line up with them."""
+
+
+@fragment
+def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show sliders that disturb a sound, whatever was measured, and their effect on the peak.
+
+    The library measures it whenever a slider moves.
+    """
+    key = "lag.fooling"
+    try:
+        asked = by_hand.Disturbances.model_validate(dict(st.session_state.get(key) or {}).get("settings") or {})
+    except ValueError:
+        asked = by_hand.Disturbances()
+    _disturbances(
+        key=key,
+        data={
+            "sliders": SLIDERS,
+            "start": by_hand.Disturbances().model_dump(),
+            "examples": DISTURBANCE_EXAMPLES,
+            "colours": COLOURS,
+            "words": DISTURBANCE_WORDS,
+            "lag": by_hand.LAG,
+            **judged(asked),
+        },
+        on_settings_change=lambda: None,
+    )
+
+
+@lru_cache(maxsize=64)
+def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
+    """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
+    first, second = by_hand.disturbed(settings)
+    result = signal_lag(first, second, max_lag=by_hand.MAX_LAG)
+    assert result.correlation is not None
+    of_second = slice(SHOWN.start + result.lag, SHOWN.stop + result.lag)
+    return {
+        "settings": settings.model_dump(),
+        "said": disturbed_in_words(settings, result),
+        "recordings": [part.round(3).tolist() for part in (first[SHOWN], second[of_second])],
+        "curve": result.correlation.round(5).tolist(),
+        "ribbon": band_of_chance(result),
+        "peak": result.lag,
+        "rivals": result.rivals,
+        "verdict": result.verdict,
+        **{name: getattr(result.judgement, name) for name in ("evidence", "chance", "needed")},
+    }
+
+
+# Arrows that line up
+
+
+def show_phasors(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the arrows of the examples, and of the visitor's own recordings if a lag was found."""
+    prose.markdown(PHASOR_INTRODUCTION)
+    _phasors(
+        key="lag.phasors",
+        data={
+            "examples": [*_own_phasors(pair, result), *_example_phasors()],
+            "colours": COLOURS,
+            "words": PHASOR_WORDS,
+        },
+    )
+
+
+def _own_phasors(pair: RecordingPair, result: SignalLag) -> list[dict[str, Any]]:
+    if pair.shared or result.verdict == "nothing":
+        return []
+    found = phasors.common_stretch("own", pair.signal_1, pair.signal_2, result.lag)
+    return [described_phasors(found, **own_in_words(found))] if found else []
+
+
+@cache
+def _example_phasors() -> list[dict[str, Any]]:
+    excerpts = []
+    for name, example in samples.recordings().items():
+        pair = example_recordings(name)
+        found = phasors.common_stretch(name, pair.signal_1, pair.signal_2, example.lag)
+        excerpts += [found] if found else []
+    return [
+        described_phasors(one, **PHASOR_EXAMPLES[one.name])
+        for one in (phasors.knock(), *excerpts, phasors.tone(), phasors.noise())
+    ]
+
+
+def described_phasors(found: phasors.Phasors, **said: Any) -> dict[str, Any]:
+    """Return an example as data for the browser, together with its texts, `said`."""
+    described = {
+        "name": found.name,
+        "magnitude_1": _significant(found.magnitude_1),
+        "magnitude_2": _significant(found.magnitude_2),
+        "turns": found.turns.round(6).tolist(),
+        "size": phasors.SIZE,
+        "longest": phasors.LONGEST_LAG,
+        "offset": found.offset,
+        "step": found.step,
+        "excerpt": found.offset != 0 or found.step > 1,
+        **said,
+    }
+    return described | {"try": f"{excerpt_in_words(found)} {said['try']}"} if described["excerpt"] else described
+
+
+def _significant(values: Vector) -> list[float]:
+    """Return each value to six significant digits, so that no nonzero value becomes 0."""
+    return [float(f"{value:.6g}") for value in values]
+
+
+# From lag to metres
+
+EXAMPLE_M = 100.0
+"""Initial distance between the sensors if no path difference was measured, m."""
+
+
+def show_plan(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the source positions that give the measured lag, if it is sure."""
+    prose.markdown(PLAN_INTRODUCTION)
+    measured = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
+    _plan(
+        key="lag.plan",
+        data={"difference": measured, "example": EXAMPLE_M, "speed": search.speed, "colours": COLOURS},
+    )
+
+
+# Other methods, and run times
+
+LONGEST_METHOD_S = 60.0
+"""Methods expected to take longer are left out of the table."""
+
+RUNS = (10, 200, 50)
+"""Minimum, maximum and default number of runs."""
+
+
+def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Offer to run every method on the recordings, and the selected one many times."""
+    left, right = st.columns(2, gap="large")
+    with left:
+        _show_table(pair, search)
+    with right:
+        _show_run_times(pair, search)
+
+
+def _show_table(pair: RecordingPair, search: LagSearch) -> None:
+    estimates = {method: _estimate(pair, search, method) for method in get_args(SignalMethod)}
+    fitting = [method for method, estimate in estimates.items() if _fits(estimate)]
+    total = Estimate(
+        max((estimates[method].memory for method in fitting), default=0),
+        sum(estimates[method].seconds for method in fitting),
+    )
+    prose.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
+    asked = f"lag.comparison.{pair.digest}"
+    if st.button("Compare the methods", key=f"{asked}.button", disabled=not fitting):
+        st.session_state[asked] = True
+    if not st.session_state.get(asked):
+        return
+
+    def measure(progress: Progress) -> list[SignalLag]:
+        parts = (part(progress, number, len(fitting)) for number in range(len(fitting)))
+        return [_lag_by(pair, search, *each) for each in zip(fitting, parts, strict=True)]
+
+    found = computed_or_refused(
+        "lag methods",
+        measure,
+        total,
+        inputs=pair.digest,
+        settings=search.model_dump_json(exclude={"method"}),
+        shared=pair.shared,
+        label="Measuring …",
+    )
+    if found is not None:
+        alt = "Lag, score, verdict and time of each method."
+        lags = dict(zip(fitting, found, strict=True))
+        st.dataframe(_in_columns(lags, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
+
+
+def _in_columns(lags: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
+    """Return the columns of the table, formatted for display; methods without a lag were left out."""
+    rows = []
+    for method, estimate in estimates.items():
+        result = lags.get(method)
+        if result is None:
+            rows.append((LAG_METHODS[method], "–", "–", "left out", typeset(f"about {duration(estimate.seconds)}")))
+            continue
+        lag = typeset(f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})")
+        took = typeset(duration(result.elapsed_s))
+        rows.append((LAG_METHODS[method], lag, typeset(f"{result.score:.3f}"), result.verdict, took))
+    titles = ("Method", "Lag, samples", "Score", "Verdict", "Time")
+    return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
+
+
+def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
+    name = LAG_METHODS[search.method]
+    fewest, most, at_first = RUNS
+    runs = st.slider("Runs", fewest, most, at_first, step=fewest, key="lag.runs")
+    once = _estimate(pair, search, search.method)
+    total = Estimate(once.memory, runs * once.seconds)
+    asked = f"lag.run_times.{pair.digest}"
+    if st.button(f"Time {runs} runs of {name}", key=f"{asked}.button", disabled=once.memory > limits().job_memory):
+        st.session_state[asked] = search.method, runs
+    if st.session_state.get(asked) != (search.method, runs):
+        return
+
+    def measure(progress: Progress) -> Vector:
+        parts = (part(progress, run, runs) for run in range(runs))
+        return np.array([_lag_by(pair, search, search.method, one).elapsed_s for one in parts])
+
+    seconds = computed_or_refused(
+        "lag run times",
+        measure,
+        total,
+        inputs=pair.digest,
+        settings=f"{runs} {search.model_dump_json()}",
+        shared=pair.shared,
+        label="Measuring …",
+    )
+    if seconds is not None:
+        st.plotly_chart(figures.run_times(seconds), key="lag.run_times.figure", alt=run_times_in_words(seconds))
+        prose.caption(f"{name}: half of the runs took less than {duration(float(np.median(seconds)))}.")
+
+
+def _lag_by(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
+    settings = search.model_dump() | {"method": method}
+    return signal_lag(pair.signal_1, pair.signal_2, **settings, seed=0, progress=progress)
+
+
+def _estimate(pair: RecordingPair, search: LagSearch, method: SignalMethod) -> Estimate:
+    return estimate_lag(pair.signal_1.size, pair.signal_2.size, method=method, max_lag=search.max_lag)
+
+
+def _fits(estimate: Estimate) -> bool:
+    return estimate.seconds <= LONGEST_METHOD_S and estimate.memory <= limits().job_memory

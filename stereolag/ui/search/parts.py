@@ -1,0 +1,413 @@
+"""The parts of the page that searches for a template: the answer, its places and files, panels, and other methods.
+
+The panels are the interactive counterparts of Figs. 1.6, 1.9 and B.2 to B.4 of the report. They run in the browser, and
+nothing is sent back.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import streamlit as st
+
+from stereolag.core.jobs import Estimate
+from stereolag.core.searches import TemplateQuery
+from stereolag.figures import templates as figures
+from stereolag.figures.pictures import FRAME, fitted, jpeg
+from stereolag.figures.templates import trial_jpeg
+from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
+from stereolag.io.programs import find_command, find_script
+from stereolag.io.results import matches_csv, matches_json
+from stereolag.templates import TemplateMatch, TemplateSearch, estimate_search
+from stereolag.templates.by_hand import Anchor, anchors, reduced_search
+from stereolag.templates.trials import (
+    Degradation,
+    Trial,
+    degraded_part,
+    estimate_opencv,
+    is_masked,
+    opencv_search,
+    part_shape,
+    try_methods,
+)
+from stereolag.ui import prose
+from stereolag.ui.components import component, packed_score_map, packed_search
+from stereolag.ui.controls import control
+from stereolag.ui.downloads import File, file_of_image, take_away
+from stereolag.ui.elements import Number, announce, data_address, in_columns, show_line, show_picture
+from stereolag.ui.inputs import PictureAndTemplate
+from stereolag.ui.navigation import fragment
+from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, remembered
+from stereolag.ui.search.sentences import (
+    FUNNEL_WORDS,
+    OUTCOMES,
+    SCORE_MAP_WORDS,
+    differences,
+    found_in_words,
+    left_out_in_words,
+    lesson,
+    nearest_in_words,
+    numbers_of,
+    table,
+    template_words,
+    why_no_score_map,
+    why_not_found,
+)
+from stereolag.ui.sentences import duration
+
+CLOSE_UPS = 3
+
+KEY = "template.take"
+
+BYTES_OF_A_PIXEL = 24
+"""Memory while the ZIP is made: the image in colour, framed, and both as files."""
+
+
+def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the result in words and one line of numbers."""
+    prose.header(headline(result), anchor=False)
+    announce(f"{headline(result)}. Score {_score(result.best)}.")
+    best, rival = result.best, result.rivals[0] if result.rivals else None
+    meaning = "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
+    show_line(
+        (
+            Number("Score", _score(best), meaning),
+            Number("Best rival", _score(rival), "The best place elsewhere."),
+            Number("Places found", f"{result.clear}", "Places that show the template."),
+            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
+            Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
+        )
+    )
+    if not result.found:
+        prose.warning(why_not_found(result, query), icon=":material/search_off:")
+    elif remark := found_in_words(result):
+        prose.info(remark, icon=":material/info:")
+    for said in filter(None, (nearest_in_words(result), left_out_in_words(result))):
+        prose.caption(said)
+
+
+def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the places framed in the image, and the best ones enlarged beside it."""
+    whole, beside = st.columns([3, 1], gap="medium")
+    with whole:
+        places = result.matches[: result.clear]
+        show_picture(
+            drawn_once(
+                "places framed",
+                lambda: figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape),
+                inputs,
+                query,
+            ),
+            framed_in_words(result),
+        )
+    with beside:
+        if not result.found:
+            show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
+        for match in (places or doubtful(result))[:CLOSE_UPS]:
+            close_up = partial(
+                figures.match_close_up,
+                inputs.picture,
+                match,
+                doubtful=not result.found,
+                template=inputs.template.shape,
+            )
+            drawn = drawn_once(f"close-up at {place(match)}", close_up, inputs, query)
+            show_picture(drawn, f"The image up close at {place(match)}", place(match))
+
+
+def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
+    """Return a drawing of a search, cached: the page reruns for other controls too."""
+    return remembered(what, draw, inputs=inputs.digest, settings=query.model_dump_json(), shared=inputs.shared)
+
+
+def _score(match: TemplateMatch | None) -> str:
+    return "–" if match is None else f"{match.score:.3f}"
+
+
+def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the map of scores, one for every position of the template."""
+    score_map = result.score_map
+    if score_map is None:
+        prose.caption(why_no_score_map(query))
+        return
+    prose.markdown("### How well it fits at every place")
+    scores, legend = st.columns([3, 1], gap="medium")
+    with scores:
+        marked = result.matches[: result.clear] or doubtful(result)
+
+        def pack() -> bytes:
+            drawn = figures.score_map_png(score_map, marked)
+            return packed_score_map(drawn, score_map, name=NAME, words=SCORE_MAP_WORDS)
+
+        _score_map(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
+    alt = "Colours of the scores: dark at 0, yellow at 1."
+    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
+    legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
+    if is_cut_off(result):
+        legend.caption("The place found is not on the map: part of it is outside the image.")
+
+
+def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Offer the files of a template search."""
+    memory = BYTES_OF_A_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
+    files, command = match_files(inputs, result, query), find_command(query, *(one.name for one in _inputs(inputs)))
+    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key=KEY)
+
+
+def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
+    """Return the files of a template search, in the order they are offered."""
+    images, (rows, cols) = _inputs(inputs), inputs.picture.shape[:2]
+    places, doubts = result.matches[: result.clear], doubtful(result)
+    framed = partial(figures.framed, inputs.picture, places, doubts, template=inputs.template.shape, width=cols)
+    return [
+        File(
+            "Matches CSV",
+            "matches.csv",
+            partial(matches_csv, result),
+            "One line per match, best first; clear is 1 where it can be relied on.",
+        ),
+        File(
+            "Matches JSON",
+            "matches.json",
+            partial(matches_json, result, query),
+            "The matches, figures and settings, with the names of stereolag find --json.",
+        ),
+        File(
+            "Framed PNG",
+            "framed.png",
+            framed,
+            f"The image at full size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
+            "doubtful.",
+            "" if result.best else "Nothing was found to frame.",
+        ),
+        File(
+            "Python script",
+            "reproduce.py",
+            partial(find_script, query, *(one.name for one in images)),
+            "Searches again.",
+        ),
+        *images,
+    ]
+
+
+def _inputs(inputs: PictureAndTemplate) -> list[File]:
+    """Return the files of the image, the template and its mask, if any; they are in the ZIP alone."""
+    images = [("image", inputs.picture, "The image."), ("template", inputs.template, "The template.")]
+    if inputs.mask is not None:
+        images.append(("mask", inputs.mask, "The mask: above 0 where the template counts."))
+    return [file_of_image(*one)._replace(label="") for one in images]
+
+
+# Panels
+
+NAME = "template"
+"""Name of the search in the browser: a place clicked on the score map is sent to it."""
+
+_score_map, _template, _funnel = map(component, ("score_map", "template_by_hand", "funnel"))
+
+
+def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the picture, with the template to drag over it and the places found framed, and the score of every place.
+
+    The picture is reduced for the browser. The reduction is aligned so that the best place falls on a pixel.
+    """
+    best = result.best
+    framed = [("found", match) for match in result.matches[: result.clear]]
+    framed = framed or [("doubtful", match) for match in doubtful(result)]
+
+    def pack() -> bytes:
+        near = (max(best.row, 0), max(best.col, 0)) if best else None
+        search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near, score_map=result.score_map)
+        places = []
+        for kind, match in framed:
+            here = replace(match, row=match.row - search.row, col=match.col - search.col)
+            corners = figures.corners_of(here, 1 / search.factor, 1, inputs.template.shape)
+            places.append({"kind": kind, "corners": corners})
+        return packed_search(search, name=NAME, words=template_words(search), places=places)
+
+    try:
+        data = drawn_once("search by hand", pack, inputs, query)
+    except ValueError:
+        prose.caption("Too little is left of this template when it is reduced for the browser.")
+    else:
+        _template(key="template.by_hand", data=data)
+    show_scores(inputs, result, query)
+
+
+# Step by step
+
+FUNNEL_WIDTH: Final = 900
+"""Width of the picture behind the dots, px."""
+
+
+def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the image pixels that remain after each step of the "sampled" search, for any anchor."""
+    try:
+        shown = computed(
+            "funnel",
+            lambda _: _funnel_data(inputs),
+            inputs=inputs.digest,
+            settings="",
+            shared=inputs.shared,
+            label="Looking for rare pixels …",
+        )
+    except ValueError as error:
+        prose.caption(f"“Sampled” cannot search here: {error}")
+        return
+    _funnel(key="template.funnel", data=json.loads(shown))
+
+
+def _funnel_data(inputs: PictureAndTemplate) -> bytes:
+    """Return the data for the browser, as JSON."""
+    told = {
+        "picture": data_address(jpeg(fitted(inputs.picture, FUNNEL_WIDTH))),
+        "template": data_address(figures.what_counts(inputs.template, inputs.mask)),
+        "rows": inputs.picture.shape[0],
+        "cols": inputs.picture.shape[1],
+        "height": inputs.template.shape[0],
+        "width": inputs.template.shape[1],
+        "anchors": [_told(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
+        "frame": f"rgb{FRAME}",
+        "words": FUNNEL_WORDS,
+    }
+    return json.dumps(told).encode()
+
+
+def _told(anchor: Anchor) -> dict[str, Any]:
+    """Return an anchor as data for the browser: at the last step one place is left, the best of all that are scored."""
+    *narrowed, scored = anchor.counts
+    return asdict(anchor) | {"counts": [*narrowed, 1 if anchor.best else narrowed[-1]], "scored": scored}
+
+
+# Other methods, and a damaged image
+
+TASK: Final = "template search by OpenCV"
+
+DAMAGE: Final = "degrade"
+
+METHODS: Final = {"fft": "FFT", "sampled": "Sampled", "opencv": "OpenCV"}
+
+MARKS: Final = {
+    "right": "green[:material/check_circle:",
+    "elsewhere": "orange[:material/wrong_location:",
+    "missed": "red[:material/cancel:",
+    "refused": "gray[:material/block:",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """The outcome of a method on a damaged image, and a JPEG of it."""
+
+    trial: Trial
+    picture: bytes
+
+
+@fragment
+def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Search with OpenCV too, and show place, score and time of both."""
+    masked = is_masked(inputs.template, inputs.mask)
+    theirs = computed_or_refused(
+        TASK,
+        lambda _: opencv_search(inputs.picture, inputs.template, mask=inputs.mask),
+        estimate_opencv(inputs.picture.shape, masked),
+        inputs=inputs.digest,
+        settings="",
+        shared=inputs.shared,
+        label="Searching with OpenCV …",
+    )
+    if theirs is None:
+        return
+    prose.markdown(table(result, theirs, query.method, masked))
+    same = " and with the same mask" if masked else ""
+    prose.caption(f"OpenCV’s is `cv2.matchTemplate` with `TM_CCOEFF_NORMED`, on the whole image{same}.")
+    for sentence in differences(result, theirs, query.method):
+        prose.caption(sentence)
+
+
+@fragment
+def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
+    """Offer sliders that damage the image around the template, and show the result of each method.
+
+    If the true place is unknown, the one found is taken.
+    """
+    min_score, place = query.min_score, _place(inputs, result)
+    if place is None:
+        prose.caption("No place wholly inside the image was found, so there is none to damage.")
+        return
+    height, width = inputs.template.shape[:2]
+    rows, cols = part_shape(inputs.picture.shape, (height, width))[:2]
+    prose.caption(
+        f"The sliders change the {cols} × {rows} pixels around the template; only these are searched again, so there "
+        "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it, with "
+        "at least the minimum score."
+    )
+    degradation = _ask_damage()
+    attempts = computed_in_turn(
+        "degraded search",
+        lambda _: _tried(inputs, place, degradation, min_score),
+        _estimate_trials(inputs),
+        inputs=inputs.digest,
+        settings=f"{degradation.model_dump_json()} {place} {min_score}",
+        shared=inputs.shared,
+        label="Searching the damaged image …",
+    )
+    if attempts is None:
+        return
+    trials = [one.trial for one in attempts]
+    for one, trial in in_columns(zip(attempts, trials, strict=True)):
+        name, outcome = METHODS[trial.method], OUTCOMES[trial.outcome]
+        prose.markdown(f"**{name}** :{MARKS[trial.outcome]} {outcome}]")
+        show_picture(one.picture, f"The damaged image, searched by {name}: {outcome}.")
+        prose.caption(numbers_of(trial))
+    prose.markdown(lesson(trials, degradation, min_score))
+
+
+def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int] | None:
+    if inputs.place is not None or not result.found or is_cut_off(result):
+        return inputs.place
+    best, (height, width) = result.matches[0], inputs.template.shape[:2]
+    # If it was found at another size, keep its centre.
+    row, col = best.row + (best.height - height) // 2, best.col + (best.width - width) // 2
+    rows, cols = inputs.picture.shape[:2]
+    return min(max(row, 0), rows - height), min(max(col, 0), cols - width)
+
+
+def _ask_damage() -> Degradation:
+    values = {}
+    columns = st.columns(3, gap="medium")
+    for number, name in enumerate(Degradation.model_fields):
+        with columns[number // 2]:
+            values[name] = control(Degradation, name, key=f"{DAMAGE}.{name}")
+    degradation = Degradation(**values)
+    st.button(
+        "Undo all damage", key=f"{DAMAGE}.undo", on_click=_undo, disabled=degradation == Degradation(), type="tertiary"
+    )
+    return degradation
+
+
+def _undo() -> None:
+    for name, field in Degradation.model_fields.items():
+        st.session_state[f"{DAMAGE}.{name}"] = field.default
+
+
+def _tried(
+    inputs: PictureAndTemplate, place: tuple[int, int], degradation: Degradation, min_score: float
+) -> list[Attempt]:
+    shape = inputs.template.shape[0], inputs.template.shape[1]
+    part = degraded_part(inputs.picture, place, shape, degradation)
+    here = part.row, part.col
+    trials = try_methods(part.pixels, inputs.template, here, mask=inputs.mask, min_score=min_score)
+    return [Attempt(trial, trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
+
+
+def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
+    masked = is_masked(inputs.template, inputs.mask)
+    shape = part_shape(inputs.picture.shape, (inputs.template.shape[0], inputs.template.shape[1]))
+    ours = estimate_search(shape, inputs.template.shape, dtype=inputs.picture.dtype, masked=masked)
+    theirs = estimate_opencv(shape, masked)
+    return Estimate(max(ours.memory, theirs.memory), ours.seconds + theirs.seconds)
