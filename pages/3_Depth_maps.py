@@ -19,7 +19,6 @@ from stereolag.ui.depth.live import LiveCamera, show_live
 from stereolag.ui.depth.maps import (
     choose_maps,
     coloured_alike,
-    follow_dragged,
     measured,
     offer_fit,
     send_ahead,
@@ -28,6 +27,7 @@ from stereolag.ui.depth.maps import (
     show_presets,
     shown_methods,
 )
+from stereolag.ui.depth.sliders import follow_sliders
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
@@ -97,7 +97,7 @@ with page("Depth maps"):
     if isinstance(pair, LiveCamera):
         show_live(pair)
     else:
-        follow_dragged(pair)
+        follow_sliders(pair)
         workspace(pair)
     with st.expander("The source report"):
         prose.markdown(

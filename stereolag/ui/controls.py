@@ -375,8 +375,8 @@ class _Place:
         The pair the matcher will work on.
     refusals
         Why nested settings were refused, if they conflict; one list for this place and all within it.
-    dragged
-        The class of a slider that is being dragged, and its value there.
+    moved
+        The class of a slider that has been moved, and its value there.
     """
 
     kind: type[Settings]
@@ -385,7 +385,7 @@ class _Place:
     path: str
     pair: Pair
     refusals: list[SettingsError]
-    dragged: tuple[str, Any] = ("", None)
+    moved: tuple[str, Any] = ("", None)
 
     @classmethod
     def of(cls, kind: type[StereoMatcher], pair: Pair) -> _Place:
@@ -434,8 +434,8 @@ class _Place:
             if _kinds(self.kind, name):
                 place = self.within(name)
                 found = place and place.settings()
-            elif self.dragged[0] and class_of(self.key(name)) == self.dragged[0]:
-                found = self.dragged[1]
+            elif self.moved[0] and class_of(self.key(name)) == self.moved[0]:
+                found = self.moved[1]
             else:
                 found = kept_value(self.kind, name, self.key(name), getattr(self.first, name), *self.ends(name))
             setattr(values, name, found if self.applies(name, values) else field.default)
@@ -490,8 +490,8 @@ def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
     return AsSet(place, values, matchers.get(kind.short_name), next(iter(place.refusals), None))
 
 
-def matcher_dragged(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
-    """Return the settings of a method where one of its sliders is being dragged; None if that is no slider of any.
+def matcher_moved(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
+    """Return the settings of a method where one of its sliders has been moved; None if that is no slider of any.
 
     Parameters
     ----------
@@ -500,7 +500,7 @@ def matcher_dragged(pair: Pair, slider: str, value: Any) -> StereoMatcher | None
     slider
         The class of the slider, as :func:`stereolag.ui.keys.class_of` returns it.
     value
-        Its value, which has not been set yet.
+        Its value, which Streamlit may not know yet.
 
     Raises
     ------
@@ -509,7 +509,7 @@ def matcher_dragged(pair: Pair, slider: str, value: Any) -> StereoMatcher | None
     """
     for kind in METHODS:
         if slider.startswith(class_of(setting_key(kind.short_name, ""))):
-            place = replace(_Place.of(kind, pair), dragged=(slider, value))
+            place = replace(_Place.of(kind, pair), moved=(slider, value))
             return cast(StereoMatcher, _made(kind, tuple(place.values().items())))
     return None
 

@@ -397,7 +397,7 @@ def computed_at_once(
     """
     if estimate.seconds >= PATIENCE_S or is_heavy(estimate) or estimate.memory > limits().job_memory:
         return cast(T | None, computed_before(task, inputs=inputs, settings=settings, shared=shared))
-    return remembered(task, lambda: _alone(compute, silent), inputs=inputs, settings=settings, shared=shared)
+    return _remembered_alone(task, compute, inputs=inputs, settings=settings, shared=shared)
 
 
 def computed_in_turn(
@@ -436,7 +436,7 @@ def computed_in_turn(
     if job is None and (result is not None or refused or not is_heavy(estimate)):
         if estimate.seconds < PATIENCE_S:
             # Too short for a progress display, which itself takes time to draw.
-            return remembered(task, lambda: _alone(compute, silent), inputs=inputs, settings=settings, shared=shared)
+            return _remembered_alone(task, compute, inputs=inputs, settings=settings, shared=shared)
         return computed(task, partial(_alone, compute), inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:
@@ -510,6 +510,12 @@ _cores = threading.Lock()
 def _alone(compute: Callable[[Progress], T], progress: Progress) -> T:
     with _cores:
         return compute(progress)
+
+
+def _remembered_alone(task: str, compute: Callable[[Progress], T], **kept: Any) -> T:
+    """Return the result of a light computation; another thread of this visitor may be at the same one."""
+    result: T | None = computed_before(task, **kept)
+    return _alone(lambda _: remembered(task, lambda: compute(silent), **kept), silent) if result is None else result
 
 
 def _forget_job(task: str) -> None:

@@ -11,10 +11,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import streamlit as st
 from starlette.formparsers import MultiPartParser
@@ -28,12 +29,15 @@ from streamlit.proto.ClientState_pb2 import ClientState
 from streamlit.proto.Element_pb2 import Element
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 from streamlit.runtime.app_session import AppSession
-from streamlit.runtime.scriptrunner import get_script_run_ctx
+from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ctx
 from streamlit.runtime.state.safe_session_state import SafeSessionState
 from streamlit.runtime.uploaded_file_manager import UploadedFile
 from streamlit.testing.v1 import AppTest
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 __all__ = ["ComponentRenderer", "Container", "Expander", "UploadedFile"]
 # Types of values that Streamlit returns, but does not export.
@@ -121,6 +125,17 @@ HEAD_START_S = 0.03
 def give_head_start() -> None:
     """Let the browser draw what was sent: no element or option of Streamlit says that something is urgent."""
     time.sleep(HEAD_START_S)
+
+
+def in_this_session(work: Callable[[T], R]) -> Callable[[T], R]:
+    """Return a function that does its work for this session in any thread, which has its state and caches meanwhile."""
+    session = get_script_run_ctx()
+
+    def work_for_session(given: T) -> R:
+        with ThreadPoolExecutor(1, initializer=add_script_run_ctx, initargs=(None, session)) as aside:
+            return aside.submit(work, given).result()
+
+    return work_for_session
 
 
 _watch = st.components.v2.component(

@@ -106,10 +106,13 @@ class Stream:
         a ValueError is answered with its text.
     kept
         Whatever the answers need from one message to the next.
+    brief
+        Whether its messages are few, so that it takes no place of a camera.
     """
 
-    def __init__(self, name: str, kind: type[Message], answer: Callable[[Any], bytes]) -> None:
+    def __init__(self, name: str, kind: type[Message], answer: Callable[[Any], bytes], brief: bool = False) -> None:
         self.name = name
+        self.brief = brief
         self.token = secrets.token_urlsafe(32)
         self.kind = kind
         self.answer = answer
@@ -176,9 +179,9 @@ _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary
 _mounted: list[BaseRoute] = []
 
 
-def open_stream(name: str, kind: type[M], answer: Callable[[M], bytes] | None = None) -> Stream:
+def open_stream(name: str, kind: type[M], answer: Callable[[M], bytes] | None = None, *, brief: bool = False) -> Stream:
     """Return the visitor's stream of a name; `answer` answers its messages, of a kind, from now on, if given."""
-    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(name, kind, _not_ready))
+    stream: Stream = st.session_state.setdefault(f"live.{name}", Stream(name, kind, _not_ready, brief))
     stream.answer = answer or stream.answer
     _streams[stream.token] = stream
     return stream
@@ -193,9 +196,14 @@ def connected(stream: Stream) -> dict[str, Any]:
     Beside the component, it mounts the way by which they come where no socket opens.
     """
     _mount_carrier(stream)
+    return {**address_of(stream), "words": LIVE_WORDS}
+
+
+def address_of(stream: Stream) -> dict[str, Any]:
+    """Return what ``web/shared/socket.js`` needs to open the socket of a stream; no address if there are none."""
     base = st.get_option("server.baseUrlPath").strip("/")
     path = f"/{base}{PATH}" if base else PATH
-    return {"address": path if _mounted else None, "token": stream.token, "words": LIVE_WORDS}
+    return {"address": path if _mounted else None, "token": stream.token}
 
 
 @fragment
@@ -403,7 +411,7 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
                 continue
             if stream.connection is not connection:
                 raise _Closed(WRONG_TOKEN)
-            if not has_place:
+            if not (has_place or stream.brief):
                 if places.waiting >= QUEUE_PER_PLACE * most.max_live_streams:
                     raise _Closed(FULL)
                 await _unless_over(receiving, places.take(partial(_say, socket, "waiting")), left)

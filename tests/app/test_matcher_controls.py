@@ -18,7 +18,7 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.controls import matcher_as_set, matcher_dragged, matchers_in_use
+    from stereolag.ui.controls import matcher_as_set, matcher_moved, matchers_in_use
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import show_controls, show_presets
 
@@ -28,7 +28,7 @@ def page() -> None:
     show_controls(as_set)
     st.session_state["met"] = matchers_in_use(), [matcher_as_set(method, pair).matcher for method in METHODS]
     if drag := st.session_state.pop("drag", None):
-        st.session_state["dragged"] = matcher_dragged(pair, *drag)
+        st.session_state["dragged"] = matcher_moved(pair, *drag)
 
 
 def opened(pair: str) -> AppTest:

@@ -74,8 +74,8 @@ def open_stream(port: int) -> Iterator[Callable[..., tuple[Stream, ClientConnect
     kept: list[Stream] = []
     open_sockets = ExitStack()
 
-    def opened(answer: Callable[[Numbered], bytes] = echo) -> tuple[Stream, ClientConnection]:
-        stream = Stream("test", Numbered, answer)
+    def opened(answer: Callable[[Numbered], bytes] = echo, brief: bool = False) -> tuple[Stream, ClientConnection]:
+        stream = Stream("test", Numbered, answer, brief)
         streams._streams[stream.token] = stream
         kept.append(stream)
         socket = open_sockets.enter_context(connected(port))
@@ -324,6 +324,9 @@ def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, m
         for ahead, socket in enumerate(sockets, 1):
             socket.send(packed_item({"number": ahead}).data)
             assert told(socket) == {"state": "waiting", "ahead": ahead}
+        _, brief = open_stream(brief=True)
+        brief.send(packed_item({"number": 9}).data)
+        assert told(brief)["number"] == 9  # it needs no place
         _, one_too_many = open_stream()
         one_too_many.send(packed_item({}).data)
         assert code_of_end(one_too_many) == streams.FULL

@@ -60,6 +60,14 @@ def test_a_map_follows_a_slider_while_it_is_dragged_and_is_whole_once_it_is_rele
     expect(canvas).to_have_js_property("width", 480)
     expect(numbers).to_contain_text("Computed in")
     expect(page).to_have_url(re.compile(f"window_size={slider.input_value()}"))
+    settled(page)
+    page.evaluate("""() => addEventListener("stereolag-preview", ({ detail }) => { window.early = detail; })""")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("window.early?.whole")  # over its own socket
+    expect(page).to_have_url(re.compile(f"window_size={slider.input_value()}"))
+    settled(page)
+    shown = canvas.evaluate("(canvas) => canvas.seen")
+    assert shown.startswith(page.evaluate("window.early.digest"))
 
 
 def test_a_link_opens_the_page_as_it_was_and_its_files_have_addresses_nobody_else_can_guess(

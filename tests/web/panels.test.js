@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 
-import dragged from "../../stereolag/ui/web/dragging/dragging.js";
+import sliders from "../../stereolag/ui/web/sliders/sliders.js";
 import { joined } from "../../stereolag/ui/web/listening/pieces.js";
 import { branch } from "../../stereolag/ui/web/shared/hyperbola.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
@@ -82,47 +82,89 @@ test("blocks of sound are joined, and the oldest samples left out", () => {
   assert.deepEqual(joined([], 3).map(({ length }) => length), [0, 0]);
 });
 
-test("a dragged place without an answer is asked for again, and a released slider without a map is told once more", () => {
-  mock.timers.enable({ apis: ["setInterval", "setTimeout", "Date"] });
-  const handle = { value: "21" };
+test("a slider that is dragged is asked for in small, and in whole once it is released or moved by a key", () => {
+  mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
+  const sockets = [];
+  class Socket {
+    static OPEN = 1;
+    readyState = 1;
+    sent = [];
+    constructor() {
+      sockets.push(this);
+    }
+    send(message) {
+      this.sent.push(message);
+    }
+    close() {}
+  }
+  Object.assign(globalThis, { WebSocket: Socket });
+  const handle = {
+    value: "21",
+    cloneNode: () => ({ value: handle.value, stepUp() { this.value = String(Number(this.value) + 2); } }),
+  };
   const box = { classList: ["st-key-depth-zncc-window_size"], querySelector: () => handle };
-  Object.assign(window, { closest: () => box });
-  const told = [];
-  const shown = (data) =>
-    dragged({ data, parentElement, setTriggerValue: (...one) => told.push(one), setStateValue: () => {} });
+  Object.assign(window, { closest: () => box, location: { protocol: "http:", host: "here" } });
+  const previews = [];
+  window.addEventListener(eventOf("preview"), ({ detail }) => previews.push(detail));
   const parentElement = { querySelector: () => null, querySelectorAll: () => [] };
-  const close = shown(null);
+  const data = { address: "/live", token: "t" };
+  const close = sliders({ data, parentElement, setTriggerValue: () => {}, setStateValue: () => {} });
+  const event = (type, more = {}) => window.dispatchEvent(Object.assign(new Event(type), more));
   const dragTo = (value) => {
-    window.dispatchEvent(new Event("pointerdown"));
+    event("pointerdown");
     handle.value = value;
     mock.timers.tick(100);
   };
-  const release = () => {
-    window.dispatchEvent(new Event("pointerup"));
-    mock.timers.tick(10_000);
-  };
-  const asked = (value) => ["at", { slider: "st-key-depth-zncc-window_size", value }];
+  const asked = () => sockets[0].sent.splice(0).map((one) => {
+    const { slider, value, whole } = unpacked(one);
+    assert.equal(slider, "st-key-depth-zncc-window_size");
+    return [value, whole];
+  });
+  const answer = (parts = [packed({ kind: "pictures" })]) =>
+    sockets[0].onmessage({ data: packed({ name: "maps", title: "map" }, parts).buffer });
 
+  event("focusin");
+  sockets[0].onopen();
+  assert.deepEqual(sockets[0].sent.splice(0), ["t"]);
   dragTo("25");
-  assert.deepEqual(told.splice(0), [asked(25)]);
-  mock.timers.tick(4000);
-  assert.deepEqual(told.splice(0), [asked(25)]);
-  shown(packed({ title: "map" }));
-  mock.timers.tick(10_000);
-  assert.deepEqual(told.splice(0), []);
-  release();
-  assert.deepEqual(told.splice(0), [["unheard", true]]);
-
-  dragTo("29");
-  window.dispatchEvent(new Event("pointerup"));
-  hold("description", "map", {}, {});
-  mock.timers.tick(10_000);
-  assert.deepEqual(told.splice(0), [asked(29)]);
+  assert.deepEqual(asked(), [[25, false]]);
+  handle.value = "27";
+  mock.timers.tick(100);
+  handle.value = "29";
+  mock.timers.tick(100);
+  assert.deepEqual(asked(), []); // one at a time
+  answer();
+  assert.equal(previews.splice(0)[0].title, "map");
+  assert.deepEqual(asked(), [[29, false]]); // the latest
+  event("pointerup");
+  answer();
+  assert.deepEqual(previews.splice(0), []); // too late
+  assert.deepEqual(asked(), [[29, true]]);
+  answer([]);
+  assert.deepEqual(previews.splice(0), []); // it takes long: the page will bring it
 
   dragTo("33");
+  asked();
+  answer();
   handle.value = "29"; // back at its start
-  release();
-  assert.deepEqual(told.splice(0), [asked(33)]);
+  event("pointerup");
+  assert.deepEqual(asked(), []);
+  assert.deepEqual(previews.splice(0).map(({ parts }) => parts.length), [0, 0]);
+
+  event("keydown", { key: "ArrowRight" });
+  assert.deepEqual(asked(), [[31, true]]); // before the slider has it
+  handle.value = "31";
+  mock.timers.tick(10);
+  answer();
+  assert.deepEqual(asked(), []);
+  event("keydown", { key: "End" });
+  assert.deepEqual(asked(), []);
+  handle.value = "101";
+  mock.timers.tick(10);
+  assert.deepEqual(asked(), [[101, true]]);
+  sockets[0].onclose();
+  event("keydown", { key: "ArrowRight" });
+  assert.equal(sockets.length, 2);
   close();
   mock.timers.reset();
 });

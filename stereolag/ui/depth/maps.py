@@ -15,24 +15,21 @@ import streamlit as st
 from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
-from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, coloured, edge_path, png, thinned
 from stereolag.figures.verdicts import REASON_WORDS
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
-from stereolag.pair import Pair, resized
+from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.ui import keys, prose
-from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import (
     DISPARITIES_AT_FIRST,
     AsSet,
     ask_matcher,
     default_settings,
-    matcher_dragged,
     matchers_in_use,
     persistent,
     set_controls,
@@ -49,7 +46,6 @@ from stereolag.ui.linked_pictures import (
     packed,
     send_picture,
 )
-from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import beyond_the_colours, duration, percent
 from stereolag.ui.streamlit_inside import Container, give_head_start
@@ -59,10 +55,6 @@ Pixel = tuple[int, int]
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
 SENT = f"{KEY}.sent"
-
-DRAGGED = "depth.dragged"
-PREVIEWED_PIXELS = 80_000
-"""Images are reduced to about this many pixels while a slider is dragged."""
 
 COLUMNS = 2
 """Maps side by side if there is room."""
@@ -309,7 +301,7 @@ def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | Non
         return {}
     try:
         with waiting or nullcontext():
-            result = computed_in_turn(**_computation(pair, matcher), label=f"{matcher.title} …")
+            result = computed_in_turn(**computation(pair, matcher), label=f"{matcher.title} …")
     except ValueError as error:
         show_refused(f"{matcher.title}: {error}")
         return {}
@@ -321,7 +313,8 @@ def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | Non
     return {} if result is None else {matcher.title: result}
 
 
-def _computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
+def computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
+    """Return the arguments with which :mod:`stereolag.ui.results` computes the map of a method, or has it."""
     return {
         "task": map_task(matcher),
         "compute": lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
@@ -340,10 +333,8 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     packs = {}
     for matcher in filter(None, matchers):
         with suppress(ValueError):  # shown in place of the map
-            result = computed_at_once(**_computation(pair, matcher))
-            if result is not None:
-                picture = Picture(matcher.title, None, _readings(result, digits=1))
-                packs[picture.title] = _packed(pair, picture, result)
+            if (pack := map_ahead(pair, matcher)) is not None:
+                packs[matcher.title] = pack
     with ahead:
         for title, pack in packs.items():
             send_picture(pack, title, key=KEY)
@@ -354,52 +345,17 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     return packs
 
 
-_dragging = component("dragging")
-
-
-@fragment
-def follow_dragged(pair: Pair) -> None:
-    """Show the map of a slider being dragged, from smaller images; the map itself comes when it is released."""
-    asked = st.session_state.get(DRAGGED) or {}
-    if asked.get("unheard"):
-        st.rerun()
-    at = asked.get("at")
-    _dragging(
-        key=DRAGGED,
-        data=at and _dragged_map(pair, **at),
-        on_at_change=lambda: None,
-        on_unheard_change=lambda: None,
-    )
-
-
-def _dragged_map(pair: Pair, slider: str, value: Any) -> bytes:
-    """Return the map of a method with one of its sliders at a value, as an item; without the map if it takes long."""
-    header = {"kind": "preview", "name": KEY, "value": value}
-    divisor = max(2, math.isqrt(math.prod(pair.left.shape[:2]) // PREVIEWED_PIXELS))
-    with suppress(ValueError):
-        matcher = matcher_dragged(pair, slider, value)
-        if matcher is not None:
-            header["title"] = matcher.title
-            small = remembered("smaller pair", partial(_smaller, pair, divisor), **kept_for(pair, str(divisor)))
-            result = computed_at_once(**_computation(small, scaled_settings(matcher, 1 / divisor)))
-            if result is not None:
-                disparity = result.disparity * divisor
-                of = Figure("Preview", f"1/{divisor} size", "The map itself is computed when the slider is released.")
-                errors = () if small.truth is None else _errors(evaluate(disparity, small.truth * divisor))
-                header["figures"] = [one._asdict() for one in (of, *_shares(result), *errors)]
-                return packed(Picture(matcher.title, None, (Reading(disparity, digits=1),)), header).data
-    return packed_item(header).data
-
-
-def _smaller(pair: Pair, divisor: int) -> Pair:
-    return replace(resized(pair, divisor), id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))
+def map_ahead(pair: Pair, matcher: StereoMatcher) -> PackedPicture | None:
+    """Return the map of a method as the browser takes it, unless somebody would have to wait for it."""
+    result = computed_at_once(**computation(pair, matcher))
+    return result and _packed(pair, Picture(matcher.title, None, _readings(result, digits=1)), result)
 
 
 def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
     """Show the maps of a few settings side by side, if nobody has to wait for them."""
     low, high, palette = view.colours.low, view.colours.high, view.colours.palette
     for title, matcher in in_columns(matchers.items(), gap="small"):
-        result = computed_at_once(**_computation(view.pair, matcher))
+        result = computed_at_once(**computation(view.pair, matcher))
         if result is not None:
             show_picture(png(coloured(result.disparity, low, high, palette)), title, title)
 
@@ -439,14 +395,14 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     result, truth = view.results[name], view.pair.truth
     took = Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
     before = Figure("Of", "the settings before", "The map of these settings is not computed yet.")
-    figures = took, *_shares(result), *([before] if name in view.late else [])
+    figures = took, *shares(result), *([before] if name in view.late else [])
     if truth is None:
         return figures
     judged: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
-    return *figures, *_errors(judged)
+    return *figures, *errors(judged)
 
 
-def _shares(result: DisparityMap) -> tuple[Figure, ...]:
+def shares(result: DisparityMap) -> tuple[Figure, ...]:
     """Return which shares of a map have a disparity."""
     coverage = Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
     filled = np.count_nonzero(result.filled)
@@ -456,7 +412,7 @@ def _shares(result: DisparityMap) -> tuple[Figure, ...]:
     return coverage, Figure("Filled", share, "Share whose disparity is that of the surroundings.")
 
 
-def _errors(judged: Evaluation) -> tuple[Figure, Figure]:
+def errors(judged: Evaluation) -> tuple[Figure, Figure]:
     """Return how far a map is off."""
     return (
         Figure("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),

@@ -87,7 +87,9 @@ export class LinkedPictures extends Panel {
     const index = this.pictures?.findIndex((one) => one.title === item.title) ?? -1;
     const one = this.pictures?.[index];
     if (!one) return;
-    const shown = item.parts.length ? picture({ ...one, digest: item.digest }, contentOf(item), one.colours) : one;
+    const content = item.parts.length && (this.contents.get(item.digest) ?? contentOf(item));
+    if (item.whole) this.contents.set(item.digest, content); // its description is on its way
+    const shown = content ? picture({ ...one, digest: item.digest }, content, one.colours) : one;
     if (item.live) this.pictures[index] = shown; // its values are read under the pointer
     this.show(index, shown);
     this.showFigures(index, item.figures ?? one.figures);

@@ -4,6 +4,7 @@ import { button, element, say } from "./dom.js";
 import { eventOf, received } from "./exchange.js";
 import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
+import { socketTo } from "./socket.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
 const LOOK_MS = 20;
@@ -53,27 +54,24 @@ export async function jpeg(canvas, quality = QUALITY) {
 
 // Stands in for a socket: sends messages one at a time over the page's own connection, with the component "carrier".
 class Carried {
-  constructor(token) {
+  constructor(token, opened, answered) {
     this.token = token;
+    this.answered = answered;
     this.most = 1;
     /** @type {number} */
     this.readyState = WebSocket.OPEN;
     /** @type {any} */
-    this.onopen = null;
-    /** @type {any} */
-    this.onmessage = null;
-    /** @type {any} */
     this.onclose = null;
     this.hear = () => this.take(received("carrier", token));
     window.addEventListener(eventOf("carrier"), this.hear);
-    setTimeout(() => this.onopen());
+    setTimeout(opened);
   }
 
   take(answer) {
     if (!this.message || answer?.number !== this.message.number) return;
     this.forget();
     if (answer.end) this.onclose({ code: answer.end });
-    else this.onmessage({ data: answer.parts[0] });
+    else this.answered(answer.parts[0]);
   }
 
   forget() {
@@ -82,7 +80,6 @@ class Carried {
   }
 
   send(message) {
-    if (typeof message === "string") return; // the token: this connection is the visitor's own
     let text = "";
     for (let at = 0; at < message.length; at += TEXT_BYTES) {
       text += String.fromCharCode(...message.subarray(at, at + TEXT_BYTES));
@@ -152,23 +149,13 @@ export class LivePanel extends Panel {
   }
 
   connect(run, carried = !this.data.address) {
-    const { protocol, host } = window.location;
-    /** @type {any} */
-    const socket = carried
-      ? new Carried(this.data.token)
-      : new WebSocket(`${protocol === "https:" ? "wss:" : "ws:"}//${host}${this.data.address}`);
-    Object.assign(socket, { binaryType: "arraybuffer" });
-    let opened = false;
-    this.socket = socket;
-    this.sent = [];
-    this.answers = [];
-    socket.onopen = () => {
-      opened = true;
-      socket.send(this.data.token);
+    let began = false;
+    const ready = () => {
+      began = true;
       this.showState();
       this.send(run);
     };
-    socket.onmessage = ({ data }) => {
+    const answered = (data) => {
       if (this.running !== run) return;
       if (typeof data === "string") {
         const { state, ahead } = JSON.parse(data);
@@ -182,9 +169,14 @@ export class LivePanel extends Panel {
       this.showState();
       if (!item.error) this.answered(item);
     };
+    /** @type {any} */
+    const socket = carried ? new Carried(this.data.token, ready, answered) : socketTo(this.data, ready, answered);
+    this.socket = socket;
+    this.sent = [];
+    this.answers = [];
     socket.onclose = ({ code }) => {
       if (this.running !== run) return;
-      if (opened) this.stop(String(code) in this.words ? String(code) : "lost");
+      if (began) this.stop(String(code) in this.words ? String(code) : "lost");
       else this.connect(run, true);
     };
   }

@@ -1,0 +1,13 @@
+// The socket of a live stream: it proves with a token whose it is, and then carries packed items both ways.
+
+export function socketTo({ address, token }, opened, answered) {
+  const { protocol, host } = window.location;
+  const socket = new WebSocket(`${protocol === "https:" ? "wss:" : "ws:"}//${host}${address}`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    socket.send(token);
+    opened();
+  };
+  socket.onmessage = ({ data }) => answered(data);
+  return socket;
+}
