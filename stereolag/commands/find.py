@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from importlib import import_module
 
 import stereolag as sl
@@ -19,7 +18,6 @@ from stereolag.commands.arguments import (
     tell,
 )
 from stereolag.core.searches import TemplateQuery
-from stereolag.loops.compilation import load_loader
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -44,8 +42,7 @@ def run(arguments: Sequence[str]) -> int:
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
     with ThreadPoolExecutor(1) as aside:
-        for load in (partial(import_module, "stereolag.templates.search"), load_loader):
-            aside.submit(load)  # takes as long as to decode a large image
+        aside.submit(import_module, "stereolag.templates.search")  # takes as long as to decode a large image
         (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}

@@ -156,7 +156,7 @@ def test_the_search_command_loads_what_it_searches_with_and_no_more(tmp_path: Pa
         cv2.imwrite(str(tmp_path / name), pixels)
     code = "import sys; from stereolag.commands import main; assert main(sys.argv[1:]) == 0; print(*sys.modules)"
     command = [sys.executable, "-c", code, "find", *(str(tmp_path / name) for name in files), "--json"]
-    for _ in range(2):  # the first time, loops may have to be compiled
+    for _ in range(2):  # the first time, a loop may have to be compiled
         ran = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
     loaded = ran.stdout.splitlines()[-1].split()
     assert not {name.split(".")[0] for name in loaded} & {*SCREENS, "scipy", "soundfile", "av"}
