@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from streamlit.runtime.app_session import AppSession, AppSessionState
 from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
 from streamlit.runtime.memory_session_storage import MemorySessionStorage
 from streamlit.runtime.runtime import Runtime
-from streamlit.runtime.scriptrunner_utils.script_run_context import ScriptRunContext
+from streamlit.runtime.scriptrunner_utils.script_run_context import ScriptRunContext, get_script_run_ctx
 from streamlit.runtime.state.safe_session_state import SafeSessionState
 from streamlit.testing.v1 import AppTest
 from streamlit.web.server.starlette import starlette_app
@@ -59,6 +60,28 @@ def test_a_slider_tells_only_where_it_was_released() -> None:
     (script,) = STATIC.glob("Slider.*.js")
     assert "onChangeEnd" in script.read_text(encoding="utf-8")
     assert not {"live", "continuous", "on_input"} & inspect.signature(st.slider).parameters.keys()
+
+
+def page_with_work() -> None:
+    import streamlit as st
+
+    from stereolag.ui.results import remembered
+    from stereolag.ui.streamlit_inside import in_this_session
+
+    kept = {"task": "own", "inputs": "pair", "settings": "", "shared": False}
+    st.session_state["size"] = 21
+    remembered(make=lambda: b"of this visitor", **kept)  # type: ignore[arg-type]
+    st.session_state["work"] = in_this_session(
+        lambda name: (st.session_state[name], remembered(make=lambda: b"made anew", **kept))  # type: ignore[arg-type]
+    )
+
+
+def test_work_in_another_thread_has_the_state_and_the_results_of_its_session() -> None:
+    works = [AppTest.from_function(page_with_work).run().session_state["work"] for _ in range(2)]
+    with ThreadPoolExecutor(1) as pool:
+        for work in works:
+            assert pool.submit(work, "size").result() == (21, b"of this visitor")
+        assert pool.submit(get_script_run_ctx, suppress_warning=True).result() is None
 
 
 def test_a_number_box_copies_the_whole_state_of_the_session() -> None:
