@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import Box, FloatMap, ReasonMap
 from stereolag.core.inputs import as_grey, as_stereo_pair, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap, Reason
@@ -172,16 +172,6 @@ class MatchKind(StrEnum):
     """The best score is at the edge of the search area or of the image: there may be a better one beyond."""
     NOTHING = "nothing"
     """No lag could be scored."""
-
-
-@dataclass(frozen=True)
-class Box:
-    """A rectangle in an image: top-left pixel and size, px."""
-
-    row: int
-    col: int
-    height: int
-    width: int
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -27,6 +28,29 @@ Vector: TypeAlias = npt.NDArray[np.float64]
 
 Rgb: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) uint8."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle in an image, px.
+
+    Attributes
+    ----------
+    row, col
+        The top-left pixel.
+    height, width
+        The size.
+    """
+
+    row: int
+    col: int
+    height: int
+    width: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """The rows and columns of the box."""
+        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
 
 
 def percentiles(values: Array, *shares: float) -> Vector:

@@ -12,7 +12,8 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereolag.assess.explaining import Box, MatchExplanation
+from stereolag.assess.explaining import MatchExplanation
+from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
 from stereolag.figures.charts import DASHES, laid_out, rings

@@ -243,12 +243,10 @@ def show_live() -> None:
     with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
     with result_place:
-        address = connected(stream)
         _boards(
             key=f"{KEY}.boards",
             data={
-                **address,
-                "words": address["words"] | LIVE_CAMERA_WORDS | LIVE_WORDS,
+                **connected(stream, LIVE_CAMERA_WORDS | LIVE_WORDS),
                 "arrangement": arrangement,
                 "crossed": crossed,
                 "taken": taking.taken(),

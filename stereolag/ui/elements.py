@@ -6,7 +6,8 @@ import base64
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Literal, NamedTuple, TypeVar
+from functools import partial
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -55,6 +56,13 @@ def show_offer(said: str, label: str, key: str, act: Callable[[], None], note: s
         else:
             show_note(said, note)
         st.button(label, key=key, type="tertiary", on_click=act)
+
+
+def asked_for(request: object, label: str, key: str, **button: Any) -> bool:
+    """Show a button that asks for something, and return whether just this was asked for last; `button` is its rest."""
+    ask = partial(st.session_state.update, {key: request})
+    st.button(label, key=f"{key}.start", on_click=ask, **button)
+    return bool(st.session_state.get(key) == request)
 
 
 def show_remedy(said: str, label: str, key: str, act: Callable[[], None]) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
@@ -18,10 +16,8 @@ from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.recordings import read_signal
-from stereolag.ui import prose
 from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.controls import persistent
-from stereolag.ui.downloads import show_player
 from stereolag.ui.lag.live import Frozen, listen
 from stereolag.ui.lag.sentences import TRY_LISTENING, TRY_OWN_RECORDINGS, TRY_RECORDINGS, own_facts, upload_limits
 from stereolag.ui.navigation import head, show_try_first
@@ -173,23 +169,6 @@ def _pair(
     )
 
 
-AUDIBLE_RATES = (3_000, 384_000)
-"""Lowest and highest sampling rate that browsers play, samples per second."""
-
-LONGEST_S = 120
-
-
-def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
-    """Show a player for at most the first two minutes of a recording."""
-    lowest, highest = AUDIBLE_RATES
-    if not lowest <= sampling_rate <= highest:
-        prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")
-        return
-    heard = signal[: round(LONGEST_S * sampling_rate)]
-    prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
-    show_player(heard, sampling_rate, name)
-
-
 PICTURES = "pictures"
 
 
@@ -262,7 +241,7 @@ def with_painted_mask(inputs: PictureAndTemplate) -> PictureAndTemplate:
         return inputs
     by_hand = () if inputs.own else (*inputs.by_hand, "mask you painted")
     digest = f"{inputs.digest} painted {painted.digest}"
-    return replace(inputs, mask=painted.pixels, digest=digest, shared=False, by_hand=by_hand)
+    return replace(inputs, mask=painted.content, digest=digest, shared=False, by_hand=by_hand)
 
 
 @st.cache_resource(show_spinner="Loading the example …")

@@ -450,7 +450,7 @@ def computed_in_turn(
         return None
     if job.running:
         with place.container():
-            st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, task, label)
+            watch(job, partial(show_busy, job, label, key=f"results.cancel.{task}"), until_cancelled=True)
         return None
     del jobs[task]
     result = job.result()
@@ -522,13 +522,6 @@ def _forget_job(task: str) -> None:
     this_visit().jobs.pop(task, None)
 
 
-def _show_job(job: Job[Any], task: str, label: str) -> None:
-    """Show the progress of a job, with a button to cancel it."""
-    if job.cancelled or not job.running:
-        st.rerun(scope="app")
-    show_busy(job, label, key=f"results.cancel.{task}")
-
-
 def _key(task: str, inputs: str, settings: str) -> str:
     return hashlib.sha256("\0".join((task, inputs, settings)).encode()).hexdigest()
 
@@ -542,6 +535,25 @@ def _bytes_of(result: Any) -> int:
     if isinstance(result, list):
         return sum(map(_bytes_of, result))
     return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))
+
+
+def watch(job: Job[Any], show: Callable[[], None], *, until_cancelled: bool = False) -> None:
+    """Draw a part of the page by `show` now and then while a job is running, and once it has ended the whole page.
+
+    The part is drawn once if the job has ended already. With `until_cancelled`, a job that was asked to stop has ended.
+    """
+
+    def running() -> bool:
+        return job.running and not (until_cancelled and job.cancelled)
+
+    at_first = running()
+
+    def look() -> None:
+        if at_first and not running():
+            st.rerun(scope="app")
+        show()
+
+    st.fragment(look, run_every=BETWEEN_LOOKS_S if at_first else None)()
 
 
 def show_busy(

@@ -18,12 +18,6 @@ def percent(share: float) -> str:
     return typeset(f"{share * 100:.0f} %")
 
 
-def length(metres: float) -> str:
-    """Return a length with a suitable unit, to two significant digits."""
-    value, unit = (1000 * metres, "mm") if metres < 0.01 else (100 * metres, "cm") if metres < 1 else (metres, "m")
-    return typeset(f"{float(f'{value:.2g}'):,.10g} {unit}")
-
-
 # Maps
 
 

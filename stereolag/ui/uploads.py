@@ -233,27 +233,10 @@ def forget_together(key: str) -> None:
     st.session_state.pop(key, None)
 
 
-def expect_uploads() -> None:
-    """Start a run in which nothing is refused yet."""
-    st.session_state[REFUSED_KEY] = False
-    st.session_state[HERE_KEY] = {}
-
-
-def still_missing() -> list[str]:
-    """Return the labels of the missing files; none if no file is there yet."""
-    here: dict[str, bool] = st.session_state.get(HERE_KEY, {})
-    return [label for label, is_here in here.items() if not is_here] if any(here.values()) else []
-
-
 def refuse(sentence: str) -> None:
     """Show why an input cannot be used when nothing else takes its place."""
     show_refused(sentence)
     st.session_state[REFUSED_KEY] = True
-
-
-def refused() -> bool:
-    """Return whether files were refused in this run with nothing else in their place."""
-    return bool(st.session_state.get(REFUSED_KEY, False))
 
 
 def _read_once(
@@ -429,28 +412,27 @@ def own_or_example(
     """
     if chosen != OWN:
         return load(chosen)
-    expect_uploads()
+    st.session_state.update({REFUSED_KEY: False, HERE_KEY: {}})
     place = (notes or st).empty()  # always there: what moves the boxes below has them drawn again without their files
     if shared := files_shared_out():
-        place.caption(_shared_in_words(shared), width="content")
+        went = (f"{quote(name)} {f'went to **{escape(box)}**' if box else 'was not taken'}" for name, box in shared)
+        place.caption(f"Dropped together: {', '.join(went)}.", width="content")
     own = ask()
     if own is not None:
         st.session_state[f"{key}.gone"] = False
         return own
-    if refused():
+    if st.session_state[REFUSED_KEY]:
         # Do not show results of an example below a refused file.
         st.stop()
     if st.session_state[f"{key}.gone"]:
         prose.warning(GONE, icon=":material/cloud_off:")
         st.stop()  # the verdict on an example must not be taken for that on the files
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
-    show_awaited(awaited, examples[name].title)
+    here: dict[str, bool] = st.session_state[HERE_KEY]
+    missing = [label for label, is_here in here.items() if not is_here] if any(here.values()) else []
+    said = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
+    prose.info(f"{said} the page shows the example “{examples[name].title}”.", icon=":material/upload_file:")
     return load(name)
-
-
-def _shared_in_words(shared: Sequence[Sequence[str]]) -> str:
-    went = (f"{quote(name)} {f'went to **{escape(box)}**' if box else 'was not taken'}" for name, box in shared)
-    return f"Dropped together: {', '.join(went)}."
 
 
 def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:
@@ -474,13 +456,6 @@ def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | Non
         return asked
 
     return folded
-
-
-def show_awaited(awaited: str, example: str) -> None:
-    """Say which files are missing and which example is shown instead; `awaited` is as in `own_or_example`."""
-    missing = still_missing()
-    said = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
-    prose.info(f"{said} the page shows the example “{example}”.", icon=":material/upload_file:")
 
 
 def show_limits(largest: str) -> None:

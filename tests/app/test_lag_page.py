@@ -158,14 +158,14 @@ def test_every_method_has_a_row_and_runs_are_timed(open_page: OpenPage, monkeypa
     monkeypatch.setattr(parts, "LONGEST_METHOD_S", 3.0)
     app = open_page(PAGE, {"lag.part": "Methods"})
     assert not app.dataframe
-    app.button(key="lag.comparison.recordings coast.button").click().run()
+    app.button(key="lag.comparison.recordings coast.start").click().run()
     table = waited(app).dataframe[0].value
     assert list(table["Method"]) == ["FFT", "GCC-PHAT", "Sampled", "Direct"]
     assert list(table["Lag, samples"]) == ["50,082"] * 3 + ["–"]
     assert list(table["Verdict"]) == ["sure"] * 3 + ["left out"]
     assert table["Time"][3].startswith("about ")
     app.slider(key="lag.runs").set_value(10).run()
-    app.button(key="lag.run_times.recordings coast.button").click().run()
+    app.button(key="lag.run_times.recordings coast.start").click().run()
     waited(app)
     assert "FFT: half of the runs took less than " in captions(app)
     app.slider(key="lag.runs").set_value(20).run()

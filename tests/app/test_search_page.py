@@ -13,8 +13,8 @@ from stereolag import samples
 from stereolag.io.images import read_image
 from stereolag.templates import match_template
 from stereolag.templates.trials import opencv_search
-from stereolag.ui.search.hand_marks import PaintedMask
 from stereolag.ui.search.sentences import differences
+from stereolag.ui.uploads import Upload
 from tests.app import uploads
 from tests.app.pages import FIND, OpenPage, numbers
 from tests.packed import told
@@ -113,13 +113,13 @@ def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page
     rows, cols = read_image(samples.mazes()["maze"].template).shape[:2]
     mask = np.ones((rows, cols), np.uint8)
     mask[:9] = 0
-    app.session_state["pictures.painted.kept"] = "maze maze", PaintedMask(mask, "mask")
+    app.session_state["pictures.painted.kept"] = "maze maze", Upload("mask", mask)
     app.run()
     assert of_the_address(app) == f"{held} The mask you painted is {given}"
     app.button_group(key="pictures.from").set_value("cut").run()
     assert of_the_address(app) == f"{held} The template you cut out is {given}"
     box = "maze maze cut 167 262 66 75"
-    app.session_state["pictures.painted.kept"] = box, PaintedMask(np.eye(66, 75, dtype=np.uint8), "mask")
+    app.session_state["pictures.painted.kept"] = box, Upload("mask", np.eye(66, 75, dtype=np.uint8))
     app.run()
     assert of_the_address(app) == f"{held} The template you cut out and the mask you painted are {given}"
     app = with_files(open_page, SCENE, pictures__from="cut", template__part="Take away")

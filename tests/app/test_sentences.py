@@ -15,7 +15,7 @@ from pairs import shifted_pair
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.assess.arrangement import Epipole
 from stereolag.assess.diagnosis import Diagnosis, judge_range
-from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
+from stereolag.assess.explaining import ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.findings import (
     Finding,
     FindingCode,
@@ -41,6 +41,7 @@ from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.assess.suggestion import Trial as SettingsTrial
+from stereolag.core.arrays import Box
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.match import window_grid
 from stereolag.figures.verdicts import (

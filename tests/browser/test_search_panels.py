@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from stereolag.core.arrays import Box
+from stereolag.core.inputs import Image
 from stereolag.core.searches import TemplateQuery
 from stereolag.templates import match_template
 from stereolag.ui.inputs import example_pictures
-from stereolag.ui.search.hand_marks import Box, PaintedMask, box_in, painted_mask
+from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.search.parts import drag_it, show_funnel
+from stereolag.ui.uploads import Upload
 from tests.browser.axe import check
 from tests.browser.parts import Parts, Show, ShowParts, box_of, drag, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
@@ -297,7 +300,7 @@ def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:
 
 def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> None:
     inputs = example_pictures("maze")
-    masks: list[PaintedMask | None] = []
+    masks: list[Upload[Image] | None] = []
     parts = show_parts(lambda: masks.append(painted_mask(inputs.template, inputs.mask, digest="maze", key="painted")))
     page = parts.page
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
@@ -313,7 +316,7 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     use.click()
     parts.answer()
     assert masks[-1] is not None
-    assert painted == f"{np.count_nonzero(masks[-1].pixels):,} of 13,653 pixels count"
+    assert painted == f"{np.count_nonzero(masks[-1].content):,} of 13,653 pixels count"
     expect(counts).to_have_text(painted)
     expect(use).to_be_disabled()
     page.get_by_role("button", name="Erase").click()

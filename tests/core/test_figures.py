@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.verdict import common, drifting, tones, unrelated
-from stereolag.assess.explaining import Box, window_start
+from stereolag.assess.explaining import window_start
+from stereolag.core.arrays import Box
 from stereolag.figures.match import CLOSEST, WindowGrid, overlap_figure, window_grid
 from stereolag.figures.recordings import (
     CLOSE_UP_SAMPLES,

@@ -65,16 +65,14 @@ from stereolag.ui.depth.sentences import (
     estimates_in_words,
 )
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, in_columns, show_chart, show_picture, show_refused
+from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_columns, show_chart, show_picture
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed, computed_before, computed_in_turn
+from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import duration
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
 ALL_PAIRS = "depth.all_pairs"
-WANTED = f"{ALL_PAIRS}.wanted"
-"""Session-state key of the set and settings that the table of all pairs was last requested for."""
 BYTES_OF_A_PAIR = 40
 """Memory per pixel while a pair is decoded, rectified and scaled down."""
 REFERENCE = "reference"
@@ -265,11 +263,7 @@ def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, again
 
 def _show_estimates(view: DepthView) -> None:
     """Show the estimated bad-2 of every method, and where its map differs from the reference."""
-    try:
-        reference = _reference(view)
-    except ValueError as error:
-        show_refused(error)
-        return
+    reference = _reference(view)
     if reference is None:
         return
     measured = float(np.isfinite(reference).mean())
@@ -307,8 +301,8 @@ def _show_estimates(view: DepthView) -> None:
 
 def estimates_so_far(view: DepthView) -> dict[str, float]:
     """Return the estimated bad-2 of every method, %, if the reference is already in memory; else nothing."""
-    reference: FloatMap | None = computed_before(REFERENCE, **kept_for(view.pair, repr(_searched(view))))
-    if reference is None or float(np.isfinite(reference).mean()) < LEAST_MEASURED:
+    reference = computed_before(REFERENCE, **kept_for(view.pair, repr(_searched(view))))
+    if not isinstance(reference, np.ndarray) or float(np.isfinite(reference).mean()) < LEAST_MEASURED:
         return {}
     return _estimated_bad(view, reference)
 
@@ -323,9 +317,9 @@ def _estimated_bad(view: DepthView, reference: FloatMap) -> dict[str, float]:
 
 
 def _reference(view: DepthView) -> FloatMap | None:
-    """Return the measurements of the accurate preset over the ranges of all methods; None if not computed yet."""
+    """Return the measurements of the accurate preset over the ranges of all methods; None without, with the reason."""
     pair, searched = view.pair, _searched(view)
-    return computed_in_turn(
+    return computed_or_refused(
         REFERENCE,
         lambda progress: measured_reference(pair.left, pair.right, search_range=searched, progress=progress),
         estimate_reference(searched, pair.left.shape, pair.left.dtype),
@@ -366,15 +360,9 @@ def show_all_pairs(view: DepthView) -> None:
     once = [matcher.estimate(shape, dtype) for matcher in matchers]
     once.append(estimate_reference(widest_range(matchers), shape, dtype))
     seconds, wanted = count * sum(estimate.seconds for estimate in once), f"{pairs.digest} {settings}"
-    st.button(
-        f"Compute all {count} pairs",
-        key=f"{ALL_PAIRS}.start",
-        type="primary",
-        icon=":material/stacks:",
-        help=f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}.",
-        on_click=partial(st.session_state.update, {WANTED: wanted}),
-    )
-    if st.session_state.get(WANTED) != wanted:
+    meaning = f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}."
+    label, icon = f"Compute all {count} pairs", ":material/stacks:"
+    if not asked_for(wanted, label, ALL_PAIRS, type="primary", icon=icon, help=meaning):
         return
     table = computed_in_turn(
         "all pairs",

@@ -31,6 +31,7 @@ from stereolag.ui.depth.maps import (
     DepthView,
     KnownDistance,
     Pixel,
+    choose_map,
     disparity_error,
     disparity_in_words,
     known_key,
@@ -187,8 +188,7 @@ def show_space(view: DepthView) -> None:
     """Show a map as a point cloud that can be rotated, and from above."""
     calibration, unit = _cameras(view)
     with st.container(horizontal=True, gap="large", vertical_alignment="bottom"):
-        names = list(view.results)
-        name = st.segmented_control("Method", names, default=names[0], required=True, key=f"{SPACE}.method")
+        name = choose_map(view, "Method", f"{SPACE}.method")
         depth = calibration.depth(view.results[name].disparity)
         if not np.isfinite(depth).any():
             prose.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")

@@ -61,7 +61,7 @@ def show_doctor(view: DepthView, line: Container) -> None:
             if diagnosis.suggested_range is not None and finding.code == FindingCode.RANGE:
                 act = partial(_set_all, [one.with_search_range(*diagnosis.suggested_range) for one in searched], pair)
             show_remedy(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
-            if finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
+            if finding.code == FindingCode.BENT_ROWS:
                 label, icon = PAGES[CALIBRATE]
                 st.page_link(CALIBRATE, label=label, icon=icon)
         for number, change in enumerate(pair.remedies):

@@ -29,7 +29,7 @@ from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
-from stereolag.ui.depth.maps import DepthView, kept_for, settings_key
+from stereolag.ui.depth.maps import DepthView, choose_map, kept_for, settings_key
 from stereolag.ui.depth.state import adopt, for_size, saved_state
 from stereolag.ui.downloads import (
     File,
@@ -63,9 +63,7 @@ def show_downloads(view: DepthView) -> None:
     if not opened.open or not view.results:
         return
     with opened:
-        names = [*view.results]
-        chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
-        download = Download(view, chosen if chosen in view.results else names[0])
+        download = Download(view, choose_map(view, "Result of", f"{KEY}.result"))
         if download.reduced:
             _compute_in_own_size(download)
         rows, cols = download.pair.left.shape[:2]

@@ -15,7 +15,6 @@ from stereolag.assess.explaining import (
     BARE_CONTRAST,
     POOR_SCORE,
     RIVAL_SHARE,
-    Box,
     ExampleKind,
     Lag,
     MatchExplanation,
@@ -24,6 +23,7 @@ from stereolag.assess.explaining import (
     explain_match,
     with_rows_around,
 )
+from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image, as_grey
 from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.maps import REASON_COLOURS, reasons_picture, share_of_reasons

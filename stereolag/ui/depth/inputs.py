@@ -574,20 +574,16 @@ def ask_calibration(key: str, place: Container) -> Upload[Calibration] | None:
             help="The distance between the two cameras.",
         )
     if given is not None:
-        _say_what_it_means(given.content)
+        # What it means in metres, and what was assumed.
+        said = " ".join((given.content.in_words(), *given.content.notes))
+        if given.content.plausible:
+            prose.caption(said, width="content")
+        else:
+            prose.warning(said)
         return given
     if focal is None or baseline is None:
         return use_kept_calibration()
     return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
-
-
-def _say_what_it_means(calibration: Calibration) -> None:
-    """Show what a calibration means in metres and what was assumed; as a warning where that is not to be believed."""
-    said = " ".join((calibration.in_words(), *calibration.notes))
-    if calibration.plausible:
-        prose.caption(said, width="content")
-    else:
-        prose.warning(said)
 
 
 ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}

@@ -79,10 +79,8 @@ _stereo_camera = component("stereo_camera")
 
 def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
     """Draw the component of a stereo camera, which sends its frames to a stream: all of them, or those it records."""
-    address = connected(stream)
     data = {
-        **address,
-        "words": address["words"] | LIVE_CAMERA_WORDS,
+        **connected(stream, LIVE_CAMERA_WORDS),
         "arrangement": camera.arrangement,
         "width": camera.width,
         "crossed": camera.crossed,

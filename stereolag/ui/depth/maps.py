@@ -497,6 +497,13 @@ def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
     return DepthScale(factor, calibration.doffs_px, disparity_error(view, name))
 
 
+def choose_map(view: DepthView, label: str, key: str) -> str:
+    """Ask for one of the methods whose maps are there, and return its name."""
+    names = [*view.results]
+    chosen = st.segmented_control(label, names, default=names[0], required=True, key=key)
+    return chosen if chosen in names else names[0]
+
+
 # The values at one pixel
 
 

@@ -39,7 +39,7 @@ from stereolag.pair import Pair, PairId, Preparation, prepare
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
-from stereolag.ui.depth.maps import DepthView, known_truth, show_beside
+from stereolag.ui.depth.maps import DepthView, choose_map, known_truth, show_beside
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,
@@ -52,7 +52,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.depth.state import adopt
 from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import BETWEEN_LOOKS_S, Job, show_busy, this_visit
+from stereolag.ui.results import Job, show_busy, this_visit, watch
 
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
 FEWER, MORE = 5, 7
@@ -190,13 +190,6 @@ def _judged_by(pair: Pair, matcher: StereoMatcher) -> Criterion | None:
     return None if judges_itself(matcher) else Criterion.ESTIMATED_BAD_2
 
 
-def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
-    """Ask for a method; return its settings."""
-    names = list(view.results)
-    name = st.segmented_control("Method", names, default=names[0], required=True, key=key)
-    return view.results[name].settings
-
-
 def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Callable[[], None]) -> None:
     """Offer to begin a job unless one is running."""
     running = begun is not None and begun.job.running
@@ -210,7 +203,7 @@ def _follow_job(
     told: Callable[[Any], str],
     ending: str,
     show: Callable[[Any], None],
-    watch: Callable[[Any], None] = lambda so_far: None,
+    show_so_far: Callable[[Any], None] = lambda so_far: None,
 ) -> None:
     """Show the progress of a job and then its result; or why it failed, if that is still what the visitor asks for.
 
@@ -224,18 +217,15 @@ def _follow_job(
         Returns the text beside the progress, for the best result so far or None.
     ending
         What stays if the job is ended early.
-    show, watch
+    show, show_so_far
         Show the result, and the best one so far, below the progress.
     """
-    running = begun.job.running
 
     def look() -> None:
         if begun.job.running:
             show_busy(begun.job, told(begun.job.so_far), key=f"{key}.cancel", ending=ending)
-            watch(begun.job.so_far)
+            show_so_far(begun.job.so_far)
             return
-        if running:
-            st.rerun(scope="app")
         try:
             found = begun.job.result()
         except CancelledError:  # cancelled before its turn came
@@ -246,7 +236,7 @@ def _follow_job(
             return
         show(found)
 
-    st.fragment(look, run_every=BETWEEN_LOOKS_S if running else None)()
+    watch(begun.job, look)
 
 
 # Two parameters in all combinations
@@ -263,7 +253,7 @@ class Axis:
 @fragment
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click on a cell adopts its settings."""
-    matcher = ask_method(view, key=f"{SWEEP}.method")
+    matcher = view.results[choose_map(view, "Method", f"{SWEEP}.method")].settings
     criterion, pairs = _judged_by(view.pair, matcher), JudgedPairs.of(view.pair)
     prose.markdown(
         "Two settings in all their combinations. Click a cell, or its line in the list, to use its settings. "
@@ -426,7 +416,7 @@ def show_suggest(view: DepthView) -> None:
         f"combination, and the best of them compared with yours on the whole images. {pairs.sentence}{judged_by}",
         width=760,
     )
-    matcher = ask_method(view, key=f"{SUGGEST}.method")
+    matcher = view.results[choose_map(view, "Method", f"{SUGGEST}.method")].settings
     budget_s = st.segmented_control(
         "Time",
         BUDGETS_S,
@@ -449,15 +439,15 @@ def show_suggest(view: DepthView) -> None:
 
         def show(found: Suggestion) -> None:
             if matcher in (start, found.matcher):
-                watch(found)
+                show_so_far(found)
                 _show_suggestion(view, found)
 
-        def watch(found: Suggestion | None) -> None:
+        def show_so_far(found: Suggestion | None) -> None:
             if found is not None and found.matcher != start:
                 show_beside(view, {"Your settings": start, "The best found so far": found.matcher})
 
         ending = "Ends the search; the best settings found so far stay."
-        _follow_job(SUGGEST, begun, matcher, told, ending, show, watch)
+        _follow_job(SUGGEST, begun, matcher, told, ending, show, show_so_far)
 
 
 def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -> None:

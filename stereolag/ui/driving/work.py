@@ -29,7 +29,7 @@ from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import DEPTH_PAGE, failures_answered
-from stereolag.ui.results import BETWEEN_LOOKS_S, Job, show_busy, this_visit
+from stereolag.ui.results import Job, show_busy, this_visit, watch
 from stereolag.ui.sentences import MOTION_IN_WORDS, duration
 
 WORK = f"{KEY}.work"
@@ -246,20 +246,14 @@ OPENED = f"{KEY}.opened"
 
 def show_work(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Show the work so far, and refresh it while it is being computed."""
-    st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, asked)
 
+    def show() -> None:
+        _show_progress(work, drive, asked)
+        show_player(work, drive, asked)
+        if OPENED in st.session_state:
+            _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
 
-def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
-    running = work.job.running
-    if not running and st.session_state.get(f"{KEY}.watched") == work.name:
-        del st.session_state[f"{KEY}.watched"]
-        st.rerun(scope="app")
-    if running:
-        st.session_state[f"{KEY}.watched"] = work.name
-    _show_progress(work, drive, asked)
-    show_player(work, drive, asked)
-    if OPENED in st.session_state:
-        _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
+    watch(work.job, show)
 
 
 def _legends(work: DriveWork, drive: Drive, asked: DriveSettings) -> tuple[Legend, ...]:

@@ -102,11 +102,10 @@ def _panel() -> None:
         max_lag = control(LagSearch, "max_lag", key="lag.live.max", when_empty="every lag")
     ear = ear_of_visitor()
     stream = open_stream("lag", Piece, lambda piece: answer(ear, piece, speed=speed, max_lag=max_lag))
-    address = connected(stream)
     with panel:
         found = _listening(
             key="lag.live",
-            data=address | {"words": address["words"] | LISTENING_WORDS, "colours": COLOURS},
+            data={**connected(stream, LISTENING_WORDS), "colours": COLOURS},
             on_freeze_change=lambda: None,
         )
     if found.freeze:

@@ -7,7 +7,6 @@ recordings run in the browser; those are mixed and measured here whenever a slid
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache, lru_cache, partial
 from typing import Any, Final, cast, get_args
@@ -35,9 +34,9 @@ from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
 from stereolag.ui import prose
 from stereolag.ui.components import component
-from stereolag.ui.downloads import File, refusal_of, take_away, too_large
-from stereolag.ui.elements import Number, announce, show_line
-from stereolag.ui.inputs import LONGEST_S, RecordingPair, example_recordings, player
+from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
+from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_line
+from stereolag.ui.inputs import RecordingPair, example_recordings
 from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.sentences import (
     DISTURBANCE_EXAMPLES,
@@ -65,7 +64,6 @@ from stereolag.ui.lag.sentences import (
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_or_refused, remembered
 from stereolag.ui.sentences import CURVES, LAG_METHODS, duration
-from stereolag.ui.streamlit_inside import Container
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
 PLAIN_CURVE = "correlation (Pearson)"
@@ -169,14 +167,42 @@ def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> 
 
 def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show both recordings with a player each, and play both together, before and after the lag is undone."""
-    rate = search.sampling_rate
-    waveforms = figures.waveforms(pair.signal_1, pair.signal_2, rate)
-    st.plotly_chart(waveforms, key="waveforms", alt=waveforms_in_words(pair.signal_1, pair.signal_2, rate))
-    columns = st.columns(4, gap="medium")
-    for column, signal, name in zip(columns, (pair.signal_1, pair.signal_2), "12", strict=False):
-        with column:
-            player(signal, rate, f"sensor {name}")
-    _hear_both(pair, result, rate, columns[2:])
+    rate, first, second = search.sampling_rate, pair.signal_1, pair.signal_2
+    waveforms = figures.waveforms(first, second, rate)
+    st.plotly_chart(waveforms, key="waveforms", alt=waveforms_in_words(first, second, rate))
+    most = round(LONGEST_S * rate)
+    aligned = _aligned(pair, result)
+    # Long ones are heard from where both have begun.
+    begun = max(0, -result.lag) if aligned.size > most else 0
+    heard = {
+        "sensor 1": first,
+        "sensor 2": second,
+        "both, as recorded": mix(first[:most], second[:most]),
+        "both, the lag undone": mix(first[begun:][:most], aligned[begun:][:most]),
+    }
+    for name, signal in in_columns(heard.items()):
+        player(signal, rate, name)
+    said = heard_in_words(result)
+    if max(first.size, second.size) > most:
+        said += f" Only {LONGEST_S} s are played."
+    prose.caption(said)
+
+
+AUDIBLE_RATES = (3_000, 384_000)
+"""Lowest and highest sampling rate that browsers play, samples per second."""
+
+LONGEST_S = 120
+
+
+def player(signal: Vector, sampling_rate: float, name: str) -> None:
+    """Show a player for at most the first two minutes of a recording."""
+    lowest, highest = AUDIBLE_RATES
+    if not lowest <= sampling_rate <= highest:
+        prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")
+        return
+    heard = signal[: round(LONGEST_S * sampling_rate)]
+    prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
+    show_player(heard, sampling_rate, name)
 
 
 def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
@@ -256,24 +282,6 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
         File("", NAMES[0], partial(npy, first), "The samples of sensor 1 as they were compared."),
         File("", NAMES[1], partial(npy, second), "The samples of sensor 2 as they were compared."),
     ]
-
-
-def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float, columns: Sequence[Container]) -> None:
-    most = round(LONGEST_S * sampling_rate)
-    aligned = _aligned(pair, result)
-    # Long ones are heard from where both have begun.
-    begun = max(0, -result.lag) if aligned.size > most else 0
-    heard = {
-        "as recorded": (pair.signal_1[:most], pair.signal_2[:most]),
-        "the lag undone": (pair.signal_1[begun:][:most], aligned[begun:][:most]),
-    }
-    for column, (name, both) in zip(columns, heard.items(), strict=True):
-        with column:
-            player(mix(*both), sampling_rate, f"both, {name}")
-    said = heard_in_words(result)
-    if max(pair.signal_1.size, pair.signal_2.size) > most:
-        said += f" Only {LONGEST_S} s are played."
-    prose.caption(said)
 
 
 # Panels
@@ -501,10 +509,7 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
         sum(estimates[method].seconds for method in fitting),
     )
     prose.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
-    asked = f"lag.comparison.{pair.digest}"
-    if st.button("Compare the methods", key=f"{asked}.button", disabled=not fitting):
-        st.session_state[asked] = True
-    if not st.session_state.get(asked):
+    if not asked_for(True, "Compare the methods", f"lag.comparison.{pair.digest}", disabled=not fitting):
         return
 
     def measure(progress: Progress) -> list[SignalLag]:
@@ -523,10 +528,12 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     if found is not None:
         alt = "Lag, score, verdict and time of each method."
         lags = dict(zip(fitting, found, strict=True))
-        st.dataframe(_in_columns(lags, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
+        st.dataframe(_table_of_methods(lags, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
 
 
-def _in_columns(lags: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
+def _table_of_methods(
+    lags: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]
+) -> dict[str, list[str]]:
     """Return the columns of the table, formatted for display; methods without a lag were left out."""
     rows = []
     for method, estimate in estimates.items():
@@ -547,10 +554,8 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
     runs = st.slider("Runs", fewest, most, at_first, step=fewest, key="lag.runs")
     once = _estimate(pair, search, search.method)
     total = Estimate(once.memory, runs * once.seconds)
-    asked = f"lag.run_times.{pair.digest}"
-    if st.button(f"Time {runs} runs of {name}", key=f"{asked}.button", disabled=once.memory > limits().job_memory):
-        st.session_state[asked] = search.method, runs
-    if st.session_state.get(asked) != (search.method, runs):
+    label, too_much = f"Time {runs} runs of {name}", once.memory > limits().job_memory
+    if not asked_for((search.method, runs), label, f"lag.run_times.{pair.digest}", disabled=too_much):
         return
 
     def measure(progress: Progress) -> Vector:

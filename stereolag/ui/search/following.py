@@ -46,10 +46,9 @@ def show_following(query: TemplateQuery) -> None:
         st.rerun()
     stream = open_stream("search", Frame)
     stream.answer = partial(answer, stream.kept, query)
-    address = connected(stream)
     _following(
         key=KEY,
-        data={**address, "told": FOLLOWING_WORDS, "least": LEAST_SIDE},
+        data={**connected(stream, {}), "told": FOLLOWING_WORDS, "least": LEAST_SIDE},
         on_frozen_change=partial(_freeze, stream),
     )
 

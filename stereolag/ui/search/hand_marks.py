@@ -9,14 +9,15 @@ import base64
 import hashlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
+from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
 from stereolag.templates.patterns import opaque_pixels
@@ -24,32 +25,10 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.elements import show_refused
 from stereolag.ui.results import remembered
+from stereolag.ui.uploads import Upload
 
 LEAST_SIDE: Final = 4
 """Px; a smaller template fits nearly everywhere."""
-
-
-@dataclass(frozen=True)
-class Box:
-    """A part of an image, px.
-
-    Attributes
-    ----------
-    row, col
-        The top-left pixel.
-    height, width
-        The size.
-    """
-
-    row: int
-    col: int
-    height: int
-    width: int
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """The rows and columns of the box."""
-        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
 
 
 def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
@@ -181,15 +160,10 @@ def box_in_the_middle(shape: tuple[int, ...]) -> Box:
     return Box((rows - height) // 2, (cols - width) // 2, height, width)
 
 
-class PaintedMask(NamedTuple):
-    """A mask, above 0 where the template counts, and its digest."""
-
-    pixels: Image
-    digest: str
-
-
-def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> PaintedMask | None:
+def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> Upload[Image] | None:
     """Offer to paint a mask on a template, and return it; None while the template's own is used.
+
+    It is above 0 where the template counts.
 
     Parameters
     ----------
@@ -204,7 +178,7 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
     """
     shape = template.shape[0], template.shape[1]
     with st.expander("Paint a mask"):
-        painted: PaintedMask | None = _kept(key, digest)
+        painted: Upload[Image] | None = _kept(key, digest)
         if shape[0] * shape[1] > LARGEST_PIXELS:
             prose.caption("This template is too large to paint on. You can add a mask among your own files.")
             return painted
@@ -212,15 +186,15 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
             own = opaque_pixels(template, mask)
         except ValueError:  # the search reports the error
             return painted
-        _show_brush(template, own, own if painted is None else painted.pixels, digest, key)
+        _show_brush(template, own, own if painted is None else painted.content, digest, key)
     return painted
 
 
 def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str) -> None:
-    def read(value: object) -> PaintedMask | None:
+    def read(value: object) -> Upload[Image] | None:
         pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
         as_before = np.array_equal(pixels > 0, own)
-        return None if as_before else PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
+        return None if as_before else Upload(hashlib.sha256(pixels.tobytes()).hexdigest(), pixels)
 
     prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
     with st.container(gap=None):
