@@ -193,8 +193,8 @@ _carrier = component("carrier")
 def connected(stream: Stream, words: Mapping[str, str]) -> dict[str, Any]:
     """Return the part of a component's data that ``web/shared/live.js`` needs to send messages to a stream.
 
-    `words` are those of its panel, beside or in place of those of every live panel.
-    Beside the component, it mounts the way by which they come where no socket opens.
+    `words` are those of its panel, beside or in place of those of every live panel. Beside the component, it mounts the
+    way by which messages come where no socket opens.
     """
     _mount_carrier(stream)
     return {**address_of(stream), "words": LIVE_WORDS | {**words}}
