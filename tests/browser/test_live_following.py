@@ -67,7 +67,7 @@ def test_a_sign_is_followed_through_two_hundred_frames_and_a_frame_is_frozen(pag
     page.mouse.move(*corners[1], steps=4)
     page.mouse.up()
     expect(panel.get_by_role("status").nth(1)).to_have_text("Found")
-    page.wait_for_function("scene.number === scene.LAST")
+    page.wait_for_function("scene.number === scene.LAST", polling=200)  # at every frame, it would have each drawn
     told = page.evaluate("scene.told")
     assert {one["number"] for one in told} >= set(range(200))
     assert not [one for one in told if one["error"]]
