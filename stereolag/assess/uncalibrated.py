@@ -130,8 +130,14 @@ def fit_rectification(
     if len(points) > MOST_POINTS:
         points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
 
+    known: dict[tuple[float, float], list[DoubleMap]] = {}
+
     def reduced_errors(given: DoubleMap) -> DoubleMap:
-        return _row_errors(given, points) * points.scale
+        # Most steps, and most derivatives, leave the lens as it is.
+        lens_of = _radial(given)
+        if lens_of not in known:
+            known[lens_of] = _straightened(given, points.shape, points.left, points.right)
+        return _row_differences(given, points.shape, *known[lens_of]) * points.scale
 
     free = np.arange(len(USUAL) if lens else LENS)
     parameters = np.zeros(len(USUAL))
@@ -179,9 +185,15 @@ def cost_of_errors(errors: DoubleMap, noise: float, parameters: DoubleMap) -> fl
 
 
 def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
+    return _row_differences(
+        parameters, points.shape, *_straightened(parameters, points.shape, points.left, points.right)
+    )
+
+
+def _row_differences(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> DoubleMap:
     # A step of the fit may try impossible cameras; their cost is infinite.
     with np.errstate(all="ignore"):
-        left, right = _rectified(parameters, points.shape, points.left, points.right)
+        left, right = _turned(parameters, shape, *straight)
         return np.asarray(right[:, 1] - left[:, 1])
 
 
@@ -211,12 +223,22 @@ def _rectified(
     parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]
 ) -> tuple[DoubleMap, DoubleMap]:
     """Return the rectified positions of points of the left and right images, before both are moved into the frame."""
+    return _turned(parameters, shape, *_straightened(parameters, shape, *views))
+
+
+def _straightened(parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]) -> list[DoubleMap]:
+    """Return the undistorted positions of points, in widths from the centre."""
+    width, centre = shape[1], centre_of(shape)
+    with np.errstate(all="ignore"):  # a step of the fit may try an impossible lens
+        return [_undistorted((points - centre) / width, parameters) for points in views]
+
+
+def _turned(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> tuple[DoubleMap, DoubleMap]:
+    """Return where the rotated cameras see undistorted points of the left and right images, px."""
     width, centre = shape[1], centre_of(shape)
     focal, cameras = _cameras(parameters)
     done = []
-    for points, (turn, length) in zip(views, cameras, strict=True):
-        seen = (points - centre) / width
-        undistorted = _undistorted(seen, parameters)
+    for undistorted, (turn, length) in zip(straight, cameras, strict=True):
         rays = undistorted @ (turn[:, :2] / length).T + turn[:, 2]
         done.append(np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], 1e-3) * (width * focal) + centre))
     return done[0], done[1]
