@@ -22,7 +22,7 @@ SEEDS = range(2)
 
 def screen(random: np.random.Generator, words: list[str], ground: int = 245) -> Array:
     """Return a screen of three columns of buttons of 96 × 30 px, 48 px apart, with these words."""
-    picture = np.full((220, 360, 3), ground, np.uint8)
+    picture = np.full((124, 360, 3), ground, np.uint8)
     fill, ink = (225, 230, 235) if ground > 127 else (60, 64, 70), (30, 30, 40) if ground > 127 else (230, 230, 235)
     for number, word in enumerate(words):
         left, top = 16 + 112 * (number % 3), 16 + 48 * (number // 3)
@@ -34,8 +34,8 @@ def screen(random: np.random.Generator, words: list[str], ground: int = 245) -> 
 
 def words_of(random: np.random.Generator) -> tuple[list[str], int, tuple[int, int]]:
     """Return words of a screen, the number of one of them, and the (row, col) of a box of 44 × 110 px around it."""
-    words = [str(word) for word in random.permutation(WORDS)]
-    number = int(random.integers(12))
+    words = [str(word) for word in random.permutation(WORDS)[:6]]
+    number = int(random.integers(6))
     return words, number, (16 + 48 * (number // 3) - 7, 16 + 112 * (number % 3) - 7)
 
 
