@@ -433,7 +433,8 @@ def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.Monkey
         matchers += [*map(sl.preset, get_args(PresetName)), sl.CorrelationMatcher(), sl.SemiGlobalMatcher()]
     for example in ("cube", "square"):
         pair = stereo_pairs()[example]
-        images = sl.read_image(pair.left), sl.read_image(pair.right)
+        # Parts of them run the same loops on the same types of arguments.
+        images = [sl.read_image(side)[100:260, 100:340].copy() for side in (pair.left, pair.right)]
         for matcher in matchers:
             matcher.compute(*images)
     if all_of_them:
