@@ -513,9 +513,12 @@ def _alone(compute: Callable[[Progress], T], progress: Progress) -> T:
 
 
 def _remembered_alone(task: str, compute: Callable[[Progress], T], **kept: Any) -> T:
-    """Return the result of a light computation; another thread of this visitor may be at the same one."""
+    """Return the result of a light computation, which another thread of this visitor may be at."""
     result: T | None = computed_before(task, **kept)
-    return _alone(lambda _: remembered(task, lambda: compute(silent), **kept), silent) if result is None else result
+    if result is not None:
+        return result
+    with _cores:
+        return remembered(task, lambda: compute(silent), **kept)
 
 
 def _forget_job(task: str) -> None:
