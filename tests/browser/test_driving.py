@@ -100,6 +100,7 @@ def page(keep_page: OpenPage) -> Page:
 
 
 def test_a_recorded_drive_has_maps_and_a_video_like_an_uploaded_one(page: Page) -> None:
+    expect(page.locator("summary").filter(has_text="Your camera")).to_have_count(1)  # the title of the fold around it
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_role("button", name="Record", exact=True).click()
     for number in range(1, 4):

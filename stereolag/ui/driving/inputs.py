@@ -217,7 +217,7 @@ def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
     return sequence, sequence.first_readable(LOOKED_AT)
 
 
-@in_fold(KEY)
+@in_fold(KEY, lambda: ORIGINS[LIVE] if st.session_state[f"{KEY}.origin"] == LIVE else "Your own files")
 def _ask_frames() -> Upload[_Frames] | None:
     found = {ONE: _ask_one, TWO: _ask_two, LIVE: _record}[st.session_state[f"{KEY}.origin"]]()
     most = limits()

@@ -17,11 +17,14 @@ from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import control
 from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.sentences import LISTENING_WORDS, heard_now_in_words
-from stereolag.ui.navigation import HALF_WIDTH, fragment
+from stereolag.ui.navigation import fragment
 from stereolag.ui.streams import Message, Whole, connected, open_stream
 from stereolag.ui.uploads import Upload
 
 _listening = component("listening")
+
+SETTING_WIDTH = 170
+"""Width of a setting below the panel, px: its title fits into one line, and both into the width of a phone."""
 
 
 class Piece(Message):
@@ -96,9 +99,9 @@ def ear_of_visitor() -> Ear:
 def _panel() -> None:
     panel = st.container()
     settings = st.container(horizontal=True, gap="small")
-    with settings.container(width=HALF_WIDTH):
+    with settings.container(width=SETTING_WIDTH):
         speed = control(LagSearch, "speed", key="lag.live.speed")
-    with settings.container(width=HALF_WIDTH):
+    with settings.container(width=SETTING_WIDTH):
         max_lag = control(LagSearch, "max_lag", key="lag.live.max", when_empty="every lag")
     ear = ear_of_visitor()
     stream = open_stream("lag", Piece, lambda piece: answer(ear, piece, speed=speed, max_lag=max_lag))
