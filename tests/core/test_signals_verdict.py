@@ -302,12 +302,12 @@ def test_of_a_narrow_band_the_right_cycle_is_found(method: SignalMethod, middle:
 
 
 def test_long_recordings_are_judged_by_sections() -> None:
-    first, second = drifting(400_000, 300, 40.0, 0.5, 6)
+    first, second = drifting(270_000, 300, 40.0, 0.5, 6)
     result = signal_lag(first, second, max_lag=1000)
     assert (result.verdict, reason(result)) == ("sure", "drift")
     assert result.drift_ppm == pytest.approx(40.0, abs=1)
     assert signal_lag(first, -second, max_lag=1000).inverted
-    nothing = signal_lag(*unrelated("noise and noise", 400_000, 0), max_lag=1000)
+    nothing = signal_lag(*unrelated("noise and noise", 270_000, 0), max_lag=1000)
     assert (nothing.verdict, nothing.over_time) == ("nothing", None)
 
 
