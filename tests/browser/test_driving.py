@@ -96,7 +96,10 @@ def page(keep_page: OpenPage) -> Page:
     """Return the page with a camera that films four frames."""
     scenes = [stereo_scene(number, near=20 + number, far=8, shape=(120, 200)) for number in range(4)]
     cameras = played_cameras(both=[np.hstack([left, right]) for left, right, _ in scenes])
-    return keep_page("Driving", choose="Your camera", script=cameras)
+    page = keep_page("Driving", call_off=True, script=cameras)
+    page.get_by_role("radio", name="Your camera").click()
+    settled(page)
+    return page
 
 
 def test_a_recorded_drive_has_maps_and_a_video_like_an_uploaded_one(page: Page) -> None:

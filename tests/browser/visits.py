@@ -108,6 +108,7 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         path: str = "",
         *,
         choose: str = "",
+        call_off: bool = False,
         moving: bool = False,
         loses_server: bool = False,
         script: str = "",
@@ -128,6 +129,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         page.goto(f"{address}/{path}")
         if choose:  # as soon as it is there, which spares the server the example
             page.get_by_role("radio", name=choose).click()
+        if call_off:  # the example, of which the server would go on with every frame beside what is tested
+            page.get_by_role("button", name="Cancel").click()
         settled(page)
         return page
 
