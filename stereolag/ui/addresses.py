@@ -31,13 +31,6 @@ NOTHING, ON = "none", "on"
 """Parameter values for None, and for an optional stage switched on; its settings are the defaults unless given too."""
 
 
-class Recalled(NamedTuple):
-    """Settings read from an address, and one sentence per reason why some parameters were ignored."""
-
-    settings: Any
-    ignored: list[str]
-
-
 def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
     """Return the settings that differ from `first`, by name; names of nested settings are dotted."""
     found: dict[str, str] = {}
@@ -62,8 +55,10 @@ def recalled_settings(
     *,
     prefix: str = "",
     check: Callable[[SettingsT], None] = lambda settings: None,
-) -> Recalled:
-    """Return the settings that :func:`parameters_of` wrote; unknown or invalid parameters are ignored.
+) -> tuple[SettingsT, list[str]]:
+    """Return the settings that :func:`parameters_of` wrote, and a sentence per reason why parameters were ignored.
+
+    Those that are unknown or invalid are.
 
     Parameters
     ----------
@@ -82,7 +77,7 @@ def recalled_settings(
         try:
             settings = type(first).model_validate(_document(wanted, first))
             check(settings)
-            return Recalled(settings, ignored)
+            return settings, ignored
         except SettingsError as error:
             refused = _refused(error, wanted)
         for reason in dict.fromkeys(refused.values()):
@@ -90,7 +85,7 @@ def recalled_settings(
             said = " and ".join(f"{quote(prefix + name)} = {quote(wanted[name])}" for name in alike)
             ignored.append(f"{said} {'is' if len(alike) == 1 else 'are'} ignored: {reason}")
         wanted = {name: text for name, text in wanted.items() if name not in refused}
-    return Recalled(first, ignored)
+    return first, ignored
 
 
 def _written(value: Any) -> str:
@@ -267,10 +262,10 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
         named = kept_settings(self.written)
         if named is not None:
             first = self.first(inputs)
-            recalled = recalled_settings(named, first, check=lambda settings: self.check(settings, inputs))
+            recalled, ignored = recalled_settings(named, first, check=lambda settings: self.check(settings, inputs))
             for name in type(first).model_fields:
-                adopt_value(self.key(name, inputs), getattr(recalled.settings, name))
-            for sentence in recalled.ignored:
+                adopt_value(self.key(name, inputs), getattr(recalled, name))
+            for sentence in ignored:
                 prose.warning(f"In the address, {sentence}")
         return inputs
 

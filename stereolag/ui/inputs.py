@@ -213,25 +213,15 @@ def choose_pictures() -> PictureAndTemplate | None:
             **persistent(f"{PICTURES}.from"),
             label_visibility="collapsed",
         )
-    if template_from == "cut":
-        inputs = own_or_example(
-            chosen,
-            _own_cut,
-            _example_cut,
-            examples,
-            key=PICTURES,
-            awaited="your image is",
-        )
-    else:
-        inputs = own_or_example(
-            chosen,
-            _own_pictures,
-            example_pictures,
-            examples,
-            key=PICTURES,
-            awaited="both images are",
-        )
-    return inputs
+    cut = template_from == "cut"
+    return own_or_example(
+        chosen,
+        _own_cut if cut else _own_pictures,
+        _example_cut if cut else example_pictures,
+        examples,
+        key=PICTURES,
+        awaited="your image is" if cut else "both images are",
+    )
 
 
 def with_painted_mask(inputs: PictureAndTemplate) -> PictureAndTemplate:

@@ -69,6 +69,10 @@ PAGE_STYLE = """
 [data-testid="stTabs"] [role="tablist"], [data-testid="stButtonGroup"] [role="radiogroup"] {
   flex-wrap: wrap; row-gap: 0;
 }
+/* The choice before the one taken, which may begin the next line: Streamlit leaves the edge between them to that. */
+[data-testid="stButtonGroup"] [role="radiogroup"] button[aria-checked="false"]:not(:hover, :focus-visible) {
+  border-right-color: light-dark(#e2dfd8, #343742) !important;
+}
 .st-key-page-head > * { max-width: 100%; }
 .st-key-page-head > * [data-testid="stMarkdownContainer"] > p { padding-top: 0.35rem; }
 /* The names of four methods in one line of the column of controls. */

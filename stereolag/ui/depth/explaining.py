@@ -115,12 +115,10 @@ def show_inspection(view: DepthView) -> None:
         prose.caption(TOO_MUCH_TO_FOLLOW)
     legend = {
         "the window, and where it was found": WINDOW_COLOUR,
-        "the true place": TRUTH_COLOUR,
+        **({} if pair.truth is None else {"the true place": TRUTH_COLOUR}),
         "the runner-up": RUNNER_UP_COLOUR,
         "the search area": SEARCH_COLOUR,
     }
-    if pair.truth is None:
-        del legend["the true place"]
     linked_pictures(
         [
             Picture(

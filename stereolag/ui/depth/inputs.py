@@ -14,6 +14,7 @@ from stereolag import samples
 from stereolag.assess.layout import Layout
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.jobs import silent
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import UNITS, Calibration
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES, read_calibration
@@ -56,7 +57,7 @@ from stereolag.ui.depth.state import recall_choices, recall_settings, restore
 from stereolag.ui.elements import show_note, show_offer, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
-from stereolag.ui.results import computed, remembered
+from stereolag.ui.results import Refusal, attempted, computed, remembered
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
     LIVE,
@@ -349,15 +350,13 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
 def _both_in(image: Image, digest: str) -> Pictures | None:
     """Return both views of a picture given as the left one, if it holds them; otherwise the right one is awaited."""
 
-    def views_of() -> Pictures:
-        try:
-            left, right, said = likely_views(image)
-        except ValueError:  # one view, or an anaglyph
-            return Pictures(image[:0], image[:0], "")
+    def views_of(_: object) -> Pictures:
+        left, right, said = likely_views(image)
         return Pictures(left, right, digest, (said,))
 
-    found = remembered("both views", views_of, inputs=digest, settings="", shared=False)
-    return found if found.digest else None
+    views_or_why_not = partial(attempted(views_of), silent)  # one view, or an anaglyph
+    found = remembered("both views", views_or_why_not, inputs=digest, settings="", shared=False)
+    return None if isinstance(found, Refusal) else found
 
 
 def ask_layout(key: str) -> Layout | None:
@@ -500,13 +499,9 @@ def _pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
 def _ask_step(pairs: PairSet) -> None:
     """Ask which pair of the set to show."""
     number, count = st.session_state[STEP], len(pairs)
-
-    def step_button(label: str, by: int, *, disabled: bool) -> None:
-        move = partial(st.session_state.update, {STEP: number + by})
-        st.button(label, key=f"{STEP}.{by}", on_click=move, disabled=disabled, width="content")
-
+    before, after = (partial(st.session_state.update, {STEP: number + by}) for by in (-1, 1))
     with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
-        step_button("Previous", -1, disabled=number == 0)
+        st.button("Previous", key=f"{STEP}.-1", on_click=before, disabled=number == 0)
         st.selectbox(
             f"Pair, of {count}",
             range(count),
@@ -515,7 +510,7 @@ def _ask_step(pairs: PairSet) -> None:
             label_visibility="collapsed",
             width=320,
         )
-        step_button("Next", 1, disabled=number == count - 1)
+        st.button("Next", key=f"{STEP}.1", on_click=after, disabled=number == count - 1)
         prose.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
 
 

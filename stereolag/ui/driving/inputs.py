@@ -51,10 +51,7 @@ from stereolag.ui.depth.inputs import (
 )
 from stereolag.ui.depth.live import ask_camera, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
-from stereolag.ui.elements import (
-    show_refused,
-    show_remedy,
-)
+from stereolag.ui.elements import in_columns, show_refused, show_remedy
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
 from stereolag.ui.streams import Message, frame, open_stream
@@ -248,11 +245,10 @@ def _video(data: bytes) -> bytes:
 
 
 def _ask_two() -> Upload[_Frames] | None:
-    columns = st.columns(2, gap="medium")
-    with columns[0]:
-        left = upload("Left video", _video, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
-    with columns[1]:
-        right = upload("Right video", _video, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
+    left, right = (
+        upload(f"{side} video", _video, key=f"{KEY}.{side.lower()}", types=sorted(VIDEO_ENDINGS))
+        for side in in_columns(("Left", "Right"))
+    )
     if left is None or right is None:
         forget_together(f"{KEY}.two")
         return None

@@ -21,7 +21,6 @@ from stereolag.core.searches import LagSearch, SignalMethod
 from stereolag.core.settings import Bounds
 from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
-from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
 from stereolag.io.alignment import aligned_file, check_wav
 from stereolag.io.programs import lag_command, lag_script
@@ -401,7 +400,7 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
         "said": disturbed_in_words(settings, result),
         "recordings": [part.round(3).tolist() for part in (first[SHOWN], second[of_second])],
         "curve": result.correlation.round(5).tolist(),
-        "ribbon": band_of_chance(result),
+        "ribbon": figures.band_of_chance(result),
         "peak": result.lag,
         "rivals": result.rivals,
         "verdict": result.verdict,

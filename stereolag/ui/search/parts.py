@@ -18,7 +18,6 @@ from stereolag.core.jobs import Estimate
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
 from stereolag.figures.pictures import FRAME, fitted, jpeg
-from stereolag.figures.templates import trial_jpeg
 from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
 from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
@@ -402,7 +401,7 @@ def _tried(
     part = degraded_part(inputs.picture, place, shape, degradation)
     here = part.row, part.col
     trials = try_methods(part.pixels, inputs.template, here, mask=inputs.mask, min_score=min_score)
-    return [Attempt(trial, trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
+    return [Attempt(trial, figures.trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
 
 
 def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
