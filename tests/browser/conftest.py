@@ -57,9 +57,12 @@ def show_parts(browser: Browser) -> Iterator[ShowParts]:
         yield shown
 
 
+ON_REAL_SOCKETS = ("tests/browser/", "tests/package/", "tests/app/test_streams.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run a browser test that fails once more: on a busy machine, about one run of all in ten meets a moment of
-    Streamlit or Chromium that no second one meets. The summary counts those tests as rerun."""
+    """Run a test of a browser or a server that fails once more: on a busy machine, about one run of all in ten meets a
+    moment of Streamlit, Chromium or a socket that no second one meets. The summary counts those tests as rerun."""
     for item in items:
-        if item.nodeid.startswith("tests/browser/"):
+        if item.nodeid.startswith(ON_REAL_SOCKETS):
             item.add_marker(pytest.mark.flaky(reruns=1))
