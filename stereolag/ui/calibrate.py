@@ -49,6 +49,7 @@ from stereolag.ui.elements import (
     Number,
     announce,
     in_columns,
+    refusals_shown,
     show_line,
     show_offer,
     show_picture,
@@ -474,7 +475,7 @@ def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, resu
         rectified = rectify(left, right, result.calibration)
         return jpeg(with_row_lines(rectified.left, rectified.right))
 
-    try:
+    with refusals_shown():
         data = computed(
             "rectified",
             drawn,
@@ -483,13 +484,9 @@ def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, resu
             shared=pictures.shared,
             label="Rectifying the pair …",
         )
-    except ValueError as error:
-        show_refused(error)
-        return
-    show_picture(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
-    prose.caption(
-        f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
-    )
+        name = f"Pair {pictures.names[number]}, rectified"
+        show_picture(data, f"{name}, with lines along its rows")
+        prose.caption(f"{name}: a point on a line in the left picture lies on it in the right one.")
 
 
 def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:

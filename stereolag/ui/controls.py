@@ -37,7 +37,7 @@ from stereolag.core.typography import typeset
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import refusals_shown, show_refused
 from stereolag.ui.keys import class_of, exact_key, more_key, setting_key
 from stereolag.ui.sentences import CHOICE_NAMES
 from stereolag.ui.streamlit_inside import Expander
@@ -304,12 +304,9 @@ def adopt_value(key: str, value: Any) -> None:
 
 def last_valid(make: Callable[[], T], key: str) -> T | None:
     """Return the result of `make`; if it refuses the settings, show why and return the last valid ones."""
-    try:
-        settings = make()
-    except ValueError as error:
-        show_refused(error)
-        return st.session_state.get(key)
-    st.session_state[key] = settings
+    with refusals_shown():
+        st.session_state[key] = make()
+    settings: T | None = st.session_state.get(key)
     return settings
 
 

@@ -135,6 +135,15 @@ def show_refused(reason: object) -> None:
     prose.error(str(reason), icon=":material/block:")
 
 
+@contextmanager
+def refusals_shown(said: str = "{}") -> Iterator[None]:
+    """Show why what is tried inside the ``with`` block is refused, and go on after it; `said` is the whole sentence."""
+    try:
+        yield
+    except ValueError as error:
+        show_refused(said.format(error))
+
+
 ANNOUNCED = "announced"
 
 _region = component("announcement")

@@ -54,7 +54,7 @@ from stereolag.ui.controls import matchers_in_use, persistent, set_controls
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
 from stereolag.ui.depth.live import LiveCamera
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
-from stereolag.ui.elements import show_note, show_offer, show_refused
+from stereolag.ui.elements import refusals_shown, show_note, show_offer, show_refused
 from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, remembered
@@ -221,11 +221,8 @@ def _keep_settings(pair: Pair) -> None:
         last, first, at = kept.scaled.get(type(matcher), (None, matcher, before.images[1]))
         if last != matcher:
             first, at = matcher, before.images[1]
-        try:
+        with refusals_shown("The settings could not be scaled with the images. {}"):
             scaled = scaled_settings(first, at / divisor)
-        except ValueError as error:
-            show_refused(f"The settings could not be scaled with the images. {error}")
-        else:
             set_controls(scaled, pair)
             kept.scaled[type(matcher)] = scaled, first, at
 
@@ -415,12 +412,10 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
     if given is None or pictures is None:
         return None
     divisor = divisor or likely or given.content.divisor or 1.0
-    try:
+    with refusals_shown():
         truth = halved_truth(given.content.divided(divisor), pictures.left.shape[:2])
         return Upload(f"{given.digest} {divisor:g}", truth)
-    except ValueError as error:
-        show_refused(error)
-        return None
+    return None
 
 
 def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> float | None:

@@ -50,7 +50,7 @@ from stereolag.ui.depth.sentences import (
     value_in_words,
 )
 from stereolag.ui.depth.state import adopt
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import refusals_shown, show_refused
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import Job, show_busy, this_visit, watch
 
@@ -280,16 +280,13 @@ def show_sweep(view: DepthView) -> None:
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
     """Ask for the parameters to vary and their values; show why and return None if they cannot be used."""
     known = parameters(matcher)
-    try:
+    with refusals_shown():
         down = _ask_axis("Down", matcher, known, ("num_disparities", "search_size"), FEWER)
         across = _ask_axis("Across", matcher, known, ("window_size", "block_size"), MORE)
-    except ValueError as error:
-        show_refused(error)
-        return None
-    if down.parameter == across.parameter:
-        show_refused("Choose two different settings: one goes down, the other across.")
-        return None
-    return down, across
+        if down.parameter == across.parameter:
+            raise ValueError("Choose two different settings: one goes down, the other across.")
+        return down, across
+    return None
 
 
 def _ask_axis(
@@ -382,10 +379,8 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
         st.session_state[f"{SWEEP}.clicks"] = clicks + 1
         row, col = divmod(int(clicked[0]), len(axes[1].values))
         values = zip(axes, (row, col), strict=True)
-        try:
+        with refusals_shown():
             adopt(changed(matcher, {axis.parameter.name: axis.values[one] for axis, one in values}))
-        except ValueError as error:
-            show_refused(error)
 
 
 def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:

@@ -51,7 +51,7 @@ from stereolag.ui.depth.inputs import (
 )
 from stereolag.ui.depth.live import ask_camera, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
-from stereolag.ui.elements import in_columns, show_refused, show_remedy
+from stereolag.ui.elements import in_columns, refusals_shown, show_refused, show_remedy
 from stereolag.ui.navigation import HALF_WIDTH, head
 from stereolag.ui.results import computed
 from stereolag.ui.streams import Message, frame, open_stream
@@ -143,10 +143,8 @@ def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] |
     rows, cols = frame.left.shape[:2]
     fitted = None
     if calibration is not None:
-        try:
+        with refusals_shown("{} The drive is processed without it."):
             fitted = calibration_for(calibration.content, cols, rows)
-        except ValueError as error:
-            show_refused(f"{error} The drive is processed without it.")
     try:
         left, right = as_stereo_pair(frame.left, frame.right)
     except ValueError as error:
@@ -177,7 +175,7 @@ def turn_key(pair: Pair) -> str:
 
 def _examined(sequence: StereoSequence, pair: Pair) -> Diagnosis | None:
     """Return the findings on a few frames of a drive; None if they are refused."""
-    try:
+    with refusals_shown():
         return computed(
             "diagnosis of a drive",
             lambda progress: diagnose_sequence(sequence),
@@ -186,9 +184,7 @@ def _examined(sequence: StereoSequence, pair: Pair) -> Diagnosis | None:
             shared=False,
             label="Looking over a few frames …",
         )
-    except ValueError as error:
-        show_refused(error)
-        return None
+    return None
 
 
 @st.cache_resource(show_spinner="Loading the example …")
