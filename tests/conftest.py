@@ -30,8 +30,8 @@ settings.load_profile("stereolag")
 
 LONGEST_FIRST = ("browser", "package", "app", "core")
 
-OF_WHOLE_PAGES = ("test_pages.py", "test_live_calibrate.py", "test_proxy.py")
-"""Files for a browser that open every page: half of the time of all such files."""
+OF_WHOLE_PAGES = ("test_pages.py", "test_driving.py", "test_live_calibrate.py", "test_proxy.py")
+"""Files for a browser that open every page, or one with the longest examples: half of the time of all such files."""
 
 
 class TwoBrowsers(LoadFileScheduling):
