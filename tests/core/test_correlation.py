@@ -467,3 +467,12 @@ def test_searches_answer_alike_from_many_threads() -> None:
 
     with ThreadPoolExecutor(8) as threads:
         assert list(threads.map(measure, range(1, 25))) == [(lag, lag, 30) for lag in range(1, 25)]
+
+
+def test_a_map_can_do_without_its_scores() -> None:
+    image = np.random.default_rng(0).integers(0, 255, (40, 60), dtype=np.uint8)
+    whole = StereoBM(num_disparities=16, block_size=9).compute(image[:, :-5], image[:, 5:])
+    scored = CorrelationMatcher(window_size=7, search=SearchArea.rectified(8)).compute(image[:, :-5], image[:, 5:])
+    assert np.isfinite(scored.score).any() and not np.isfinite(scored.without_scores().score).any()
+    for result in (whole, scored):
+        np.testing.assert_array_equal(result.without_scores().disparity, result.disparity)
