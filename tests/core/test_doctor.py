@@ -169,7 +169,7 @@ def test_a_mirrored_picture_is_told_and_mirrored_back() -> None:
 
 
 def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_help() -> None:
-    left, right, _ = bundled("square", 1.0)
+    left, right, _ = bundled("square")
     turned = diagnose(left, ILLS[FindingCode.ROTATION](left, right)[1])
     assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {
         FindingCode.ROTATION: Remedy.LEVEL,
@@ -199,7 +199,7 @@ def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None
 
 
 def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
-    diagnosis = diagnose(bundled("road", 1.0)[0][:400, :600], bundled("cube", 1.0)[1][:400, :600])
+    diagnosis = diagnose(bundled("road")[0][:200, :300], bundled("cube")[1][:200, :300])
     assert FindingCode.MATCHES in amber(diagnosis)
     assert diagnosis.suggested_range is None and all(finding.remedy is None for finding in diagnosis.ill)
 
