@@ -66,5 +66,5 @@ def latency_table() -> tuple[str, dict[str, float]] | None:
             figures[f"{name}: median ms"] = round(statistics.median(times), 1)
             figures[f"{name}: slowest ms"] = round(max(times), 1)
     lines = ["| from slider to picture, 881 × 400 | ms | must (median) | aim |", "|---|---|---|---|"]
-    lines += [f"| {name} | {value:g} | ≤ 150 | ≤ 80 |" for name, value in figures.items()]
+    lines += [f"| {name} | {value:g} | ≤ 100 | ≤ 70 |" for name, value in figures.items()]
     return "\n".join(lines), figures

@@ -11,9 +11,11 @@ import signal
 import sys
 import threading
 import time
+from asyncio import AbstractEventLoop
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -132,14 +134,40 @@ def give_head_start() -> None:
 
 
 def in_this_session(work: Callable[[T], R]) -> Callable[[T], R]:
-    """Return a function that does its work for this session in any thread, which has its state and caches meanwhile."""
+    """Return a function that does its work for this session in any thread, which has its state and caches meanwhile.
+
+    Runs of the page wait for it and a head start: what they send would keep the browser and the processor busy.
+    """
     session = get_script_run_ctx()
 
     def work_for_session(given: T) -> R:
-        with ThreadPoolExecutor(1, initializer=add_script_run_ctx, initargs=(None, session)) as aside:
-            return aside.submit(work, given).result()
+        loop = None if session is None else _event_loop()
+        if session is not None and loop is not None:
+            _waiting.setdefault(session.session_id, [])
+        try:
+            with ThreadPoolExecutor(1, initializer=add_script_run_ctx, initargs=(None, session)) as aside:
+                return aside.submit(work, given).result()
+        finally:
+            if session is not None and loop is not None:
+                loop.call_soon_threadsafe(loop.call_later, HEAD_START_S, _let_run, session.session_id)
 
     return work_for_session
+
+
+_waiting: dict[str, list[Callable[[], None]]] = {}
+"""Runs that wait, by their session."""
+
+
+def _let_run(session: str) -> None:
+    for run in _waiting.pop(session, ()):
+        run()
+
+
+def _event_loop() -> AbstractEventLoop | None:
+    """Return the loop in whose thread Streamlit serves all sessions; None without a server."""
+    with suppress(AttributeError, RuntimeError):
+        return runtime.get_instance()._get_async_objs().eventloop
+    return None
 
 
 _watch = st.components.v2.component(
@@ -244,7 +272,11 @@ def _run_again_unless_left(session: AppSession, asked: ClientState | None) -> No
             noted.page_script_hash, noted.page_name = asked.page_script_hash, asked.page_name
         elif asked.page_script_hash != noted.page_script_hash and not noted.page_name:
             return
-    _run_again(session, asked)
+    run = partial(_run_again, session, asked)
+    if session.id in _waiting:
+        _waiting[session.id].append(run)
+    else:
+        run()
 
 
 AppSession.request_rerun = _run_again_unless_left  # type: ignore[assignment, method-assign]
@@ -300,7 +332,8 @@ def forget_ended_sessions() -> None:
 
     Its event loop does it, which the store of sessions belongs to; this returns once it is done.
     """
-    if not runtime.exists():
+    loop = _event_loop()
+    if loop is None:
         return
     server, forgotten = runtime.get_instance(), threading.Event()
 
@@ -311,7 +344,7 @@ def forget_ended_sessions() -> None:
         forgotten.set()
 
     with suppress(RuntimeError):  # the loop has ended
-        server._get_async_objs().eventloop.call_soon_threadsafe(forget)
+        loop.call_soon_threadsafe(forget)
         forgotten.wait(FORGETTING_S)
 
 

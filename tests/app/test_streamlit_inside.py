@@ -6,10 +6,14 @@ still holds.
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 import re
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import Queue
+from types import SimpleNamespace
 
 import pytest
 import streamlit as st
@@ -100,6 +104,7 @@ def test_only_parts_of_a_page_that_was_left_are_not_run(monkeypatch: pytest.Monk
     run: list[ClientState] = []
     monkeypatch.setattr(inside, "_run_again", lambda session, asked: run.append(asked))
     session = AppSession.__new__(AppSession)
+    session.id = "one"
     session._state = AppSessionState.SHUTDOWN_REQUESTED  # so that nothing is to be closed
     session._client_state = ClientState()
 
@@ -113,6 +118,41 @@ def test_only_parts_of_a_page_that_was_left_are_not_run(monkeypatch: pytest.Monk
     assert is_run(page_script_hash="lag")
     assert not is_run(page_script_hash="depth", fragment_id="maps")
     assert is_run(page_script_hash="lag", fragment_id="panels")
+
+
+def test_runs_wait_for_what_is_made_for_their_session_in_another_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    run: Queue[str] = Queue()
+    loop, begun, end = asyncio.new_event_loop(), threading.Event(), threading.Event()
+    monkeypatch.setattr(inside, "_run_again", lambda session, asked: run.put(session.id))
+    monkeypatch.setattr(inside, "get_script_run_ctx", lambda: SimpleNamespace(session_id="own"))
+    monkeypatch.setattr(inside, "add_script_run_ctx", lambda *_: None)
+    monkeypatch.setattr(inside.runtime, "get_instance", lambda: SimpleNamespace(_get_async_objs=lambda: one))
+    one, sessions = SimpleNamespace(eventloop=loop), {name: AppSession.__new__(AppSession) for name in ("own", "other")}
+    for name, session in sessions.items():
+        session.id, session._client_state = name, ClientState()
+        session._state = AppSessionState.SHUTDOWN_REQUESTED
+
+    def work(given: int) -> int:
+        begun.set()
+        assert end.wait(30)
+        return -given
+
+    with ThreadPoolExecutor(2) as pool:
+        serving = pool.submit(loop.run_forever)
+        working = pool.submit(inside.in_this_session(work), 1)
+        assert begun.wait(30)
+        for name in ("own", "other", "own"):
+            loop.call_soon_threadsafe(sessions[name].request_rerun, None)
+        assert run.get(timeout=30) == "other"
+        assert run.empty()
+        end.set()
+        assert working.result() == -1
+        assert [run.get(timeout=30) for _ in range(2)] == ["own", "own"]
+        loop.call_soon_threadsafe(sessions["own"].request_rerun, None)
+        assert run.get(timeout=30) == "own"  # at once, as nothing is made any more
+        loop.call_soon_threadsafe(loop.stop)
+        serving.result()
+    loop.close()
 
 
 def test_uploads_above_a_megabyte_go_to_the_disk_unless_the_parser_is_told() -> None:

@@ -338,10 +338,10 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     with ahead:
         for title, pack in packs.items():
             send_picture(pack, title, key=KEY)
-    digests = [pack.digest for pack in packs.values()]
-    if st.session_state.get(SENT) != digests:
-        st.session_state[SENT] = digests
+    digests = {title: pack.digest for title, pack in packs.items()}
+    if digests.items() - st.session_state.get(SENT, {}).items():
         give_head_start()
+    st.session_state[SENT] = digests
     return packs
 
 

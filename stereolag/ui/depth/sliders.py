@@ -8,13 +8,15 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import streamlit as st
+
 from stereolag.core.settings import scaled_settings
 from stereolag.pair import Pair, resized
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import matcher_moved
-from stereolag.ui.depth.maps import KEY, computation, errors, kept_for, map_ahead, shares
+from stereolag.ui.depth.maps import KEY, SENT, computation, errors, kept_for, map_ahead, shares
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, packed
 from stereolag.ui.results import computed_at_once, remembered
@@ -53,6 +55,7 @@ def moved_map(pair: Pair, moved: MovedSlider) -> bytes:
                 return _reduced_map(pair, matcher, header)
             pack = map_ahead(pair, matcher)
             if pack is not None:
+                st.session_state.setdefault(SENT, {})[matcher.title] = pack.digest
                 return packed_item({**header, "digest": pack.digest, "whole": True}, [pack.data]).data
     return packed_item(header).data
 
