@@ -107,6 +107,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
     def opened(
         path: str = "",
         *,
+        scheme: str = "light",
+        width: int = 1280,
         choose: str = "",
         call_off: bool = False,
         moving: bool = False,
@@ -115,9 +117,9 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
     ) -> Page:
         page = new_window(browser)
         pages.append(page)
-        page.set_viewport_size({"width": 1280, "height": 900})
+        page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(
-            color_scheme="light",
+            color_scheme=scheme,  # type: ignore[arg-type]
             # Without a graphics card, drawing animations while a page waits takes a third of all time.
             reduced_motion="no-preference" if moving else "reduce",
         )
