@@ -187,6 +187,11 @@ def open_stream(name: str, kind: type[M], answer: Callable[[M], bytes] | None = 
     return stream
 
 
+def close_stream(name: str) -> None:
+    """Forget the visitor's stream of a name, with all that its answers would need."""
+    st.session_state.pop(f"live.{name}", None)
+
+
 _carrier = component("carrier")
 
 

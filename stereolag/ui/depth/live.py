@@ -35,7 +35,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, Stream, connected, frame, open_stream
+from stereolag.ui.streams import Message, Stream, close_stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN
 
 CAMERA = "depth.camera"
@@ -101,6 +101,7 @@ def show_live(live: LiveCamera) -> None:
     """Draw the camera, the controls, and the maps of its latest frame; a moved control acts on the next frame."""
     if st.session_state.get(keys.HANDED) is not None:  # a frozen frame: the page goes on with it
         st.rerun()
+    close_stream("sliders")  # of the pair that the camera stands in for
     calibration = live.calibration
     stream = open_stream("depth", Frame)
     pair: Pair = stream.kept.get("pair") or _stand_in()
