@@ -99,11 +99,12 @@ def test_damage_never_shows_as_another_frame(mp4: bytes) -> None:
     pictures = [VideoFile(mp4).frame(number) for number in range(COUNT)]
     random_bytes = random.Random(1)
     read = 0
+    begin = mp4.index(b"mdat")
+    end = begin - 4 + int.from_bytes(mp4[begin - 4 : begin], "big")  # beyond it stands the list of the frames
     for _ in range(12):
         broken = bytearray(mp4)
-        begin = mp4.index(b"mdat")
         for _ in range(3):
-            broken[random_bytes.randrange(begin + 4, begin + 3000)] ^= 0xFF
+            broken[random_bytes.randrange(begin + 4, end)] ^= 0xFF
         try:
             file = VideoFile(bytes(broken))
         except ValueError:
