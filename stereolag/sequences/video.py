@@ -32,9 +32,8 @@ FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+defau
 AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
 """Encodes every picture before the next one arrives, so that each piece ends exactly with its second."""
 
-_QUALITY = "20"
-_SPEED = "ultrafast"
-"""Twice as fast as the next preset, with files a sixth larger."""
+_ENCODING: Final[dict[str, str]] = {"preset": "ultrafast", "qp": "20"}
+"""A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates every picture's cost."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +198,7 @@ class VideoWriter:
         stream.codec_context.gop_size = max(1, round(self._rate))
         # As OpenCV converts: limited range, with the weights of Rec. 601.
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
-        stream.options = {"preset": _SPEED, "crf": _QUALITY, **(AT_ONCE if self._fragmented else {})}
+        stream.options = {**_ENCODING, **(AT_ONCE if self._fragmented else {})}
         return stream
 
 
