@@ -23,9 +23,10 @@ from stereolag.figures.pictures import jpeg
 from stereolag.io.images import read_image
 from stereolag.ui.calibrate_live import ALIKE, Shown, Taking
 from stereolag.ui.components import packed_item
-from stereolag.ui.keys import SHOWN, preset_key
-from stereolag.ui.search.following import Frame
-from stereolag.ui.search.following import answer as follow
+from stereolag.ui.controls import preset_key
+from stereolag.ui.depth.maps import SHOWN
+from stereolag.ui.search.parts import Frame
+from stereolag.ui.search.parts import answer as follow
 from stereolag.ui.streams import IN_FLIGHT
 from tests.core.moving_patch import frames
 from tests.held_boards import obeying

@@ -13,11 +13,11 @@ from stereolag.ui.elements import show_picture
 from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
-from stereolag.ui.search.following import show_following
 from stereolag.ui.search.parts import (
     damage_it,
     drag_it,
     show_answer,
+    show_following,
     show_funnel,
     show_match_files,
     show_opencv_beside,

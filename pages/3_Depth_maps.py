@@ -15,8 +15,9 @@ from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.live import LiveCamera, show_live
+from stereolag.ui.depth.live import LiveCamera, follow_sliders, show_live
 from stereolag.ui.depth.maps import (
+    PART,
     choose_maps,
     coloured_alike,
     measured,
@@ -27,10 +28,8 @@ from stereolag.ui.depth.maps import (
     show_presets,
     shown_methods,
 )
-from stereolag.ui.depth.sliders import follow_sliders
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
-from stereolag.ui.keys import PART
 from stereolag.ui.navigation import bench, fragment, page
 
 PARTS = {

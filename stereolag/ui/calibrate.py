@@ -34,7 +34,7 @@ from stereolag.geometry.boards import (
     guess_board,
 )
 from stereolag.geometry.calibrating import LeftOut, PairReport, StereoCalibration, calibrate_boards
-from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.geometry.rectification import rectify
 from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
@@ -42,8 +42,9 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
-from stereolag.ui import keys, prose
+from stereolag.ui import prose
 from stereolag.ui.controls import persistent
+from stereolag.ui.depth.calibration import take_to_depth_page
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import (
     Number,
@@ -51,21 +52,17 @@ from stereolag.ui.elements import (
     in_columns,
     refusals_shown,
     show_line,
-    show_offer,
     show_picture,
     show_refused,
 )
-from stereolag.ui.navigation import DEPTH_PAGE, HALF_WIDTH, head, show_try_first
+from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
 from stereolag.ui.sentences import percent
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
     LIVE,
-    OWN,
-    Upload,
     choose,
     in_fold,
-    no_files_yet,
     own_or_example,
     show_limits,
     upload_named,
@@ -152,15 +149,15 @@ class BoardPictures:
         return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
 
 
-TRY_FIRST = "leave out a pair with a click, and see how the errors change."
-TRY_LIVE_FIRST = "start the camera, and hold a printed chessboard before it."
-
-
 def choose_board_pictures() -> BoardPictures | None:
     """Ask which pictures to calibrate from; None if a live camera is to take them."""
     with head("Calibrate"):
         chosen = choose(EXAMPLES, key=KEY, live="Live camera")
-        show_try_first(TRY_LIVE_FIRST if chosen == LIVE else TRY_FIRST)
+        show_try_first(
+            "start the camera, and hold a printed chessboard before it."
+            if chosen == LIVE
+            else "leave out a pair with a click, and see how the errors change."
+        )
     if chosen == LIVE:
         return None
     return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
@@ -354,10 +351,7 @@ def calibrated(
     )
 
 
-# The result, its downloads, and its use on the depth page
-
-KEPT = "calibrate.kept"
-"""Session-state key of the calibration, stored as an upload."""
+# The result and its downloads
 
 
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
@@ -369,7 +363,8 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
     announce(headline)
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.header(headline.removesuffix("."), anchor=False, width="stretch")
-        _offer_use(calibration)
+        if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
+            take_to_depth_page(calibration)
     show_line(
         (
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
@@ -392,16 +387,6 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         # Nobody has to act on the weaknesses of an example.
         show = prose.caption if pictures.example else prose.warning
         show("  \n".join(sentences))
-
-
-def _offer_use(calibration: Calibration) -> None:
-    """Offer the calibration for use on the depth page, for the visitor's own files, to which it applies."""
-    if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
-        digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
-        st.session_state.update({KEPT: Upload(digest, calibration), keys.PAIR: OWN, keys.FOLD: True})
-        st.session_state.pop(keys.HANDED, None)
-        no_files_yet(keys.PAIR)
-        st.switch_page(DEPTH_PAGE)
 
 
 def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, place: Container) -> int:
@@ -517,16 +502,6 @@ def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, resu
         ):
             download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
     prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")
-
-
-def use_kept_calibration() -> Upload[Calibration] | None:
-    """Return the kept calibration, and show that it is in use, with a button to stop using it."""
-    kept: Upload[Calibration] | None = st.session_state.get(KEPT)
-    if kept is not None:
-        error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
-        said = f"In use: the calibration you made on the page Calibrate{error}."
-        show_offer(said, "Remove", f"{KEPT}.remove", partial(st.session_state.pop, KEPT, None))
-    return kept
 
 
 # Sentences

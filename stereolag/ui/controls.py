@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -38,9 +39,49 @@ from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.ui.elements import refusals_shown, show_refused
-from stereolag.ui.keys import class_of, exact_key, more_key, setting_key
 from stereolag.ui.sentences import CHOICE_NAMES
 from stereolag.ui.streamlit_inside import Expander
+
+# Their keys
+
+
+def setting_key(method: str, name: str, source: str | None = None) -> str:
+    """Return the key of the control of one setting.
+
+    Parameters
+    ----------
+    method
+        Short name of the method.
+    name
+        Name of the setting, dotted if nested; the kind follows a choice of kinds: "search.rectified.num_disparities".
+    source
+        :attr:`stereolag.pair.PairId.searched`, for a setting that belongs to the pair.
+    """
+    key = f"depth.{method}.{name}"
+    return key if source is None else f"{key}.{source}"
+
+
+def more_key(method: str) -> str:
+    """Return the key of the expander with a method's initially hidden settings."""
+    return f"depth.{method}.more"
+
+
+def preset_key(name: str) -> str:
+    """Return the key of the button of a preset."""
+    return f"depth.preset.{name}"
+
+
+def class_of(key: str) -> str:
+    """Return the class that Streamlit gives to the element with this key."""
+    return "st-key-" + re.sub(r"[^\w-]", "-", key, flags=re.ASCII)
+
+
+def exact_key(key: str) -> str:
+    """Return the key of the box for an exact value beside a slider."""
+    return f"{key}.exact"
+
+
+# The runs that draw them
 
 ANY_PAGE = "page"
 
@@ -495,7 +536,7 @@ def matcher_moved(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
     pair
         The pair the matcher will work on.
     slider
-        The class of the slider, as :func:`stereolag.ui.keys.class_of` returns it.
+        The class of the slider, as :func:`stereolag.ui.controls.class_of` returns it.
     value
         Its value, which Streamlit may not know yet.
 

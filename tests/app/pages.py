@@ -10,7 +10,7 @@ from typing import Any
 
 from streamlit.testing.v1 import AppTest
 
-from stereolag.ui.keys import exact_key
+from stereolag.ui.controls import exact_key
 
 PROJECT = Path(__file__).resolve().parents[2]
 

@@ -13,8 +13,8 @@ from streamlit.testing.v1.element_tree import NumberInput
 from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui import calibrate
-from stereolag.ui.calibrate import KEPT
-from stereolag.ui.keys import HANDED
+from stereolag.ui.depth.calibration import KEPT
+from stereolag.ui.depth.maps import HANDED
 from tests.app import uploads
 from tests.app.driving import zipped_frames
 from tests.app.pages import CALIBRATE, DEPTH, OpenPage, finished, linked, numbers
@@ -152,8 +152,8 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     app.button(key="calibrate.use").click().run()
     assert HANDED not in app.session_state
     kept = app.session_state[KEPT]
-    assert kept.content.rig is not None
-    np.testing.assert_allclose(kept.content.rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
+    assert kept.rig is not None
+    np.testing.assert_allclose(kept.rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
     app.switch_page(DEPTH).run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)

@@ -29,8 +29,8 @@ def panel() -> None:
     from stereolag.pair import Preparation
     from stereolag.stereo.opencv import StereoBM
     from stereolag.ui.controls import ask_matcher, matcher_as_set
+    from stereolag.ui.depth.calibration import prepared
     from stereolag.ui.depth.doctor import chosen_remedies, show_doctor
-    from stereolag.ui.depth.inputs import prepared
     from stereolag.ui.depth.maps import DepthView
 
     pair = st.session_state["pair"]

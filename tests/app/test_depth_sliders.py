@@ -11,8 +11,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui import results
-from stereolag.ui.depth.sliders import MovedSlider
-from stereolag.ui.keys import class_of
+from stereolag.ui.controls import class_of
+from stereolag.ui.depth.live import MovedSlider
 from tests.app import keys
 from tests.app.conftest import viewers
 from tests.app.pages import DEPTH, OpenPage

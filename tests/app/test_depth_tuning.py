@@ -25,11 +25,10 @@ from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.ui.depth.inputs import alpha_key, rows_key
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.calibration import rows_key
+from stereolag.ui.depth.maps import PAIR, SIZE, DepthView
 from stereolag.ui.depth.state import ADOPTED
 from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
-from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.results import Job
 from tests.app.depth_view import given, part_of_page, part_on_a_set, small_view
 from tests.app.test_depth_restoring import pair_of
@@ -306,7 +305,7 @@ def of_set(number: int, *remedies: Remedy) -> DepthView:
         (of_set(1), {}, True),
         (of_set(0, Remedy.SWAP_SIDES), {}, False),
         (of_set(0), {rows_key(PAIR): Rows.RECTIFIED}, False),
-        (of_set(0), {alpha_key(PAIR): 0.5}, False),
+        (of_set(0), {f"{PAIR}.alpha": 0.5}, False),
         (of_set(0), {SIZE: "Full"}, False),
     ],
     ids=["nothing", "step", "remedy", "rows", "frame", "size"],

@@ -10,9 +10,9 @@ import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import Diagnosis
+from stereolag.ui.depth.maps import HANDED
 from stereolag.ui.driving import inputs
 from stereolag.ui.driving.work import OPENED
-from stereolag.ui.keys import HANDED
 from tests.app.driving import archive, finished, opened, player, work_of
 from tests.app.pages import CALIBRATE, DRIVING, captions
 

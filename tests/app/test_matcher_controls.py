@@ -9,7 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
-from stereolag.ui.keys import class_of
+from stereolag.ui.controls import class_of
 from tests.app import keys
 from tests.app.pages import controls
 

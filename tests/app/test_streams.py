@@ -31,7 +31,7 @@ from stereolag.ui.components import packed_item
 from stereolag.ui.depth import live as depth
 from stereolag.ui.driving import inputs as driving
 from stereolag.ui.lag import live as lag
-from stereolag.ui.search import following
+from stereolag.ui.search import parts as following
 from stereolag.ui.streams import PATH, Message, Stream, frame, is_own_page, parse_message
 from tests.browser.serving import free_port
 from tests.packed import unpacked
@@ -164,7 +164,7 @@ def answering_pages() -> dict[str, tuple[type[Message], Callable[[Any], bytes]]]
     beside = depth.Camera("beside", crossed=False, width=640)
     matcher = StereoBM(num_disparities=16)
     return {
-        "depth": (depth.Frame, depth.Answering({}, [matcher], beside, None)),
+        "depth": (depth.Frame, partial(depth.answer, {}, [matcher], beside, None)),
         "calibrate": (calibrate_live.Shown, calibrate_live.Taking().answer),
         "lag": (lag.Piece, partial(lag.answer, lag.Ear(), speed=340.0, max_lag=None)),
         "search": (following.Frame, partial(following.answer, {}, TemplateQuery())),
@@ -212,9 +212,8 @@ def test_of_a_frame_only_its_views_and_the_maps_as_shown_are_kept() -> None:
     """Each visitor's last ones stay in memory: two bytes a pixel of both views, four of disparities, one of reasons."""
     kept: dict[str, Any] = {}
     beside = depth.Camera("beside", crossed=False, width=640)
-    depth.Answering(kept, [preset("fast", num_disparities=16)], beside, None)(
-        depth.Frame(parts=(as_jpeg(120, 320),), freeze=False)
-    )
+    asked = depth.Frame(parts=(as_jpeg(120, 320),), freeze=False)
+    depth.answer(kept, [preset("fast", num_disparities=16)], beside, None, asked)
     (result,) = kept["results"]
     held = [kept["pair"].left, kept["pair"].right, result.disparity, result.reason]
     assert sum(one.nbytes for one in held) == 7 * 120 * 160

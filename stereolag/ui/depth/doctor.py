@@ -18,10 +18,9 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
-from stereolag.ui.depth.maps import DepthView, kept_for
+from stereolag.ui.depth.maps import FOLD_NEXT, PAIR, DepthView, kept_for
 from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, problems_in_words, remedy_in_words
 from stereolag.ui.elements import show_offer, show_remedy
-from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
 from stereolag.ui.sentences import started_in_words

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
@@ -13,11 +12,10 @@ import streamlit as st
 from stereolag import samples
 from stereolag.assess.layout import Layout
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.core.settings import scaled_settings
-from stereolag.geometry.calibration import UNITS, Calibration
-from stereolag.io.calibrations import CALIBRATION_SUFFIXES, read_calibration
+from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES, StoredDisparity, read_stored_disparity
 from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
@@ -34,28 +32,31 @@ from stereolag.pair import (
     PairId,
     PairSet,
     Preparation,
-    Rows,
     assemble_pair,
     divisor_in_words,
     example_pair,
     fitting_divisor,
     halved_truth,
     likely_views,
-    prepare,
     read_bundle,
     read_views,
     session_pair,
 )
-from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
-from stereolag.ui.calibrate import use_kept_calibration
 from stereolag.ui.controls import matchers_in_use, persistent, set_controls
+from stereolag.ui.depth.calibration import (
+    ask_calibration,
+    ask_rectification,
+    chosen_preparation,
+    prepared,
+    show_decision,
+)
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
-from stereolag.ui.depth.live import LiveCamera
+from stereolag.ui.depth.live import LiveCamera, ask_layout
+from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.depth.state import recall_choices, recall_settings, restore
-from stereolag.ui.elements import refusals_shown, show_note, show_offer, show_refused
-from stereolag.ui.keys import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
+from stereolag.ui.elements import refusals_shown, show_note, show_offer
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, remembered
 from stereolag.ui.streamlit_inside import Container
@@ -90,13 +91,6 @@ RESTORED = f"{PAIR}.restored"
 """Session-state key of the digest of the session restored last."""
 
 LIVE_TITLE = "Live camera"
-
-INTRODUCTION = (
-    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
-    " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
-)
-
-TRY_FIRST = "make the windows smaller or larger; then [ask why](#look-closer) a pixel got its match."
 
 
 def choose_pair() -> Pair | LiveCamera:
@@ -134,7 +128,12 @@ def choose_pair() -> Pair | LiveCamera:
         return example_pair(examples[name])
 
     with fold:
-        prose.markdown(INTRODUCTION, width=760)
+        prose.markdown(
+            "Near things shift more between the two cameras than far ones. Cut the left image into small windows and "
+            "slide each along the right image: the lag of the best match is its disparity, large for near things and "
+            "small for far ones.",
+            width=760,
+        )
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=PAIR, live=LIVE_TITLE)
@@ -142,8 +141,7 @@ def choose_pair() -> Pair | LiveCamera:
             place.markdown(f"**{LIVE_TITLE}**", width="content")
             more = line.expander("Calibration", icon=":material/add:", width=FOLD_WIDTH)
             with notes:
-                given = ask_calibration(PAIR, more)
-            return LiveCamera(None if given is None else given.content)
+                return LiveCamera(ask_calibration(PAIR, more))
         if chosen == OWN:  # until an example is shown in its place
             place.markdown("**Your own pair**", width="content")
         ask = partial(ask_own_pair, line, notes)
@@ -168,7 +166,7 @@ def choose_pair() -> Pair | LiveCamera:
         st.rerun()
     if pair.shared:
         with line:
-            show_try_first(TRY_FIRST)
+            show_try_first("make the windows smaller or larger; then [ask why](#look-closer) a pixel got its match.")
     with notes:
         for change in pair.changes:
             if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED):
@@ -242,23 +240,6 @@ class Pictures:
     notes: tuple[str, ...] = ()
 
 
-def transfer(
-    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int] | None
-) -> None:
-    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
-    first, count = search or (0, None)
-    st.session_state[HANDED] = Pair(
-        *as_stereo_pair(frame.left, frame.right),
-        PairId(digest),
-        truth=frame.truth,
-        calibration=calibration,
-        min_disparity=first,
-        num_disparities=count,
-        description=description,
-    )
-    st.session_state[PAIR] = OWN
-
-
 def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
@@ -309,7 +290,7 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
         found.left,
         found.right,
         None if truth is None else truth.content,
-        None if calibration is None else calibration.content,
+        calibration,
         id=PairId(found.digest, truth.digest if truth else ""),
         notes=found.notes,
     )
@@ -354,15 +335,6 @@ def _both_in(image: Image, digest: str) -> Pictures | None:
     views_or_why_not = partial(attempted(views_of), silent)  # one view, or an anaglyph
     found = remembered("both views", views_or_why_not, inputs=digest, settings="", shared=False)
     return None if isinstance(found, Refusal) else found
-
-
-def ask_layout(key: str) -> Layout | None:
-    """Ask how both views stand in one picture; None: as it shows itself."""
-    layouts: dict[Layout | None, str] = {None: "As the picture shows"}
-    layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
-    name = persistent(f"{key}.layout")
-    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name, width=260)
-    return chosen
 
 
 def _ask_one_picture() -> Pictures | None:
@@ -515,159 +487,6 @@ def set_of(pair_id: PairId) -> PairSet | None:
     return pairs if pairs is not None and pairs.digest == pair_id.collection else None
 
 
-# Calibration and rectification, on the driving page too
-
-
-def ask_calibration(key: str, place: Container) -> Upload[Calibration] | None:
-    """Ask in a place for the calibration of the camera, and say here what it means; None: depth is then relative."""
-    with place:
-        columns = st.columns([2, 1, 1], gap="medium")
-        with columns[0]:
-            unit = st.session_state.get(f"{key}.unit")
-            given = upload_named(
-                "Calibration files",
-                lambda files: guarded(read_calibration)(
-                    *(data for _, data in files), length_unit_m=unit and UNITS[unit]
-                ),
-                key=f"{key}.calibration",
-                types=CALIBRATION_SUFFIXES,
-                note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
-                "Kalibr, ZED, OAK, RealSense, MATLAB, Middlebury, KITTI, DrivingStereo, ORB-SLAM, VINS, Cityscapes, "
-                "stereodemo, or JSON with focal_px and baseline_m. With both cameras’ matrices and distortion the pair "
-                "is rectified.",
-                variant=unit or "",
-            )
-            unknown = given is not None and unit is None and not given.content.unit_stated
-            st.segmented_control(
-                "Which unit are its lengths in? The file does not say." if unknown else "Lengths without a unit are in",
-                [*UNITS],
-                **persistent(f"{key}.unit"),
-                help="Files of OpenCV and NumPy do not state it: it is the unit of the chessboard’s square size. "
-                "Others state it, or are in metres by convention (ROS, Kalibr).",
-            )
-        focal = columns[1].number_input(
-            "Focal length, px",
-            min_value=1.0,
-            value=None,
-            **persistent(f"{key}.focal"),
-            placeholder="from the file" if given else "not known",
-            disabled=given is not None,
-        )
-        baseline = columns[2].number_input(
-            "Baseline, m",
-            min_value=0.0001,
-            value=None,
-            format="%.4f",
-            **persistent(f"{key}.baseline"),
-            placeholder="from the file" if given else "not known",
-            disabled=given is not None,
-            help="The distance between the two cameras.",
-        )
-    if given is not None:
-        # What it means in metres, and what was assumed.
-        said = " ".join((given.content.in_words(), *given.content.notes))
-        if given.content.plausible:
-            prose.caption(said, width="content")
-        else:
-            prose.warning(said)
-        return given
-    if focal is None or baseline is None:
-        return use_kept_calibration()
-    return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
-
-
-ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}
-
-
-def rows_key(key: str) -> str:
-    """Return the key of the control for raw or rectified images; `key` is the prefix of the page's keys."""
-    return f"{key}.pictures_are"
-
-
-def alpha_key(key: str) -> str:
-    """Return the key of the control for the frame; `key` is the prefix of the page's keys."""
-    return f"{key}.alpha"
-
-
-def ask_rectification(calibration: Calibration | None, key: str) -> None:
-    """Ask whether the images are raw or rectified, if the calibration is that of both cameras before rectification.
-
-    Parameters
-    ----------
-    calibration
-        That of the pair as read.
-    key
-        Prefix of the keys of the controls; :func:`chosen_preparation` returns the answer.
-    """
-    if calibration is None or calibration.rig is None:
-        return
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
-        st.segmented_control(
-            "The images are",
-            [*ROWS],
-            default=Rows.DECIDE,
-            format_func=ROWS.__getitem__,
-            required=True,
-            **persistent(rows_key(key)),
-            help="The calibration describes both cameras before rectification. Raw images are undistorted and "
-            "rectified with it; images that are rectified already are left as they are.",
-        )
-        if calibration.rig.rectification is None:
-            st.slider(
-                "Frame (`alpha`)",
-                0.0,
-                1.0,
-                0.0,
-                0.05,
-                **persistent(alpha_key(key)),
-                width=220,
-                help="The calibration does not include the rectification (R1, R2, P1, P2). 0 crops to valid pixels, "
-                "1 keeps all pixels, with black around them. For images that are rectified already: the value they "
-                "were rectified with, as metres depend on it.",
-            )
-
-
-def chosen_preparation(key: str, divisor: int | None = 1) -> Preparation:
-    """Return how the visitor wants pairs to be prepared, without remedies; `key` is the prefix of the page's keys."""
-    state = st.session_state
-    return Preparation(divisor, Rows(state.get(rows_key(key), Rows.DECIDE)), state.get(alpha_key(key), 0.0))
-
-
 def preparation_of_sets() -> Preparation:
     """Return how the pair shown, and every other of its set, is prepared as chosen; without remedies."""
     return chosen_preparation(PAIR, SIZES[st.session_state.get(SIZE, "Automatic")])
-
-
-STEPS = {
-    "resized pair": "Resizing …",
-    "rectified pair": "Rectifying the pair …",
-    "row evidence": "Comparing the rows …",
-    "remedy": "Correcting the pair …",
-}
-
-
-def prepared(pair: Pair, preparation: Preparation) -> Pair:
-    """Return the pair ready for matching, from memory as far as possible; show the errors of steps that are not."""
-
-    def remembered_step(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
-        return computed(
-            step,
-            lambda progress: make(),
-            inputs=pair.digest,
-            settings=settings,
-            shared=pair.shared,
-            label=STEPS[step],
-        )
-
-    return prepare(pair, preparation, memo=remembered_step, refused=show_refused)
-
-
-def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
-    """Show whether the pair was rectified and why, with a button that undoes it."""
-    decision = pair.rectification
-    if decision is None:
-        return
-    undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
-    label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
-    choose = partial(st.session_state.update, {rows_key(key): rows})
-    show_offer(decision.in_words(subject), label, f"{key}.rectifying.undo", choose, ":material/straighten:")

@@ -1,46 +1,66 @@
-"""The depth page with a live camera: maps of the running picture beside the controls, and a frozen frame as a pair."""
+"""Maps that do not wait for a run of the page: of a live camera's running picture, and of a slider that is moved.
+
+A frozen frame of the camera becomes the visitor's own pair. The map of a slider is smaller while it is dragged, whole
+once it is released.
+"""
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import streamlit as st
 
 from stereolag.assess.layout import Layout, views
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for, rectify
-from stereolag.pair import Pair, PairId
+from stereolag.pair import Pair, PairId, resized
+from stereolag.sequences import StereoFrame
+from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui import keys, prose
+from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item
-from stereolag.ui.controls import DISPARITIES_AT_FIRST, matcher_as_set, persistent
+from stereolag.ui.controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved, persistent
 from stereolag.ui.depth.maps import (
     COLUMNS,
+    HANDED,
     KEY,
+    PAIR,
+    SENT,
     choose_maps,
     coloured_alike,
+    computation,
+    errors,
+    kept_for,
     live_picture,
+    map_ahead,
     map_legends,
+    shares,
     show_controls,
     show_presets,
     shown_methods,
 )
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
+from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, Stream, close_stream, connected, frame, open_stream
+from stereolag.ui.results import computed_at_once, remembered
+from stereolag.ui.streamlit_inside import in_this_session
+from stereolag.ui.streams import Message, Stream, address_of, close_stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN
 
 CAMERA = "depth.camera"
 WIDTHS = {"320 px": 320, "480 px": 480, "640 px": 640, "Full": 100_000}
-FIRST_WIDTH = "640 px"
 
 
 class Camera(NamedTuple):
@@ -61,7 +81,7 @@ def ask_camera(key: str) -> Camera:
     """Ask how both views come from a camera or two; `key` is the prefix of the controls' keys."""
     arrangement, crossed = ask_arrangement(key, [*CAMERAS])
     width = st.segmented_control(
-        "Width of a view", [*WIDTHS], default=FIRST_WIDTH, required=True, **persistent(f"{key}.width")
+        "Width of a view", [*WIDTHS], default="640 px", required=True, **persistent(f"{key}.width")
     )
     return Camera(arrangement, crossed, WIDTHS[width])
 
@@ -72,6 +92,15 @@ def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
         "Camera", arrangements, format_func=CAMERAS.__getitem__, **persistent(f"{key}.arrangement")
     )
     return arrangement, st.toggle("The right view comes first", **persistent(f"{key}.crossed"))
+
+
+def ask_layout(key: str) -> Layout | None:
+    """Ask how both views stand in one picture; None: as it shows itself."""
+    layouts: dict[Layout | None, str] = {None: "As the picture shows"}
+    layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
+    name = persistent(f"{key}.layout")
+    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name, width=260)
+    return chosen
 
 
 _stereo_camera = component("stereo_camera")
@@ -99,7 +128,7 @@ class LiveCamera:
 @fragment
 def show_live(live: LiveCamera) -> None:
     """Draw the camera, the controls, and the maps of its latest frame; a moved control acts on the next frame."""
-    if st.session_state.get(keys.HANDED) is not None:  # a frozen frame: the page goes on with it
+    if st.session_state.get(HANDED) is not None:  # a frozen frame: the page goes on with it
         st.rerun()
     close_stream("sliders")  # of the pair that the camera stands in for
     calibration = live.calibration
@@ -116,7 +145,7 @@ def show_live(live: LiveCamera) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        stream.answer = Answering(stream.kept, matchers, camera, calibration)
+        stream.answer = partial(answer, stream.kept, matchers, camera, calibration)
         stereo_camera(
             stream,
             camera,
@@ -156,8 +185,14 @@ class Frame(Message):
     freeze: bool = False
 
 
-class Answering:
-    """Answers frames with the maps of some matchers.
+def answer(
+    kept: dict[str, Any],
+    matchers: Sequence[StereoMatcher],
+    camera: Camera,
+    calibration: Calibration | None,
+    message: Frame,
+) -> bytes:
+    """Return the maps of a frame, or that it is frozen.
 
     Parameters
     ----------
@@ -169,43 +204,31 @@ class Answering:
         How both views stand in a frame.
     calibration
         That of the camera, at any size; with a rig, each frame is rectified.
+    message
+        The frame.
     """
+    left, right = camera.views(frame(message.parts[0], grey=not message.freeze))
+    if message.freeze:
+        kept["frozen"] = left, right
+        return packed_item({"frozen": time.monotonic()}).data
+    rows, cols = left.shape[:2]
+    if calibration is not None and calibration.rig is not None:
+        left, right, calibration = rectify(left, right, calibration)
+    elif calibration is not None:
+        calibration = calibration_for(calibration, cols, rows)
+    with _matching:
+        results = [matcher.compute(left, right) for matcher in matchers]
+    kept["pair"] = replace(_stand_in(), left=left, right=right, calibration=calibration)
+    # The page shows no scores, and the maps of each visitor's last frame stay in memory.
+    kept["results"] = [one.without_scores() for one in results]
+    parts = [_map(one) for one in results]
+    return packed_item({"shape": [rows, cols, len(parts)], "digest": "live"}, parts).data
 
-    def __init__(
-        self,
-        kept: dict[str, Any],
-        matchers: Sequence[StereoMatcher],
-        camera: Camera,
-        calibration: Calibration | None,
-    ) -> None:
-        self._kept, self._matchers, self._camera, self._calibration = kept, matchers, camera, calibration
 
-    def __call__(self, message: Frame) -> bytes:
-        """Return the maps of a frame, or that it is frozen."""
-        left, right = self._camera.views(frame(message.parts[0], grey=not message.freeze))
-        if message.freeze:
-            self._kept["frozen"] = left, right
-            return packed_item({"frozen": time.monotonic()}).data
-        pair = self._pair(left, right)
-        with _matching:
-            results = [matcher.compute(pair.left, pair.right) for matcher in self._matchers]
-        # The page shows no scores, and the maps of each visitor's last frame stay in memory.
-        self._kept["pair"], self._kept["results"] = pair, [one.without_scores() for one in results]
-        parts = [self._map(one) for one in results]
-        return packed_item({"shape": [*left.shape[:2], len(parts)], "digest": "live"}, parts).data
-
-    def _pair(self, left: Image, right: Image) -> Pair:
-        calibration = self._calibration
-        if calibration is not None and calibration.rig is not None:
-            left, right, calibration = rectify(left, right, calibration)
-        elif calibration is not None:
-            calibration = calibration_for(calibration, left.shape[1], left.shape[0])
-        return replace(_stand_in(), left=left, right=right, calibration=calibration)
-
-    def _map(self, result: DisparityMap) -> bytes:
-        title = result.settings.title
-        more: dict[str, Any] = {"kind": "preview", "name": KEY, "title": title, "live": True}
-        return packed(Picture(title, None, (Reading(result.disparity, unit="px", digits=1),)), more).data
+def _map(result: DisparityMap) -> bytes:
+    title = result.settings.title
+    more: dict[str, Any] = {"kind": "preview", "name": KEY, "title": title, "live": True}
+    return packed(Picture(title, None, (Reading(result.disparity, unit="px", digits=1),)), more).data
 
 
 def _freeze(stream: Stream, calibration: Calibration | None) -> None:
@@ -215,11 +238,81 @@ def _freeze(stream: Stream, calibration: Calibration | None) -> None:
         return
     if calibration is not None and calibration.rig is None:
         calibration = calibration_for(calibration, left.shape[1], left.shape[0])
-    st.session_state[keys.HANDED] = Pair(
-        left,
-        right,
-        PairId(f"frozen {time.time_ns()}"),
+    said = f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}"
+    transfer(StereoFrame(left, right), f"frozen {time.time_ns()}", said, calibration)
+
+
+def transfer(
+    frame: StereoFrame,
+    digest: str,
+    description: str,
+    calibration: Calibration | None,
+    search: tuple[int, int | None] = (0, None),
+) -> None:
+    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
+    pair = Pair(
+        *as_stereo_pair(frame.left, frame.right),
+        PairId(digest),
+        truth=frame.truth,
         calibration=calibration,
-        description=f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}",
+        min_disparity=search[0],
+        num_disparities=search[1],
+        description=description,
     )
-    st.session_state[keys.PAIR] = OWN
+    st.session_state.update({HANDED: pair, PAIR: OWN})
+
+
+# A slider that is moved
+
+PREVIEWED_PIXELS = 80_000
+"""Images are reduced to about this many pixels while a slider is dragged."""
+
+
+class MovedSlider(Message):
+    """A slider's class and value; whether the whole map is asked for, as it is not being dragged."""
+
+    slider: str
+    value: int | float
+    whole: bool
+
+
+_sliders = component("sliders")
+
+
+def follow_sliders(pair: Pair) -> None:
+    """Show the map of a slider as soon as it is moved; the run of the page brings the same map, and all else."""
+    stream = open_stream("sliders", MovedSlider, in_this_session(partial(moved_map, pair)), brief=True)
+    _sliders(key="depth.sliders", data=address_of(stream))
+
+
+def moved_map(pair: Pair, moved: MovedSlider) -> bytes:
+    """Return the map of a method with one of its sliders moved, as an item; without the map if it takes long."""
+    header: dict[str, Any] = {"name": KEY}
+    with suppress(ValueError):  # the page tells why there is no map
+        matcher = matcher_moved(pair, moved.slider, moved.value)
+        if matcher is not None:
+            header["title"] = matcher.title
+            if not moved.whole:
+                return _reduced_map(pair, matcher, header)
+            pack = map_ahead(pair, matcher)
+            if pack is not None:
+                st.session_state.setdefault(SENT, {})[matcher.title] = pack.digest
+                return packed_item({**header, "digest": pack.digest, "whole": True}, [pack.data]).data
+    return packed_item(header).data
+
+
+def _reduced_map(pair: Pair, matcher: StereoMatcher, header: dict[str, Any]) -> bytes:
+    divisor = max(2, math.isqrt(math.prod(pair.left.shape[:2]) // PREVIEWED_PIXELS))
+    small = remembered("smaller pair", partial(_smaller, pair, divisor), **kept_for(pair, str(divisor)))
+    result = computed_at_once(**computation(small, scaled_settings(matcher, 1 / divisor)))
+    if result is None:
+        return packed_item(header).data
+    disparity = result.disparity * divisor
+    of = Number("Preview", f"1/{divisor} size", "The map itself is computed when the slider is released.")
+    judged = () if small.truth is None else errors(evaluate(disparity, small.truth * divisor))
+    header["figures"] = [one._asdict() for one in (of, *shares(result), *judged)]
+    return packed_item(header, [packed(Picture(matcher.title, None, (Reading(disparity, digits=1),))).data]).data
+
+
+def _smaller(pair: Pair, divisor: int) -> Pair:
+    return replace(resized(pair, divisor), id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))

@@ -24,7 +24,7 @@ from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
-from stereolag.ui import keys, prose
+from stereolag.ui import prose
 from stereolag.ui.controls import (
     DISPARITIES_AT_FIRST,
     AsSet,
@@ -32,6 +32,7 @@ from stereolag.ui.controls import (
     default_settings,
     matchers_in_use,
     persistent,
+    preset_key,
     set_controls,
 )
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
@@ -52,6 +53,19 @@ from stereolag.ui.streamlit_inside import Container, give_head_start
 
 Pixel = tuple[int, int]
 
+# The keys of what is chosen on the page
+
+PAIR = "pairs"
+HANDED = f"{PAIR}.handed_over"
+"""Key of the pair handed over by another page in place of files."""
+SIZE = f"{PAIR}.size"
+FOLD = "depth.head"
+FOLD_NEXT = f"{FOLD}.next"
+SHOWN = "depth.maps"
+TAB = "depth.tab"
+PART = "depth.part"
+COLOURS = "depth.colours"
+
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
 SENT = f"{KEY}.sent"
@@ -61,7 +75,7 @@ COLUMNS = 2
 
 SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
 
-PALETTE, INVERTED, OUTLINED = (f"{keys.COLOURS}.{name}" for name in ("palette", "inverted", "outlined"))
+PALETTE, INVERTED, OUTLINED = (f"{COLOURS}.{name}" for name in ("palette", "inverted", "outlined"))
 FIRST_PALETTE = "viridis"
 MOST_BEYOND = 0.02
 """Share of a map beyond the colours above which the page says so."""
@@ -156,7 +170,7 @@ def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView
     searched = searched_range(results.values()) if results else (float(first), float(first + count))
     low, high = st.session_state.get(range_key(pair.digest)) or searched
     view = DepthView(pair, results, Colours(low, max(high, low + 1)))
-    popover = st.popover("Colours", icon=":material/palette:", key=f"{keys.COLOURS}.opened", on_change="rerun")
+    popover = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
     if popover.open:  # drawing hidden controls would cost time in every run
         with popover:
             _ask_colours(view, (low, high))
@@ -186,14 +200,14 @@ def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
             "Fit to the maps",
             on_click=_fit_range,
             args=(key, view.maps),
-            key=f"{keys.COLOURS}.fit",
+            key=f"{COLOURS}.fit",
             disabled=not view.results,
         )
         st.button(
             "Follow the search",
             on_click=st.session_state.pop,
             args=(key, None),
-            key=f"{keys.COLOURS}.follow",
+            key=f"{COLOURS}.follow",
             disabled=key not in st.session_state,
             help="The colours then span the disparities that are searched.",
         )
@@ -220,7 +234,7 @@ def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
 
 def range_key(digest: str) -> str:
     """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
-    return f"{keys.COLOURS}.range.{digest}"
+    return f"{COLOURS}.range.{digest}"
 
 
 def _set_range(key: str) -> None:
@@ -251,7 +265,7 @@ def offer_fit(view: DepthView) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             prose.markdown(f":orange[:material/palette:] {beyond_the_colours(shares)}", width="content")
             fit = partial(_fit_range, range_key(view.pair.digest), view.maps)
-            st.button("Fit the colours", key=f"{keys.COLOURS}.fit_beyond", on_click=fit)
+            st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=fit)
 
 
 # The maps
@@ -264,7 +278,7 @@ def map_task(matcher: StereoMatcher) -> str:
 
 def shown_methods() -> list[type[StereoMatcher]]:
     """Return the methods whose maps are shown, in the order of the list of methods."""
-    names = st.session_state.get(keys.SHOWN, SHOWN_AT_FIRST)
+    names = st.session_state.get(SHOWN, SHOWN_AT_FIRST)
     return [method for method in METHODS if method.short_name in names]
 
 
@@ -276,7 +290,7 @@ def choose_maps() -> None:
         selection_mode="multi",
         default=SHOWN_AT_FIRST,
         format_func={method.short_name: method.title for method in METHODS}.__getitem__,
-        **persistent(keys.SHOWN),
+        **persistent(SHOWN),
         label_visibility="collapsed",
         wrap=True,
     )
@@ -289,7 +303,7 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
     """
     shown = [one.short_name for one in shown_methods()]
     if method.short_name not in shown:
-        st.session_state[keys.SHOWN] = [*shown[instead:], method.short_name]
+        st.session_state[SHOWN] = [*shown[instead:], method.short_name]
 
 
 def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | None = None) -> dict[str, DisparityMap]:
@@ -547,9 +561,9 @@ def show_controls(as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
         default=next(iter(by_name)),
         required=True,
         format_func=lambda name: by_name[name].title,
-        **persistent(keys.TAB),
+        **persistent(TAB),
         label_visibility="collapsed",
-        on_change=lambda: show_method(by_name[st.session_state[keys.TAB]]),
+        on_change=lambda: show_method(by_name[st.session_state[TAB]]),
     )
     for method, found in as_set.items():
         if method.short_name == tab:
@@ -562,10 +576,10 @@ def show_presets(pair: Pair) -> None:
     """Draw a button for each preset, and one that resets all methods to their initial settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
         for name, one in PRESETS.items():
-            st.button(one.title, key=keys.preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
+            st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
         st.button(
             "Reset",
-            key=keys.preset_key("reset"),
+            key=preset_key("reset"),
             icon=":material/restart_alt:",
             help="Sets all methods back to their initial settings.",
             type="tertiary",
@@ -575,7 +589,7 @@ def show_presets(pair: Pair) -> None:
 
 def _set_preset(name: PresetName, pair: Pair) -> None:
     """Show a preset in its own colours, over the range of the method whose settings are shown."""
-    tab = st.session_state.get(keys.TAB, METHODS[0].short_name)
+    tab = st.session_state.get(TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
     # A square search area reaches equally far to both sides, which makes no range for a strip.
     strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
@@ -584,12 +598,12 @@ def _set_preset(name: PresetName, pair: Pair) -> None:
     set_controls(matcher, pair)
     show_method(type(matcher), instead=True)
     st.session_state[INVERTED] = name == "report"
-    st.session_state[keys.TAB] = matcher.short_name
+    st.session_state[TAB] = matcher.short_name
 
 
 def _reset(pair: Pair) -> None:
-    st.session_state[keys.SHOWN] = SHOWN_AT_FIRST
-    st.session_state[keys.TAB] = METHODS[0].short_name
+    st.session_state[SHOWN] = SHOWN_AT_FIRST
+    st.session_state[TAB] = METHODS[0].short_name
     st.session_state[INVERTED] = False
     for method in METHODS:
         set_controls(default_settings(method, pair), pair)

@@ -16,7 +16,7 @@ from stereolag.io.sessions import Colours, Session
 from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui import keys, prose
+from stereolag.ui import prose
 from stereolag.ui.addresses import (
     Choice,
     choose_named,
@@ -35,8 +35,12 @@ from stereolag.ui.depth.maps import (
     FIRST_PALETTE,
     INVERTED,
     OUTLINED,
+    PAIR,
     PALETTE,
+    SHOWN,
     SHOWN_AT_FIRST,
+    SIZE,
+    TAB,
     DepthView,
     range_key,
     show_method,
@@ -73,13 +77,13 @@ def _recall_maps(value: str | None) -> None:
     """Choose the maps that an address names; the initial ones if it names none."""
     allowed, named = [method.short_name for method in METHODS], (value or "").split(",")
     if set(named) <= set(allowed):
-        st.session_state[keys.SHOWN] = [name for name in allowed if name in named]
-        st.session_state[keys.TAB] = named[0]
+        st.session_state[SHOWN] = [name for name in allowed if name in named]
+        st.session_state[TAB] = named[0]
         return
-    if keys.SHOWN in st.session_state:
-        st.session_state[keys.SHOWN] = [*SHOWN_AT_FIRST]
-    if st.session_state.get(keys.TAB, SHOWN_AT_FIRST[0]) not in SHOWN_AT_FIRST:
-        st.session_state[keys.TAB] = SHOWN_AT_FIRST[0]
+    if SHOWN in st.session_state:
+        st.session_state[SHOWN] = [*SHOWN_AT_FIRST]
+    if st.session_state.get(TAB, SHOWN_AT_FIRST[0]) not in SHOWN_AT_FIRST:
+        st.session_state[TAB] = SHOWN_AT_FIRST[0]
     if value is not None:
         warn_ignored(MAPS, value, allowed)
 
@@ -99,7 +103,7 @@ def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
 @functools.cache  # listing the examples reads their folder, and every run of the page asks
 def _choices() -> dict[str, Choice]:
     """Return the choices that an address can name, by parameter."""
-    return {"pair": example_choice(keys.PAIR, samples.stereo_pairs()), "size": Choice(keys.SIZE, [*SIZES])}
+    return {"pair": example_choice(PAIR, samples.stereo_pairs()), "size": Choice(SIZE, [*SIZES])}
 
 
 def _prefix(kind: type[StereoMatcher]) -> str:
@@ -131,7 +135,7 @@ def saved_state(view: DepthView, factor: float) -> dict[str, Any]:
     return {
         "matchers": [*filter(None, scaled)],
         "shown": [method.short_name for method in shown_methods()],
-        "size": state.get(keys.SIZE, "Automatic"),
+        "size": state.get(SIZE, "Automatic"),
         "colours": colours,
         "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
         "min_disparity": math.floor(shown.min_disparity * factor),
@@ -149,10 +153,10 @@ def for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | No
 def restore(session: Session) -> None:
     """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
     saved = session.document
-    st.session_state[keys.SIZE] = saved.size if saved.size in SIZES else "Automatic"
+    st.session_state[SIZE] = saved.size if saved.size in SIZES else "Automatic"
     if saved.shown:
-        st.session_state[keys.SHOWN] = [*saved.shown]
-        st.session_state[keys.TAB] = saved.shown[0]
+        st.session_state[SHOWN] = [*saved.shown]
+        st.session_state[TAB] = saved.shown[0]
     if saved.colours.palette in PALETTES:
         st.session_state[PALETTE] = saved.colours.palette
     st.session_state[INVERTED] = saved.colours.inverted
@@ -178,7 +182,7 @@ def recall_settings(pair: Pair) -> None:
     adopted: StereoMatcher | None = st.session_state.pop(ADOPTED, None)
     if adopted is not None:
         set_controls(adopted, pair)
-        st.session_state[keys.TAB] = adopted.short_name
+        st.session_state[TAB] = adopted.short_name
         show_method(type(adopted))
     if RESTORED in st.session_state:
         _set_to_session(pair, *st.session_state.pop(RESTORED))

@@ -41,15 +41,14 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
 from stereolag.ui.components import packed_item
 from stereolag.ui.controls import matchers_in_use, persistent
-from stereolag.ui.depth.inputs import (
+from stereolag.ui.depth.calibration import (
     ask_calibration,
-    ask_layout,
     ask_rectification,
     chosen_preparation,
     prepared,
     show_decision,
 )
-from stereolag.ui.depth.live import ask_camera, stereo_camera
+from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_refused, show_remedy
 from stereolag.ui.navigation import HALF_WIDTH, head
@@ -134,7 +133,7 @@ def _own() -> Drive | None:
     return None if found is None else _with_calibration(found, calibration)
 
 
-def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] | None) -> Drive | None:
+def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -> Drive | None:
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
@@ -144,7 +143,7 @@ def _with_calibration(given: Upload[_Frames], calibration: Upload[Calibration] |
     fitted = None
     if calibration is not None:
         with refusals_shown("{} The drive is processed without it."):
-            fitted = calibration_for(calibration.content, cols, rows)
+            fitted = calibration_for(calibration, cols, rows)
     try:
         left, right = as_stereo_pair(frame.left, frame.right)
     except ValueError as error:

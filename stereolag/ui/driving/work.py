@@ -24,7 +24,7 @@ from stereolag.sequences.frames import MOTION, SequenceMemory, table_lines
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
-from stereolag.ui.depth.inputs import transfer
+from stereolag.ui.depth.live import transfer
 from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
@@ -303,7 +303,7 @@ def _open_on_depth_page(drive: Drive, number: int) -> None:
         f"{drive.first.digest} {number}",
         f"Frame {number + 1} of the drive.",
         drive.first.calibration,
-        drive.range,
+        drive.range or (0, None),
     )
     st.switch_page(DEPTH_PAGE)
 

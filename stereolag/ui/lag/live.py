@@ -15,8 +15,7 @@ from stereolag.io.clocks import Recording
 from stereolag.signals.listening import Heard, Listening
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import control
-from stereolag.ui.lag import COLOURS
-from stereolag.ui.lag.sentences import LISTENING_WORDS, heard_now_in_words
+from stereolag.ui.lag.sentences import COLOURS, LISTENING_WORDS, heard_now_in_words
 from stereolag.ui.navigation import fragment
 from stereolag.ui.streams import Message, Whole, connected, open_stream
 from stereolag.ui.uploads import Upload

@@ -36,8 +36,8 @@ from stereolag.ui.components import component
 from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
 from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_line
 from stereolag.ui.inputs import RecordingPair, example_recordings
-from stereolag.ui.lag import COLOURS
 from stereolag.ui.lag.sentences import (
+    COLOURS,
     DISTURBANCE_EXAMPLES,
     DISTURBANCE_WORDS,
     IN_A_SENTENCE,

@@ -13,6 +13,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MOST_NAMED, together, verdict_in_words
 from stereolag.io.clocks import Recording, starts_apart
@@ -179,6 +180,8 @@ def drift_in_words(over_time: LagOverTime) -> str:
 
 
 # Panels
+
+COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
 
 IN_A_SENTENCE = """
 Slide one recording along the other, multiply, add up: where the sum peaks, the two agree. That is their **lag**.

@@ -7,6 +7,7 @@ nothing is sent back.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -17,12 +18,14 @@ import streamlit as st
 from stereolag.core.jobs import Estimate
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.figures.pictures import FRAME, fitted, jpeg
+from stereolag.figures.pictures import FRAME, fitted, jpeg, png
 from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
 from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch, estimate_search
 from stereolag.templates.by_hand import Anchor, anchors, reduced_search
+from stereolag.templates.following import LARGEST, SMALLEST, Followed, Follower
+from stereolag.templates.poses import Pose
 from stereolag.templates.trials import (
     Degradation,
     Trial,
@@ -34,14 +37,16 @@ from stereolag.templates.trials import (
     try_methods,
 )
 from stereolag.ui import prose
-from stereolag.ui.components import component, packed_score_map, packed_search
-from stereolag.ui.controls import control
+from stereolag.ui.components import component, packed_item, packed_score_map, packed_search
+from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
 from stereolag.ui.elements import Number, announce, data_address, in_columns, show_line, show_picture
-from stereolag.ui.inputs import PictureAndTemplate
+from stereolag.ui.inputs import PICTURES, PictureAndTemplate
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, remembered
+from stereolag.ui.search.hand_marks import LEAST_SIDE, read_box
 from stereolag.ui.search.sentences import (
+    FOLLOWING_WORDS,
     FUNNEL_WORDS,
     OUTCOMES,
     SCORE_MAP_WORDS,
@@ -57,6 +62,8 @@ from stereolag.ui.search.sentences import (
     why_not_found,
 )
 from stereolag.ui.sentences import duration
+from stereolag.ui.streams import Message, Stream, Whole, connected, frame, open_stream
+from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 
 CLOSE_UPS = 3
 
@@ -206,7 +213,7 @@ def _inputs(inputs: PictureAndTemplate) -> list[File]:
 NAME = "template"
 """Name of the search in the browser: a place clicked on the score map is sent to it."""
 
-_score_map, _template, _funnel = map(component, ("score_map", "template_by_hand", "funnel"))
+_score_map, _template, _funnel, _following = map(component, ("score_map", "template_by_hand", "funnel", "following"))
 
 
 def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
@@ -410,3 +417,77 @@ def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
     ours = estimate_search(shape, inputs.template.shape, dtype=inputs.picture.dtype, masked=masked)
     theirs = estimate_opencv(shape, masked)
     return Estimate(max(ours.memory, theirs.memory), ours.seconds + theirs.seconds)
+
+
+# A camera: a box cut from its picture is followed, and a frame can be frozen
+
+FOLLOWING: Final = "template.following"
+
+RESIZED, TURNED = 0.015, 2.0
+"""Change of size and angle, degrees, from which a template is not found as it was cut."""
+
+SIZES, ANGLES = 0.05, 5.0
+"""Steps of the sizes and angles asked for."""
+
+
+class Frame(Message):
+    """A picture, its number, and the box to be followed from it on, if there is a new one."""
+
+    parts: tuple[bytes]
+    number: Whole
+    box: dict[str, int] | None = None
+
+
+def show_following(query: TemplateQuery) -> None:
+    """Show the camera; the settings act on its next frame. Begin with the page's files once a frame was frozen."""
+    if st.session_state.pop(f"{FOLLOWING}.frozen", False):
+        st.rerun()
+    stream = open_stream("search", Frame)
+    stream.answer = partial(answer, stream.kept, query)
+    _following(
+        key=FOLLOWING,
+        data={**connected(stream, {}), "told": FOLLOWING_WORDS, "least": LEAST_SIDE},
+        on_frozen_change=partial(_freeze, stream),
+    )
+
+
+def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
+    """Return where the template is in a frame: that of the box drawn on this frame, or of the last one before."""
+    picture = frame(message.parts[0])
+    if message.box is not None:
+        box = read_box(message.box, picture.shape)
+        template = picture[box.slices].copy()
+        kept["follower"] = Follower(template, box.row + box.height / 2, box.col + box.width / 2)
+        kept["template"] = template
+    if "follower" not in kept:
+        raise ValueError("Draw a box first.")
+    followed: Followed = kept["follower"].follow(picture, query)
+    kept["place"], kept["picture"] = followed.place, message.parts[0]
+    told = {
+        "digest": "followed",
+        "number": message.number,
+        "shape": kept["template"].shape[:2],
+        "state": followed.state,
+        "score": followed.score,
+        "place": None if followed.place is None else asdict(followed.place),
+    }
+    return packed_item(told).data
+
+
+def _freeze(stream: Stream) -> None:
+    """Make the last frame and the template the files of the page, to be searched at the size and angle it has there."""
+    kept = stream.kept
+    if "picture" not in kept:
+        return
+    hand_in_picture(kept["picture"], "The frame that you froze is in use.", key=f"{PICTURES}.picture")
+    cut = "What you cut from the camera’s picture is in use."
+    hand_in_picture(png(kept["template"]), cut, key=f"{PICTURES}.template")
+    forget_upload(f"{PICTURES}.mask")
+    place: Pose | None = kept["place"]
+    if place is not None and abs(place.scale - 1) > RESIZED:
+        low, high = math.floor(place.scale / SIZES) * SIZES, math.ceil(place.scale / SIZES) * SIZES
+        adopt_value("template.min_scale", round(max(SMALLEST, min(1.0, low)), 2))
+        adopt_value("template.max_scale", round(min(LARGEST, max(1.0, high)), 2))
+    if place is not None and abs(place.rotation) > TURNED:
+        adopt_value("template.max_rotation", min(180.0, math.ceil(abs(place.rotation) / ANGLES) * ANGLES))
+    st.session_state.update({PICTURES: OWN, f"{PICTURES}.from": "given", f"{FOLLOWING}.frozen": True})

@@ -285,9 +285,6 @@ METHODS_FOLLOWING: Final = {
     "direct": "The same scores as FFT. A frame would take it seconds, so the camera takes FFT.",
 }
 
-NO_BOX_YET: Final = "Draw a box first."
-FROZEN: Final = "The frame that you froze is in use."
-FROZEN_TEMPLATE: Final = "What you cut from the camera’s picture is in use."
 
 FOLLOWING_WORDS: Final = {
     "hint": "Start the camera, then draw a box around something in its picture: it is followed from frame to frame.",
