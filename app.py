@@ -18,10 +18,11 @@ from stereolag.ui.controls import default_settings
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import in_columns, show_picture
-from stereolag.ui.inputs import example_pictures, example_recordings
+from stereolag.ui.lag.inputs import example_recordings
 from stereolag.ui.lag.parts import slide_by_hand
 from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed
+from stereolag.ui.search.inputs import example_pictures
 
 
 def show_lag() -> None:

@@ -6,7 +6,7 @@ from stereolag.core.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.inputs import LAG_ADDRESS, RecordingPair, choose_recordings
+from stereolag.ui.lag.inputs import LAG_ADDRESS, RecordingPair, choose_recordings, lag_key
 from stereolag.ui.lag.parts import (
     compare_methods,
     fool_it,
@@ -40,9 +40,9 @@ def ask(pair: RecordingPair) -> LagSearch | None:
     """Return the search settings, or None if they are refused."""
     method = control(LagSearch, "method", key="lag.method", names=LAG_METHODS)
     prose.caption(LAG_METHODS_EXPLAINED[method])
-    rate = control(LagSearch, "sampling_rate", key=f"lag.rate.{pair.digest}", value=pair.sampling_rate)
-    speed = control(LagSearch, "speed", key=f"lag.speed.{pair.digest}", value=pair.speed)
-    max_lag = control(LagSearch, "max_lag", key=f"lag.max.{pair.digest}", high=pair.longest_lag, when_empty="every lag")
+    rate = control(LagSearch, "sampling_rate", key=lag_key("sampling_rate", pair), value=pair.sampling_rate)
+    speed = control(LagSearch, "speed", key=lag_key("speed", pair), value=pair.speed)
+    max_lag = control(LagSearch, "max_lag", key=lag_key("max_lag", pair), high=pair.longest_lag, when_empty="every lag")
     return last_valid(
         lambda: LagSearch(method=method, sampling_rate=rate, speed=speed, max_lag=max_lag), "lag.settings"
     )

@@ -10,9 +10,9 @@ from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_picture
-from stereolag.ui.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
+from stereolag.ui.search.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.search.parts import (
     damage_it,
     drag_it,

@@ -210,12 +210,16 @@ def _accepted(types: Sequence[str], note: str) -> str:
     return " ".join(filter(None, (note, f"Accepted: {', '.join(one.upper() for one in types)}.")))
 
 
-def put_together(make: Callable[[], T], key: str, digest: str | None = None) -> T | None:
+def put_together(make: Callable[[], T] | None, key: str, digest: str | None = None) -> T | None:
     """Return the combination of several uploads; if they do not fit together, show why and return the last one.
 
-    With the `digest` that the combination will have, it is not made again while that stays the same.
+    While some are missing, `make` is None, and the last one is forgotten. With the `digest` that the combination will
+    have, it is not made again while that stays the same.
     """
     kept: T | None = st.session_state.get(key)
+    if make is None:
+        st.session_state.pop(key, None)
+        return None
     if digest is not None and getattr(kept, "digest", None) == digest:
         return kept
     try:
@@ -226,11 +230,6 @@ def put_together(make: Callable[[], T], key: str, digest: str | None = None) -> 
         return kept
     st.session_state[key] = made
     return made
-
-
-def forget_together(key: str) -> None:
-    """Forget the last result of :func:`put_together`, because some of its files are gone."""
-    st.session_state.pop(key, None)
 
 
 def refuse(sentence: str) -> None:

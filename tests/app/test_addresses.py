@@ -15,7 +15,8 @@ from stereolag.stereo.finishing.stages import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import parameters_of, recalled_settings
-from stereolag.ui.inputs import LAG_ADDRESS, TEMPLATE_ADDRESS
+from stereolag.ui.lag.inputs import LAG_ADDRESS
+from stereolag.ui.search.inputs import TEMPLATE_ADDRESS
 from stereolag.ui.uploads import LIVE, OWN
 
 FIRST = CorrelationMatcher(search=SearchArea.rectified(64))

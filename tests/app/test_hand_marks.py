@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.core.arrays import Box
-from stereolag.ui.search.hand_marks import packed_mask, read_box, read_packed_mask
+from stereolag.ui.search.inputs import packed_mask, read_box, read_packed_mask
 
 SHAPE = (60, 80, 3)
 GOOD = {"row": 10, "col": 20, "height": 30, "width": 40}

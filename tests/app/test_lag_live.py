@@ -11,7 +11,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from benchmarks.verdict import drifting, unrelated
-from stereolag.ui.lag.live import Ear, Piece, answer
+from stereolag.ui.lag.inputs import Piece, answer
 from tests.app.pages import LAG, address, lag_found
 from tests.packed import unpacked
 
@@ -28,11 +28,11 @@ DRIFTING = sounds(*drifting(2 * RATE, 40, 150, 0.2, 3))
 STEADY = sounds(*drifting(2 * RATE, 40, 0, 0.2, 3))
 
 
-def told(piece: Sounds, *, devices: int = 1, ear: Ear | None = None, **header: Any) -> dict[str, Any]:
+def told(piece: Sounds, *, devices: int = 1, kept: dict[str, Any] | None = None, **header: Any) -> dict[str, Any]:
     """Return what the panel is told after a piece."""
     parts = tuple(one.tobytes() for one in piece)
     message = Piece.model_validate({"rate": RATE, "devices": devices, "begun": 1, "parts": parts} | header)
-    return unpacked(answer(ear or Ear(), message, speed=340.0, max_lag=None))[0]
+    return unpacked(answer({} if kept is None else kept, message, speed=340.0, max_lag=None))[0]
 
 
 def test_a_sure_lag_has_metres_only_from_one_device_and_while_it_stays() -> None:
@@ -62,33 +62,32 @@ def test_without_a_sure_lag_it_is_said_why() -> None:
 
 
 def test_microphones_switched_on_anew_begin_anew() -> None:
-    ear = Ear()
-    for begun, kept in ((1, 1000), (1, 2000), (2, 1000)):
-        told(STEADY[:, :1000], ear=ear, begun=begun)
-        assert ear.listening is not None
-        assert ear.listening.samples.shape == (2, kept)
+    kept: dict[str, Any] = {}
+    for begun, count in ((1, 1000), (1, 2000), (2, 1000)):
+        told(STEADY[:, :1000], kept=kept, begun=begun)
+        assert kept["listening"].samples.shape == (2, count)
 
 
 def test_what_is_frozen_becomes_the_recordings_of_the_page(open_page: Callable[..., AppTest]) -> None:
     app = open_page(LAG, {"recordings": "live"})
     assert not app.header
     assert address(app) == {"recordings": "live"}
-    ear = app.session_state["lag.live.ear"]
-    assert "frozen" not in told(STEADY, ear=ear)
-    assert ear.frozen is None
-    assert told(STEADY, ear=ear, freeze=7)["frozen"] == 7
-    told(STEADY[:, ::-1], ear=ear)  # what is heard before the page runs again is no part of it
+    kept = app.session_state["live.lag"].kept
+    assert "frozen" not in told(STEADY, kept=kept)
+    assert "frozen" not in kept
+    assert told(STEADY, kept=kept, freeze=7)["frozen"] == 7
+    told(STEADY[:, ::-1], kept=kept)  # what is heard before the page runs again is no part of it
     app.run()
     assert lag_found(app) == 40
     assert app.tabs[-1].label == "Take away"
     assert "32,000 samples, 16,000 Hz, channel 2 of 2" in "\n".join(one.value for one in app.caption).replace(
         "\xa0", " "
     )
-    digest = ear.frozen.file.digest
+    digest = kept["frozen"].file.digest
     assert app.number_input(key=f"lag.speed.{digest} 1 {digest} 2").value == 340
-    app.number_input(key=f"lag.max.{digest} 1 {digest} 2").set_value(100).run()
+    app.number_input(key=f"lag.max_lag.{digest} 1 {digest} 2").set_value(100).run()
     assert address(app) == {"recordings": "live", "max_lag": "100"}
-    told(np.zeros_like(STEADY), ear=ear, begun=2, freeze=8)
+    told(np.zeros_like(STEADY), kept=kept, begun=2, freeze=8)
     app.run()
     assert "is constant" in app.error[0].value
     assert lag_found(app) == 40

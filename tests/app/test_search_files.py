@@ -15,9 +15,10 @@ import stereolag as sl
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.ui import downloads
 from stereolag.ui.downloads import File, archive
-from stereolag.ui.inputs import PictureAndTemplate, RecordingPair
 from stereolag.ui.lag import parts as lag_files
+from stereolag.ui.lag.inputs import RecordingPair
 from stereolag.ui.search import parts as match_files
+from stereolag.ui.search.inputs import PictureAndTemplate
 from tests.app.pages import FIND, LAG, OpenPage
 from tests.app.uploads import noise, texture
 from tests.programs import run_program

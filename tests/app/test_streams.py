@@ -30,7 +30,7 @@ from stereolag.ui import calibrate_live, streams
 from stereolag.ui.components import packed_item
 from stereolag.ui.depth import live as depth
 from stereolag.ui.driving import inputs as driving
-from stereolag.ui.lag import live as lag
+from stereolag.ui.lag import inputs as lag
 from stereolag.ui.search import parts as following
 from stereolag.ui.streams import PATH, Message, Stream, frame, is_own_page, parse_message
 from tests.browser.serving import free_port
@@ -166,7 +166,7 @@ def answering_pages() -> dict[str, tuple[type[Message], Callable[[Any], bytes]]]
     return {
         "depth": (depth.Frame, partial(depth.answer, {}, [matcher], beside, None)),
         "calibrate": (calibrate_live.Shown, calibrate_live.Taking().answer),
-        "lag": (lag.Piece, partial(lag.answer, lag.Ear(), speed=340.0, max_lag=None)),
+        "lag": (lag.Piece, partial(lag.answer, {}, speed=340.0, max_lag=None)),
         "search": (following.Frame, partial(following.answer, {}, TemplateQuery())),
         "driving": (driving.Recorded, driving.Recording().add),
     }

@@ -13,8 +13,7 @@ from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image
 from stereolag.core.searches import TemplateQuery
 from stereolag.templates import match_template
-from stereolag.ui.inputs import example_pictures
-from stereolag.ui.search.hand_marks import box_in, painted_mask
+from stereolag.ui.search.inputs import box_in, example_pictures, painted_mask
 from stereolag.ui.search.parts import drag_it, show_funnel
 from stereolag.ui.uploads import Upload
 from tests.browser.axe import check

@@ -65,7 +65,6 @@ from stereolag.ui.uploads import (
     OWN,
     Upload,
     choose,
-    forget_together,
     frame_names,
     image_limits,
     own_or_example,
@@ -283,8 +282,7 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     with notes:
         calibration = ask_calibration(PAIR, more)
     if found is None:
-        forget_together(f"{PAIR}.own.{arrangement}")
-        return None
+        return put_together(None, f"{PAIR}.own.{arrangement}")
     make = partial(
         assemble_pair,
         found.left,

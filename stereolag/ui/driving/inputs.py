@@ -58,7 +58,6 @@ from stereolag.ui.uploads import (
     LIVE,
     OWN,
     Upload,
-    forget_together,
     in_fold,
     no_files_yet,
     own_or_example,
@@ -245,8 +244,7 @@ def _ask_two() -> Upload[_Frames] | None:
         for side in in_columns(("Left", "Right"))
     )
     if left is None or right is None:
-        forget_together(f"{KEY}.two")
-        return None
+        return put_together(None, f"{KEY}.two")
     digest = f"{left.digest} {right.digest}"
     return put_together(lambda: Upload(digest, _opened(left.content, right.content)), f"{KEY}.two", digest)
 

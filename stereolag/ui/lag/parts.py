@@ -35,7 +35,7 @@ from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
 from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_line
-from stereolag.ui.inputs import RecordingPair, example_recordings
+from stereolag.ui.lag.inputs import RecordingPair, example_recordings
 from stereolag.ui.lag.sentences import (
     COLOURS,
     DISTURBANCE_EXAMPLES,

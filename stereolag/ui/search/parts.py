@@ -41,10 +41,9 @@ from stereolag.ui.components import component, packed_item, packed_score_map, pa
 from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
 from stereolag.ui.elements import Number, announce, data_address, in_columns, show_line, show_picture
-from stereolag.ui.inputs import PICTURES, PictureAndTemplate
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, remembered
-from stereolag.ui.search.hand_marks import LEAST_SIDE, read_box
+from stereolag.ui.search.inputs import LEAST_SIDE, PICTURES, PictureAndTemplate, read_box
 from stereolag.ui.search.sentences import (
     FOLLOWING_WORDS,
     FUNNEL_WORDS,
