@@ -177,11 +177,15 @@ def new_parameters(written: str) -> dict[str, str] | None:
     return found if found and found != seen else None
 
 
-def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
-    """Apply the choices that a new address names, removing them from `found`; reset the others to their initial values.
+def recall_choices(written: str, choices: Mapping[str, Choice]) -> dict[str, str] | None:
+    """Apply the choices that a new address names, and reset the others to their initial values.
 
-    The choices must not have been drawn yet.
+    They must not have been drawn yet. Returned, and kept until :func:`kept_settings` takes them, in this run or a later
+    one, are the other parameters; None if the address is not new.
     """
+    found = new_parameters(written)
+    if found is None:
+        return None
     for name, choice in choices.items():
         value = found.pop(name, None)
         if value in choice.allowed:
@@ -191,11 +195,8 @@ def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
             st.session_state[choice.key] = choice.allowed[0]
         if value is not None:
             warn_ignored(name, value, choice.allowed)
-
-
-def keep_settings(written: str, parameters: dict[str, str]) -> None:
-    """Keep the parameters of settings until the page has its inputs, in this run or a later one."""
-    st.session_state[f"{written}.settings"] = parameters
+    st.session_state[f"{written}.settings"] = found
+    return found
 
 
 def kept_settings(written: str) -> dict[str, str] | None:
@@ -254,10 +255,7 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
 
         The controls of the settings must not have been drawn yet.
         """
-        found = new_parameters(self.written)
-        if found is not None:
-            choose_named(found, self.choices())
-            keep_settings(self.written, found)
+        recall_choices(self.written, self.choices())
         inputs = ask()
         named = kept_settings(self.written)
         if named is not None:

@@ -62,7 +62,6 @@ NOT_SEEN = {
     (False, True): "The board is not seen in the left view.",
     (True, False): "The board is not seen in the right view.",
 }
-HOLD_STILL = "Hold it still …"
 NEXT = {
     Missing.UPPER_LEFT: "Hold the board at the upper left of the picture.",
     Missing.TOP: "Hold the board at the upper border of the picture.",
@@ -80,8 +79,6 @@ NEXT = {
     Missing.BOTTOM_NEARER: "Tilt the board: bring its lower side nearer.",
     Missing.MORE: "A few more, each held in another way.",
 }
-ENOUGH = "Enough: calibrating …"
-OTHER_SIZE = "These pictures have another size than those taken before: start over, or choose the camera of before."
 
 _boards = component("boards")
 
@@ -160,7 +157,7 @@ class Taking:
         is_still = self._is_still(Seen(message.at, (first, second)), board, size[0])
         if not self.missing or not self.collected.adds(board_pose(first, second, board, size)):
             return self._shown(message, "", corners)
-        return self._shown(message, "" if is_still else HOLD_STILL, corners, want=is_still)
+        return self._shown(message, "" if is_still else "Hold it still …", corners, want=is_still)
 
     def _is_still(self, now: Seen, board: Board, width: int) -> bool:
         """Note where a board is, and return whether it has hardly moved since the last frame long enough before."""
@@ -187,7 +184,9 @@ class Taking:
         found = find_boards([(frame(pictures[0]), frame(pictures[1]))], self.board)
         size = self.size or found.size
         if set(found.sizes[0]) != {size}:
-            raise ValueError(OTHER_SIZE)
+            raise ValueError(
+                "These pictures have another size than those taken before: start over, or choose the camera of before."
+            )
         self.full = sum(map(len, [*pictures, *(data for _, data in self.files)])) > MAX_BYTES
         if not found.both or self.full:
             return
@@ -207,7 +206,7 @@ class Taking:
         missing = self.missing
         count = len(self.collected.poses)
         return {
-            "said": UNKNOWN if self.board is None else NEXT[missing[0]] if missing else ENOUGH,
+            "said": UNKNOWN if self.board is None else NEXT[missing[0]] if missing else "Enough: calibrating …",
             "board": "" if self.board is None else board_in_words(self.board),
             "outlines": self.outlines,
             "progress": self.collected.progress(),

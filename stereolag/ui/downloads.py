@@ -28,8 +28,6 @@ from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.results import HEAVY_MEMORY, limiter
 
-SECRET_KEY = "private_files.secret"
-
 KEPT_S = 60
 """How long a file made on demand can be fetched, s."""
 MOST_BYTES = 256 * 2**20
@@ -122,7 +120,7 @@ def _private_type(media_type: str, content: bytes | str | Callable[[], bytes | s
     """Return the media type with a parameter unique to this session and this content."""
     if callable(content):
         return f"{media_type}; address={secrets.token_hex(16)}"
-    secret = st.session_state.setdefault(SECRET_KEY, secrets.token_hex(16))
+    secret = st.session_state.setdefault("private_files.secret", secrets.token_hex(16))
     data = content.encode() if isinstance(content, str) else content
     return f"{media_type}; address={secret}{hashlib.sha256(data).hexdigest()}"
 

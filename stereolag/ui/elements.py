@@ -75,7 +75,7 @@ def show_remedy(said: str, label: str, key: str, act: Callable[[], None]) -> Non
 
 def show_chart(figure: go.Figure, key: str, alt: str) -> None:
     """Show a chart without a tool bar; `alt` describes it for screen readers."""
-    st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)
+    st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=typeset(alt))
 
 
 def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
@@ -144,8 +144,6 @@ def refusals_shown(said: str = "{}") -> Iterator[None]:
         show_refused(said.format(error))
 
 
-ANNOUNCED = "announced"
-
 _region = component("announcement")
 
 
@@ -154,4 +152,4 @@ def announce(headline: str) -> None:
 
     Call it once per page: this is the only live region for results. Streamlit announces refusals and failures itself.
     """
-    _region(key=ANNOUNCED, data=typeset(headline.replace("**", "")))
+    _region(key="announced", data=typeset(headline.replace("**", "")))

@@ -63,14 +63,12 @@ def page(title: str) -> Iterator[None]:
 
 
 @contextmanager
-def head(title: str, try_first: str = "") -> Iterator[inside.Container]:
-    """Draw the first line of a page: its title, what is chosen inside the ``with`` block, and a first thing to try."""
+def head(title: str) -> Iterator[inside.Container]:
+    """Draw the first line of a page: its title, and what is chosen and to be tried first inside the ``with`` block."""
     line = st.container(horizontal=True, vertical_alignment="top", gap="medium", key="page-head")
     with line:
         st.title(title, anchor=False, width="content")
         yield line
-        if try_first:
-            show_try_first(try_first)
 
 
 def show_try_first(sentence: str) -> None:

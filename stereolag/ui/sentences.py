@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from stereolag.core.typography import typeset
 from stereolag.stereo.matcher import Reason
 
@@ -16,23 +14,6 @@ def duration(seconds: float) -> str:
 def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
     return typeset(f"{share * 100:.0f} %")
-
-
-# Maps
-
-
-def beyond_the_colours(shares: Mapping[str, float]) -> str:
-    """Return a sentence on how much of each map lies outside the colour range; the shares are 0..1."""
-    said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
-    return f"{said} is beyond the colour range."
-
-
-def started_in_words(min_disparity: int, num_disparities: int) -> str:
-    """Return a sentence about the initial settings of a visitor's own pair."""
-    return (
-        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px: the range found for this pair, "
-        "with the fast preset."
-    )
 
 
 MOTION_IN_WORDS = {
@@ -69,11 +50,6 @@ REASONS_EXPLAINED = {
     Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
     Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may be beyond it.",
 }
-
-OPENCV_REASONS = (
-    "StereoBM and StereoSGBM do not give reasons. Theirs were found by matching again with one filter after another "
-    "switched off: the filter whose absence brings a pixel back had blanked it."
-)
 
 
 # Methods of the lag page and the template search page

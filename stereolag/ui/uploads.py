@@ -35,8 +35,6 @@ REFUSED_KEY = "uploads.refused"
 HERE_KEY = "uploads.here"
 """Session-state key of {label of a file this run requires: whether it is there}."""
 
-OPTIONAL = "(optional)"
-
 
 @dataclass(frozen=True, eq=False)
 class Upload(Generic[T]):
@@ -124,7 +122,7 @@ def upload(
             raise ValueError(f"{quote(file.name)}: {error}" if file else str(error)) from error
 
     given = _read_once(files, read_one, key, variant, lasting)
-    if OPTIONAL not in label:
+    if "(optional)" not in label:
         st.session_state.setdefault(HERE_KEY, {})[label] = given is not None
     return given
 

@@ -213,7 +213,7 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
     speeds = own_speeds(shown)
-    assert speeds["colour"] == LINES[2].colour and speeds["values"][0] is None
+    assert speeds["colour"] == LINES[2]["colour"] and speeds["values"][0] is None
     assert speeds["values"][1:] == pytest.approx([2 * moving_drives.OWN_KMH], rel=0.05)
 
 

@@ -55,7 +55,7 @@ TOGETHER: dict[str, dict[str, Colour]] = {
         "no disparity": NO_ANSWER,
     },
     "reasons": {cause.name: colour for cause, colour in maps.REASON_COLOURS.items()},
-    "drive": {str(number): line.colour for number, line in enumerate(LINES)},
+    "drive": {str(number): line["colour"] for number, line in enumerate(LINES)},
 }
 
 LINES_AND_FRAMES = {
@@ -64,7 +64,7 @@ LINES_AND_FRAMES = {
     "search": SEARCH_COLOUR,
     "truth": TRUTH_COLOUR,
     "curve": CORRELATION,
-    **{f"drive {number}": line.colour for number, line in enumerate(LINES)},
+    **{f"drive {number}": line["colour"] for number, line in enumerate(LINES)},
 }
 
 
@@ -117,7 +117,7 @@ def test_reasons_stand_out_of_the_pale_image_and_the_true_place_of_those_found()
 
 
 def test_lines_of_methods_differ_in_more_than_colour() -> None:
-    assert len({line.dash for line in LINES}) == len(LINES)
+    assert len({line["dash"] for line in LINES}) == len(LINES)
     assert len(set(maps.DASHES)) == len(set(maps.SYMBOLS)) == len(maps.METHOD_COLOURS)
 
 

@@ -55,28 +55,25 @@ from stereolag.ui.depth.maps import (
     truth_picture,
 )
 from stereolag.ui.depth.sentences import (
-    ERROR_COLOURS_IN_WORDS,
-    JUDGE_LEFT_OUT,
     UNJUDGED,
     agreement_in_words,
     coverage_curves_in_words,
     difference_in_words,
     errors_in_words,
-    estimates_in_words,
 )
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_columns, show_chart, show_picture
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused
-from stereolag.ui.sentences import duration
+from stereolag.ui.sentences import duration, percent
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
 ALL_PAIRS = "depth.all_pairs"
 BYTES_OF_A_PAIR = 40
 """Memory per pixel while a pair is decoded, rectified and scaled down."""
 REFERENCE = "reference"
-"""The task of measuring the reference of estimates."""
+"""The task of measuring the reference of estimates: the accurate preset over the ranges of all methods."""
 
 THRESHOLD_PX = 2.0
 BEST = "background-color: rgba(76, 175, 105, 0.28); font-weight: 600"
@@ -258,22 +255,34 @@ def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, again
         prose.markdown(f"**{name}**")
         alt = errors_in_words(result.disparity, reference, against)
         show_picture(error_png(result.disparity, reference), f"{name}. {alt}")
-    show_chart(error_legend(), f"{key}.legend", ERROR_COLOURS_IN_WORDS)
+    show_chart(error_legend(), f"{key}.legend", "Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
 def _show_estimates(view: DepthView) -> None:
     """Show the estimated bad-2 of every method, and where its map differs from the reference."""
-    reference = _reference(view)
+    pair, searched = view.pair, _searched(view)
+    reference = computed_or_refused(
+        REFERENCE,
+        lambda progress: measured_reference(pair.left, pair.right, search_range=searched, progress=progress),
+        estimate_reference(searched, pair.left.shape, pair.left.dtype),
+        **kept_for(pair, repr(searched)),
+        label="The accurate preset, which judges …",
+    )
     if reference is None:
         return
     measured = float(np.isfinite(reference).mean())
     if measured < LEAST_MEASURED:
         prose.info(UNJUDGED[Unjudged.TOO_LITTLE_MEASURED], icon=":material/balance:")
         return
-    prose.markdown(estimates_in_words(measured), width=760)
+    prose.markdown(
+        "There is no ground truth, so these figures are **estimates**: every method is compared on the "
+        f"{percent(measured)} of the pixels that the accurate preset measured. They rank the methods; pixels hidden "
+        "from one camera are not judged, so the true share of wrong pixels is higher.",
+        width=760,
+    )
     bad = _estimated_bad(view, reference)
     if len(bad) < len(view.results):
-        prose.caption(JUDGE_LEFT_OUT)
+        prose.caption("Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself.")
     if not bad:
         return
     rows = {name: {"Estimated bad-2": one, "Coverage": 100 * view.results[name].coverage} for name, one in bad.items()}
@@ -314,18 +323,6 @@ def _estimated_bad(view: DepthView, reference: FloatMap) -> dict[str, float]:
         for name, result in view.results.items()
         if not judges_itself(result.settings)
     }
-
-
-def _reference(view: DepthView) -> FloatMap | None:
-    """Return the measurements of the accurate preset over the ranges of all methods; None without, with the reason."""
-    pair, searched = view.pair, _searched(view)
-    return computed_or_refused(
-        REFERENCE,
-        lambda progress: measured_reference(pair.left, pair.right, search_range=searched, progress=progress),
-        estimate_reference(searched, pair.left.shape, pair.left.dtype),
-        **kept_for(pair, repr(searched)),
-        label="The accurate preset, which judges …",
-    )
 
 
 def _searched(view: DepthView) -> tuple[int, int] | None:

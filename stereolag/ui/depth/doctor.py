@@ -19,11 +19,10 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import FOLD_NEXT, PAIR, DepthView, kept_for
-from stereolag.ui.depth.sentences import DOCTOR_HEALTHY, problems_in_words, remedy_in_words
+from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
 from stereolag.ui.elements import show_offer, show_remedy
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
-from stereolag.ui.sentences import started_in_words
 from stereolag.ui.streamlit_inside import Container
 
 CALIBRATE = "pages/4_Calibrate.py"
@@ -31,7 +30,7 @@ CALIBRATE = "pages/4_Calibrate.py"
 
 TASK = "diagnosis"
 REMEDIES_KEY = "depth.remedies"
-HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
+HEALTHY = ":green[:material/stethoscope: **Input doctor:** no problems.]"
 
 
 def chosen_remedies(untreated: str) -> tuple[Remedy, ...]:
@@ -158,7 +157,8 @@ def show_start(pair: Pair) -> None:
         return
     # As for a pair about which nothing is known.
     undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
-    said = started_in_words(start.min_disparity, start.num_disparities)
+    last = start.min_disparity + start.num_disparities - 1
+    said = f"Searched from {start.min_disparity} to {last} px: the range found for this pair, with the fast preset."
     show_offer(said, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
 
 

@@ -51,16 +51,10 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_grey_pair
 from stereolag.ui.depth.maps import DepthView, Pixel, disparity_in_words, reasons_of
 from stereolag.ui.depth.sentences import (
-    BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
     HOVER_WORDS,
-    NO_CORRELATION,
     NO_EXAMPLE,
-    NO_FIT,
     RIGHT_PX,
-    ROW_FIT,
-    SQUARE_FIT,
-    TOO_MUCH_TO_FOLLOW,
     all_blanks_in_words,
     fit_in_words,
     markdown_table,
@@ -71,7 +65,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.elements import show_chart, show_picture, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import OPENCV_REASONS, REASONS_EXPLAINED, percent
+from stereolag.ui.sentences import REASONS_EXPLAINED, percent
 
 _hovered_match = component("hovered_match")
 
@@ -96,7 +90,7 @@ def show_inspection(view: DepthView) -> None:
     """Show the window of one pixel, its search area, all scores, and the disparity of each method."""
     matcher, pair = _correlation(view), view.pair
     if matcher is None:
-        prose.info(NO_CORRELATION)
+        prose.info("Correlation has no result to explain yet.")
         return
     pixel_key = f"{INSPECTION}.pixel.{pair.digest}"
     _offer_examples(pair, matcher, pixel_key)
@@ -112,7 +106,10 @@ def show_inspection(view: DepthView) -> None:
     if can_follow(pair, matcher):
         hovered_match(pair, matcher, pixel, pictures=INSPECTION)
     else:
-        prose.caption(TOO_MUCH_TO_FOLLOW)
+        prose.caption(
+            "The scores do not follow the pointer here: phase correlation, a very large search or a very large pair takes "
+            "too long in the browser. Click a pixel instead."
+        )
     legend = {
         "the window, and where it was found": WINDOW_COLOUR,
         **({} if pair.truth is None else {"the true place": TRUTH_COLOUR}),
@@ -278,7 +275,10 @@ def _show_verdict(
     right = seen.kind is MatchKind.CLEAR and not abs(seen.disparity - truth) > RIGHT_PX
     (prose.success if right else prose.warning)(said)
     if own is None:
-        prose.caption(BEFORE_OPTIMISATION)
+        prose.caption(
+            "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with "
+            "its other costs, against those of the neighbours along eight paths, and may choose another peak."
+        )
 
 
 def _show_patches(pair: Pair, seen: MatchExplanation, lags: Mapping[str, Lag]) -> None:
@@ -343,10 +343,15 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     with fit:
         prose.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
-            prose.caption(NO_FIT)
+            prose.caption("A match at the edge has no sub-pixel position: its neighbour on one side is missing.")
         else:
             show_chart(sub_pixel_fit(seen), f"{INSPECTION}.fit", fit_in_words(seen))
-            prose.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
+            prose.caption(
+                "A section through the bell fitted to the best score and its eight neighbours: its peak is the "
+                "disparity."
+                if len(seen.around) > 1
+                else "A bell curve through the best score and its two neighbours: its peak is the disparity."
+            )
     prose.markdown("### The disparity by each method")
     lines = [[f"**{name}**", disparity_in_words(view, name, pixel)] for name in maps]
     prose.markdown(markdown_table([["method", "disparity"], *lines]))
@@ -391,4 +396,7 @@ def show_blanks(view: DepthView) -> None:
         "\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present)
     )
     if not all(result.settings.gives_reasons for result in view.results.values()):
-        prose.caption(OPENCV_REASONS)
+        prose.caption(
+            "StereoBM and StereoSGBM do not give reasons. Theirs were found by matching again with one filter after "
+            "another switched off: the filter whose absence brings a pixel back had blanked it."
+        )

@@ -55,7 +55,7 @@ from stereolag.ui.depth.calibration import (
 from stereolag.ui.depth.doctor import chosen_remedies, show_start, with_initial_range
 from stereolag.ui.depth.live import LiveCamera, ask_layout
 from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
-from stereolag.ui.depth.state import recall_choices, recall_settings, restore
+from stereolag.ui.depth.state import recall_pair_and_maps, recall_settings, restore
 from stereolag.ui.elements import refusals_shown, show_note, show_offer
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, remembered
@@ -100,7 +100,7 @@ def choose_pair() -> Pair | LiveCamera:
     Settings from the address, or handed over by a part of the page, are set in the controls, which must therefore be
     drawn after this.
     """
-    recall_choices()
+    recall_pair_and_maps()
     examples = samples.stereo_pairs()
     awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there

@@ -303,7 +303,10 @@ def moved_map(pair: Pair, moved: MovedSlider) -> bytes:
 
 def _reduced_map(pair: Pair, matcher: StereoMatcher, header: dict[str, Any]) -> bytes:
     divisor = max(2, math.isqrt(math.prod(pair.left.shape[:2]) // PREVIEWED_PIXELS))
-    small = remembered("smaller pair", partial(_smaller, pair, divisor), **kept_for(pair, str(divisor)))
+    named = replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}")
+    small = remembered(
+        "smaller pair", lambda: replace(resized(pair, divisor), id=named), **kept_for(pair, str(divisor))
+    )
     result = computed_at_once(**computation(small, scaled_settings(matcher, 1 / divisor)))
     if result is None:
         return packed_item(header).data
@@ -312,7 +315,3 @@ def _reduced_map(pair: Pair, matcher: StereoMatcher, header: dict[str, Any]) -> 
     judged = () if small.truth is None else errors(evaluate(disparity, small.truth * divisor))
     header["figures"] = [one._asdict() for one in (of, *shares(result), *judged)]
     return packed_item(header, [packed(Picture(matcher.title, None, (Reading(disparity, digits=1),))).data]).data
-
-
-def _smaller(pair: Pair, divisor: int) -> Pair:
-    return replace(resized(pair, divisor), id=replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}"))

@@ -48,7 +48,7 @@ from stereolag.ui.linked_pictures import (
     send_picture,
 )
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
-from stereolag.ui.sentences import beyond_the_colours, duration, percent
+from stereolag.ui.sentences import duration, percent
 from stereolag.ui.streamlit_inside import Container, give_head_start
 
 Pixel = tuple[int, int]
@@ -263,7 +263,8 @@ def offer_fit(view: DepthView) -> None:
     shares = {name: share for name, share in shares.items() if share > MOST_BEYOND}
     if shares:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-            prose.markdown(f":orange[:material/palette:] {beyond_the_colours(shares)}", width="content")
+            said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
+            prose.markdown(f":orange[:material/palette:] {said} is beyond the colour range.", width="content")
             fit = partial(_fit_range, range_key(view.pair.digest), view.maps)
             st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=fit)
 

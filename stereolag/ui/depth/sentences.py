@@ -14,15 +14,13 @@ from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
-from stereolag.core.typography import typeset, typesets
+from stereolag.core.typography import typesets
 from stereolag.figures.match import WindowGrid
 from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.matcher import Reason
 from stereolag.ui.sentences import percent
-
-DOCTOR_HEALTHY = "**Input doctor:** no problems."
 
 REMEDIES_OFFERED = {
     Remedy.MIRROR_RIGHT: "Mirror the right image",
@@ -68,18 +66,6 @@ UNJUDGED = {
         "little of this pair. Check the input doctor’s findings and the search range."
     ),
 }
-
-
-JUDGE_LEFT_OUT = "Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself."
-
-
-def estimates_in_words(measured: float) -> str:
-    """Return the basis of estimated figures: the accurate preset, and the share of the pixels that it measured."""
-    return (
-        "There is no ground truth, so these figures are **estimates**: every method is compared on the "
-        f"{percent(measured)} of the pixels that the accurate preset measured. They rank the methods; pixels hidden "
-        "from one camera are not judged, so the true share of wrong pixels is higher."
-    )
 
 
 def bad_2(criterion: Criterion, *, first: bool = False) -> str:
@@ -139,7 +125,6 @@ EVERY = 4
 
 
 ORDINALS = {2: "second", 3: "third"}
-ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
 @typesets
@@ -323,18 +308,6 @@ NO_EXAMPLE = {
     ExampleKind.BARE: "Every window has enough texture with these settings: there is no bare wall.",
     ExampleKind.HIDDEN: "No part of this pair was found to be hidden from the right camera.",
 }
-NO_CORRELATION = "Correlation has no result to explain yet."
-BEFORE_OPTIMISATION = (
-    "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with its "
-    "other costs, against those of the neighbours along eight paths, and may choose another peak."
-)
-ROW_FIT = "A bell curve through the best score and its two neighbours: its peak is the disparity."
-SQUARE_FIT = "A section through the bell fitted to the best score and its eight neighbours: its peak is the disparity."
-NO_FIT = "A match at the edge has no sub-pixel position: its neighbour on one side is missing."
-TOO_MUCH_TO_FOLLOW = (
-    "The scores do not follow the pointer here: phase correlation, a very large search or a very large pair takes too "
-    "long in the browser. Click a pixel instead."
-)
 HIDDEN_FROM_RIGHT = (
     "The right camera cannot see this point, because something nearer hides it: the window matched the point’s "
     "surroundings."
@@ -406,27 +379,22 @@ def match_against_truth(seen: MatchExplanation, truth: float) -> str:
         return f"The disparity is {disparity:.2f} px, and no ground truth is known here." + DOUBT.get(seen.kind, "")
     both = f"{disparity:.2f} px, and the ground truth is {truth:.2f} px"
     error = abs(disparity - truth)
+    right, wrong = FOUND[seen.kind]
     if error <= RIGHT_PX:
-        return f"{FOUND_RIGHT[seen.kind]}: {both}."
+        return f"{right}: {both}."
     runner_up = math.nan if seen.runner_up is None else -seen.runner_up[1]
     there = " The true place is the runner-up." if abs(runner_up - truth) <= RIGHT_PX else ""
-    return f"{FOUND_WRONG[seen.kind]} by {error:.1f} px: {both}.{there}"
+    return f"{wrong} by {error:.1f} px: {both}.{there}"
 
 
-FOUND_RIGHT = {
-    MatchKind.CLEAR: "It is **right**",
-    MatchKind.REPEATS: "The better of the two is **right**",
-    MatchKind.SMOOTH: "The best of them is **right**",
-    MatchKind.BARE: "Its place is **right** all the same",
-    MatchKind.UNLIKE: "Its place is **right** all the same",
+FOUND = {
+    MatchKind.CLEAR: ("It is **right**", "It is **wrong** all the same,"),
+    MatchKind.REPEATS: ("The better of the two is **right**", "The better of the two is **wrong**"),
+    MatchKind.SMOOTH: ("The best of them is **right**", "The best of them is **wrong**"),
+    MatchKind.BARE: ("Its place is **right** all the same", "Its place is **wrong**"),
+    MatchKind.UNLIKE: ("Its place is **right** all the same", "Its place is **wrong**"),
 }
-FOUND_WRONG = {
-    MatchKind.CLEAR: "It is **wrong** all the same,",
-    MatchKind.REPEATS: "The better of the two is **wrong**",
-    MatchKind.SMOOTH: "The best of them is **wrong**",
-    MatchKind.BARE: "Its place is **wrong**",
-    MatchKind.UNLIKE: "Its place is **wrong**",
-}
+"""What is said of a match of each kind that is right, and of one that is wrong."""
 DOUBT = {
     MatchKind.REPEATS: " The scores cannot tell which of the two is the true place.",
     MatchKind.SMOOTH: " The scores cannot tell how far off it is.",

@@ -19,13 +19,11 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.addresses import (
     Choice,
-    choose_named,
     chosen,
     example_choice,
-    keep_settings,
     kept_settings,
-    new_parameters,
     parameters_of,
+    recall_choices,
     recalled_settings,
     warn_ignored,
     write_parameters,
@@ -64,13 +62,11 @@ RESTORED = "depth.restore"
 # The address
 
 
-def recall_choices() -> None:
+def recall_pair_and_maps() -> None:
     """Apply the example, size and maps that a new address names, and keep its settings for later."""
-    found = new_parameters(WRITTEN_KEY)
+    found = recall_choices(WRITTEN_KEY, _choices())
     if found is not None:
-        choose_named(found, _choices())
         _recall_maps(found.pop(MAPS, None))
-        keep_settings(WRITTEN_KEY, found)
 
 
 def _recall_maps(value: str | None) -> None:

@@ -51,7 +51,7 @@ from stereolag.ui.depth.calibration import (
 from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_refused, show_remedy
-from stereolag.ui.navigation import HALF_WIDTH, head
+from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import computed
 from stereolag.ui.streams import Message, frame, open_stream
 from stereolag.ui.uploads import (
@@ -109,7 +109,7 @@ class Drive:
 
 def ask_drive() -> Drive:
     """Ask for frames and calibration; return the example while frames are missing, stop if they are refused."""
-    with head("Driving", "play it, and drag along the curves below the pictures."):
+    with head("Driving"):
         origin = st.segmented_control(
             "Frames",
             [*ORIGINS],
@@ -119,6 +119,7 @@ def ask_drive() -> Drive:
             **persistent(f"{KEY}.origin"),
             label_visibility="collapsed",
         )
+        show_try_first("play it, and drag along the curves below the pictures.")
     no_files_yet(KEY)
     chosen = next(iter(drives())) if origin == EXAMPLE else OWN
     return own_or_example(chosen, _own, _example, drives(), key=KEY, awaited="your frames are")
@@ -158,7 +159,16 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
         sequence = rectified_sequence(sequence, fitted, decision.alpha)
     else:
         sequence = replace(sequence, turn=pair.turn or st.session_state.get(turn_key(pair), 0))
-    diagnosis = _examined(sequence, pair)
+    diagnosis = None
+    with refusals_shown():
+        diagnosis = computed(
+            "diagnosis of a drive",
+            lambda progress: diagnose_sequence(sequence),
+            inputs=pair.digest,
+            settings=str(sequence.turn),
+            shared=False,
+            label="Looking over a few frames …",
+        )
     found = None if diagnosis is None else diagnosis.suggested_range
     if pair.calibration is not None and pair.calibration.num_disparities is not None:
         found = 0, pair.calibration.num_disparities
@@ -169,20 +179,6 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
 def turn_key(pair: Pair) -> str:
     """Return the key of the quarters by which the visitor has the frames of a drive turned to be matched."""
     return f"{KEY}.turn.{pair.digest}"
-
-
-def _examined(sequence: StereoSequence, pair: Pair) -> Diagnosis | None:
-    """Return the findings on a few frames of a drive; None if they are refused."""
-    with refusals_shown():
-        return computed(
-            "diagnosis of a drive",
-            lambda progress: diagnose_sequence(sequence),
-            inputs=pair.digest,
-            settings=str(sequence.turn),
-            shared=False,
-            label="Looking over a few frames …",
-        )
-    return None
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -275,13 +271,12 @@ class Recording:
         left, right = message.parts
         for view in (left, right):
             frame(view, grey=True)
-        if self._size + len(left) + len(right) > st.get_option("server.maxUploadSize") * 2**20:
-            raise ValueError(RECORDING_FULL)
-        if len(self._views) >= limits().max_frames:
-            raise ValueError(RECORDING_FULL)
+        size = self._size + len(left) + len(right)
+        if size > st.get_option("server.maxUploadSize") * 2**20 or len(self._views) >= limits().max_frames:
+            raise ValueError("The recording is as large as a file may be here. Finish it.")
         self._views.append((left, right))
         self._times.append(message.at)
-        self._size += len(left) + len(right)
+        self._size = size
         return packed_item({"count": len(self._views)}).data
 
     def finished(self) -> Upload[_Frames] | None:
@@ -330,12 +325,11 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
             show_remedy(f":orange[:material/warning:] {finding_in_words(finding)}", label, f"{KEY}.turn", act)
         if turn in st.session_state:
             undo = partial(st.session_state.pop, turn, None)
-            show_remedy(f":blue[:material/healing:] {FRAMES_TURNED}", "Undo", f"{KEY}.turn.undo", undo)
+            said = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
+            show_remedy(f":blue[:material/healing:] {said}", "Undo", f"{KEY}.turn.undo", undo)
 
 
-RECORDING_FULL = "The recording is as large as a file may be here. Finish it."
 TURN_FRAMES = "Turn all frames to match them (distances become relative)"
-FRAMES_TURNED = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
 
 # The settings
 
@@ -345,8 +339,6 @@ OFFERED = {
     "bm": "StereoBM",
     "sgbm": "StereoSGBM",
 }
-FROM_DEPTH_PAGE = "as on the depth page"
-AT_FIRST = ("fast", "bm")
 TRUTH_TITLE = "True disparity"
 MOTION_TITLE = "Optical flow"
 NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
@@ -371,12 +363,12 @@ def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     lowest, needed = drive.range or (0, USUAL_DISPARITIES)
-    titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
+    titles = OFFERED | {name: f"{one.title}, as on the depth page" for name, one in own.items()}
     chosen = st.pills(
         "Methods",
         [*titles],
         selection_mode="multi",
-        default=AT_FIRST,
+        default=("fast", "bm"),
         format_func=titles.__getitem__,
         **persistent(f"{KEY}.methods"),
         wrap=True,

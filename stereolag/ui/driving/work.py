@@ -166,14 +166,13 @@ CHARTS = (
 )
 
 
-class Line(NamedTuple):
-    """The line style of one method; the dashes (px, of an SVG) are for colour-blind viewers."""
-
-    colour: str
-    dash: str
-
-
-LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
+LINES = (
+    {"colour": "#785bd5", "dash": ""},
+    {"colour": "#d87607", "dash": "8 4"},
+    {"colour": "#0ca674", "dash": "2 3"},
+    {"colour": "#bd195c", "dash": "8 3 2 3"},
+)
+"""The line style of each method; the dashes (px, of an SVG) are for colour-blind viewers."""
 
 
 def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
@@ -229,7 +228,7 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
                 values[record.method][record.number] = round(value, 3)
         # Each method keeps its place, and so its colour, even if others have no values.
         series = [
-            {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
+            {"title": title, "values": values[method], **LINES[place % len(LINES)]}
             for place, (method, title) in enumerate(titles.items())
             if any(one is not None for one in values[method])
         ]

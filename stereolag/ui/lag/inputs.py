@@ -27,9 +27,6 @@ from stereolag.ui.controls import control
 from stereolag.ui.lag.sentences import (
     COLOURS,
     LISTENING_WORDS,
-    TRY_LISTENING,
-    TRY_OWN_RECORDINGS,
-    TRY_RECORDINGS,
     heard_now_in_words,
     own_facts,
     upload_limits,
@@ -74,7 +71,12 @@ def choose_recordings() -> RecordingPair:
     examples = samples.recordings()
     with head("Sensor lag"):
         chosen = choose(examples, key=RECORDINGS, live="Live")
-        show_try_first({LIVE: TRY_LISTENING, OWN: TRY_OWN_RECORDINGS}.get(chosen, TRY_RECORDINGS))
+        show_try_first(
+            {
+                LIVE: "clap your hands on the left, then on the right, and watch the needle.",
+                OWN: "drag the cut to where it fits; then *Fool it*.",
+            }.get(chosen, "drag the cut to where it fits; then take the harbour, or *Fool it*.")
+        )
     if chosen == LIVE:
         return _live_recordings()
     return own_or_example(

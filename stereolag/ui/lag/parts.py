@@ -65,7 +65,6 @@ from stereolag.ui.results import computed_or_refused, remembered
 from stereolag.ui.sentences import CURVES, LAG_METHODS, duration
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
-PLAIN_CURVE = "correlation (Pearson)"
 
 KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
@@ -125,7 +124,7 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
             "Curve", (WEIGHTED, PLAIN), default=WEIGHTED, required=True, key="lag.curve", label_visibility="collapsed"
         )
         if curve == PLAIN:
-            sizes, title = (pair.signal_1.size, pair.signal_2.size), PLAIN_CURVE
+            sizes, title = (pair.signal_1.size, pair.signal_2.size), "correlation (Pearson)"
     curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
     st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
     if result.lags is not None:

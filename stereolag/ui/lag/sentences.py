@@ -27,41 +27,31 @@ from stereolag.ui.sentences import duration
 ECHO_S = 0.03
 """Seconds; sounds closer together are heard as one (Haas, 1951)."""
 
-_RIBBON_EXPLAINED = {
+_RIBBON = {
     "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
     "overlap): 0.5 over many samples counts more than 0.9 over ten. The score above is the plain one at the peak.",
     "plain": "Grey: chance level, wider toward the ends, where few samples overlap. The curve is "
     "plain Pearson even there: over two or three samples it swings to ±1, which means nothing.",
     "phat": "Grey: chance level. Every frequency counts the same, whatever its loudness: the peak is "
     "the share of them that agrees on the lag, so it is lower than the score.",
+    "changing": "Red: every lag from the lowest to the highest. A lag that changes spreads the peak over them, so it "
+    "can sink below chance level (grey). The ring marks the middle of the longest stretch.",
+    "within": "Grey: chance level. The peak stays below it in this curve; the evidence comes from other weights of the "
+    "frequencies.",
+    "many peaks": "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn.",
+    "loud moments": "Loud moments or slow swings raise this curve far above its own spread without a common sound, so "
+    "no chance level is drawn.",
 }
-
-_CHANGING = (
-    "Red: every lag from the lowest to the highest. A lag that changes spreads the peak over them, so it can sink "
-    "below chance level (grey). The ring marks the middle of the longest stretch."
-)
-
-_WITHIN = (
-    "Grey: chance level. The peak stays below it in this curve; the evidence comes from other weights of the "
-    "frequencies."
-)
-
-_MANY_PEAKS = "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn."
-
-_LOUD_MOMENTS = (
-    "Loud moments or slow swings raise this curve far above its own spread without a common sound, so no chance level "
-    "is drawn."
-)
 
 
 def ribbon_in_words(result: SignalLag, curve: Literal["fair", "plain", "phat"]) -> str:
     """Return what the grey ribbon is beside a curve, and why the peak is below it or the ribbon missing."""
     if result.over_time is not None and result.over_time.shows:
-        return _CHANGING
+        return _RIBBON["changing"]
     band = band_of_chance(result)
     if band is None:
-        return _LOUD_MOMENTS if result.verdict == "nothing" else _MANY_PEAKS
-    return _RIBBON_EXPLAINED[curve] if result.verdict != "sure" or _peak(result) > band[1] else _WITHIN
+        return _RIBBON["loud moments" if result.verdict == "nothing" else "many peaks"]
+    return _RIBBON[curve if result.verdict != "sure" or _peak(result) > band[1] else "within"]
 
 
 def _peak(result: SignalLag) -> float:
@@ -411,7 +401,7 @@ def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]
     assert result.correlation is not None
     band = band_of_chance(result)
     if band is None:
-        yield _LOUD_MOMENTS if result.verdict == "nothing" else _MANY_PEAKS
+        yield _RIBBON["loud moments" if result.verdict == "nothing" else "many peaks"]
     elif result.verdict == "sure" and result.lag == LAG:
         heights, chance = result.correlation[MAX_LAG:], band[1]
         if settings.echo and heights[LAG + ECHO_DELAY] > chance:
@@ -501,10 +491,6 @@ PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
 
 _EQUAL = 1e-6
 
-OWN_TITLE: Final = "Your recordings"
-_FOUND = "The chain reaches furthest at lag {}, as in the whole recordings."
-_MISSED = "In this short stretch the chain reaches furthest at lag {}, not at 4 as in the whole recordings."
-
 
 def excerpt_in_words(found: phasors.Phasors) -> str:
     """Return where the stretches were cut from the two recordings, and the lag left between them."""
@@ -519,7 +505,7 @@ def excerpt_in_words(found: phasors.Phasors) -> str:
 def own_in_words(found: phasors.Phasors) -> dict[str, Any]:
     """Return the texts for the visitor's own recordings."""
     return {
-        "title": OWN_TITLE,
+        "title": "Your recordings",
         "try": "The loudest stretch of your recordings, up close.",
         "said": {name: _peak_in_words(found, whiten=name == "whitened") for name in ("plain", "whitened")},
     }
@@ -528,15 +514,14 @@ def own_in_words(found: phasors.Phasors) -> dict[str, Any]:
 def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
     lags, heights = phasors.correlation(found, whiten=whiten)
     peak = min(lags[heights > heights.max() - _EQUAL], key=abs)
-    said = _FOUND if abs(peak - phasors.LAG) <= 0.5 else _MISSED
-    return said.format(typeset(f"{peak:g}"))
+    at = typeset(f"{peak:g}")
+    if abs(peak - phasors.LAG) <= 0.5:
+        return f"The chain reaches furthest at lag {at}, as in the whole recordings."
+    return f"In this short stretch the chain reaches furthest at lag {at}, not at 4 as in the whole recordings."
 
 
 # Microphones heard live
 
-TRY_RECORDINGS: Final = "drag the cut to where it fits; then take the harbour, or *Fool it*."
-TRY_OWN_RECORDINGS: Final = "drag the cut to where it fits; then *Fool it*."
-TRY_LISTENING: Final = "clap your hands on the left, then on the right, and watch the needle."
 
 LISTENING_WORDS: Final[dict[str, str]] = {
     "start": "Listen",

@@ -32,7 +32,6 @@ from stereolag.ui.controls import persistent
 from stereolag.ui.elements import show_refused
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.results import remembered
-from stereolag.ui.search.sentences import TRY_CAMERA, TRY_OWN_PICTURES, TRY_PICTURES
 from stereolag.ui.uploads import (
     LIVE,
     OWN,
@@ -77,7 +76,12 @@ def choose_pictures() -> PictureAndTemplate | None:
     examples = samples.mazes()
     with head("Rocketman search"):
         chosen = choose(examples, key=PICTURES, live="Camera")
-        show_try_first({LIVE: TRY_CAMERA, OWN: TRY_OWN_PICTURES}.get(chosen, TRY_PICTURES))
+        show_try_first(
+            {
+                LIVE: "start the camera, draw a box around something, and move it about.",
+                OWN: "drag the template over the image, then *Damage it* until it is no longer found.",
+            }.get(chosen, "drag him over the image; then find him in moon dust.")
+        )
         if chosen == LIVE:
             return None
         given = "Template: a file" if chosen == OWN else "The example’s template"

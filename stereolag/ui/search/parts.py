@@ -290,7 +290,6 @@ def _told(anchor: Anchor) -> dict[str, Any]:
 
 # Other methods, and a damaged image
 
-TASK: Final = "template search by OpenCV"
 
 DAMAGE: Final = "degrade"
 
@@ -317,7 +316,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query
     """Search with OpenCV too, and show place, score and time of both."""
     masked = is_masked(inputs.template, inputs.mask)
     theirs = computed_or_refused(
-        TASK,
+        "template search by OpenCV",
         lambda _: opencv_search(inputs.picture, inputs.template, mask=inputs.mask),
         estimate_opencv(inputs.picture.shape, masked),
         inputs=inputs.digest,

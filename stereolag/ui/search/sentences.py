@@ -274,9 +274,6 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
 
 # The camera
 
-TRY_PICTURES: Final = "drag him over the image; then find him in moon dust."
-TRY_OWN_PICTURES: Final = "drag the template over the image, then *Damage it* until it is no longer found."
-TRY_CAMERA: Final = "start the camera, draw a box around something, and move it about."
 
 METHODS_FOLLOWING: Final = {
     "fft": "Scores every place around the last one, and in the whole picture when it is lost.",
