@@ -42,9 +42,9 @@ MOVES = [
         {
             "recordings": "harbour",
             "lag.method": "phat",
-            "lag.rate.recordings coast": 48_000.0,
+            "lag.sampling_rate.recordings coast": 48_000.0,
             "lag.speed.recordings coast": 1_500.0,
-            "lag.max.recordings coast": 1_000,
+            "lag.max_lag.recordings coast": 1_000,
             "lag.curve": "Not weighted",
         },
     ),

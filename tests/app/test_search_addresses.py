@@ -18,11 +18,11 @@ def test_the_address_says_what_is_not_as_at_first() -> None:
     assert address(app) == {}
     app.button_group(key="recordings").set_value("harbour").run()
     assert address(app) == {"recordings": "harbour"}
-    app.number_input(key=f"lag.max.{HARBOUR}").set_value(40_000)
+    app.number_input(key=f"lag.max_lag.{HARBOUR}").set_value(40_000)
     app.number_input(key=f"lag.speed.{HARBOUR}").set_value(1500.0)
     app.button_group(key="lag.method").set_value("phat").run()
     assert address(app) == {"recordings": "harbour", "method": "phat", "speed": "1500.0", "max_lag": "40000"}
-    app.number_input(key=f"lag.max.{HARBOUR}").set_value(None)
+    app.number_input(key=f"lag.max_lag.{HARBOUR}").set_value(None)
     app.button_group(key="lag.method").set_value("fft").run()
     assert address(app) == {"recordings": "harbour", "speed": "1500.0"}
 
@@ -44,8 +44,8 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     app = linked(LAG, **link)
     assert app.button_group(key="recordings").value == "harbour"
     assert app.button_group(key="lag.method").value == "phat"
-    assert app.number_input(key=f"lag.rate.{HARBOUR}").value == 8000.5
-    assert app.number_input(key=f"lag.max.{HARBOUR}").value == 40_000
+    assert app.number_input(key=f"lag.sampling_rate.{HARBOUR}").value == 8000.5
+    assert app.number_input(key=f"lag.max_lag.{HARBOUR}").value == 40_000
     assert not app.warning
     assert address(app) == link
     assert lag_found(app) == -31_234
@@ -94,7 +94,7 @@ def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the
 
 def test_an_extreme_link_does_no_harm() -> None:
     app = linked(LAG, sampling_rate="1e12", speed="1e12", max_lag="0")
-    assert app.number_input(key=f"lag.rate.{COAST}").value == 1e12
+    assert app.number_input(key=f"lag.sampling_rate.{COAST}").value == 1e12
     assert not ignored(app)
     assert not app.error
     app = linked(LAG, max_lag="9" * 400)

@@ -52,10 +52,10 @@ def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> No
 
 def test_a_step_back_undoes_the_last_move() -> None:
     app = linked(LAG, recordings="harbour", method="phat", max_lag="4000")
-    assert app.number_input(key=f"lag.max.{HARBOUR}").value == 4_000
+    assert app.number_input(key=f"lag.max_lag.{HARBOUR}").value == 4_000
     arrive(app, recordings="harbour")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
-    assert app.number_input(key=f"lag.max.{HARBOUR}").value is None
+    assert app.number_input(key=f"lag.max_lag.{HARBOUR}").value is None
 
 
 def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: Step) -> None:

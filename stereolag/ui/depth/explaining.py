@@ -107,8 +107,8 @@ def show_inspection(view: DepthView) -> None:
         hovered_match(pair, matcher, pixel, pictures=INSPECTION)
     else:
         prose.caption(
-            "The scores do not follow the pointer here: phase correlation, a very large search or a very large pair takes "
-            "too long in the browser. Click a pixel instead."
+            "The scores do not follow the pointer here: phase correlation, a very large search or a very large pair "
+            "takes too long in the browser. Click a pixel instead."
         )
     legend = {
         "the window, and where it was found": WINDOW_COLOUR,
