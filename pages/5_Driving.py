@@ -2,7 +2,7 @@
 
 from stereolag.ui import prose
 from stereolag.ui.driving.inputs import Drive, ask_drive, ask_methods, show_findings
-from stereolag.ui.driving.work import show_downloads, show_work, work_on
+from stereolag.ui.driving.work import call_off, show_downloads, show_work, work_on
 from stereolag.ui.navigation import bench, fragment, page
 
 
@@ -26,4 +26,4 @@ def workspace(drive: Drive) -> None:
 
 
 with page("Driving"):
-    workspace(ask_drive())
+    workspace(ask_drive(call_off))

@@ -432,12 +432,10 @@ def own_or_example(
     return load(name)
 
 
-def in_fold(
-    key: str, title: Callable[[], str] = lambda: "Your own files"
-) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:
+def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:
     """Return a decorator that draws the uploaders of a page in a fold: open while files are missing, then closed once.
 
-    `key` is the one given to :func:`choose`; `title` returns the fold's.
+    `key` is the one given to :func:`choose`.
     """
     fold, there, opening = f"{key}.fold", f"{key}.there", f"{key}.fold.opening"
 
@@ -445,7 +443,7 @@ def in_fold(
         @functools.wraps(ask)
         def asked() -> T | None:
             st.session_state[fold] = st.session_state.pop(opening, st.session_state.get(fold, True))
-            with st.expander(title(), icon=":material/upload_file:", key=fold, on_change="rerun"):
+            with st.expander("Your own files", icon=":material/upload_file:", key=fold, on_change="rerun"):
                 own = ask()
             if st.session_state.get(there, False) != (own is not None):
                 st.session_state[there], st.session_state[opening] = own is not None, own is None

@@ -3,7 +3,9 @@ from __future__ import annotations
 import csv
 import io
 import time
+from collections.abc import Callable
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -17,8 +19,8 @@ from stereolag.figures.pictures import coloured
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
-from stereolag.ui.driving import inputs
-from stereolag.ui.driving.inputs import EXAMPLE, TWO
+from stereolag.ui.driving import inputs, work
+from stereolag.ui.driving.inputs import EXAMPLE, ONE, TWO
 from stereolag.ui.driving.work import LINES, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
@@ -132,6 +134,27 @@ def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
 
 
 CANCELLED = 16
+
+
+def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_who_returns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unending(*given: Any, cancelled: Callable[[], bool], **more: Any) -> SimpleNamespace:
+        while not cancelled():
+            time.sleep(0.01)
+        return SimpleNamespace(cancelled=True)
+
+    monkeypatch.setattr(work, "run_sequence", unending)
+    monkeypatch.setattr(work, "_examples", {})  # which the tests above have computed
+    app = page(EXAMPLE)
+    begun = work_of(app).job
+    app.button_group(key="driving.origin").set_value(ONE).run()
+    assert begun.cancelled
+    app.button_group(key="driving.origin").set_value(EXAMPLE).run()
+    again = work_of(app).job
+    assert again is not begun
+    assert not again.cancelled
+    again.cancel()
 
 
 @pytest.mark.usefixtures("healthy_frames")

@@ -53,7 +53,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
-from stereolag.ui.navigation import bench, fragment
+from stereolag.ui.navigation import CONTROLS_WIDTH, bench, fragment
 from stereolag.ui.results import computed_at_once, remembered
 from stereolag.ui.streamlit_inside import in_this_session
 from stereolag.ui.streams import Message, Stream, address_of, close_stream, connected, frame, open_stream
@@ -89,7 +89,11 @@ def ask_camera(key: str) -> Camera:
 def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
     """Ask which of some of `CAMERAS` there is, and whether the right view comes first."""
     arrangement = st.selectbox(
-        "Camera", arrangements, format_func=CAMERAS.__getitem__, **persistent(f"{key}.arrangement")
+        "Camera",
+        arrangements,
+        format_func=CAMERAS.__getitem__,
+        **persistent(f"{key}.arrangement"),
+        width=CONTROLS_WIDTH,
     )
     return arrangement, st.toggle("The right view comes first", **persistent(f"{key}.crossed"))
 

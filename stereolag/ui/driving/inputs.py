@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -68,6 +68,7 @@ from stereolag.ui.uploads import (
 )
 
 KEY = "driving"
+ORIGIN = f"{KEY}.origin"
 EXAMPLE, ONE, TWO = "example", "one", "two"
 ORIGINS = {
     EXAMPLE: "Example",
@@ -107,8 +108,11 @@ class Drive:
         return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
 
 
-def ask_drive() -> Drive:
-    """Ask for frames and calibration; return the example while frames are missing, stop if they are refused."""
+def ask_drive(call_off: Callable[[], None]) -> Drive:
+    """Ask for frames and calibration; return the example while frames are missing, stop if they are refused.
+
+    What is computed is called off when the visitor turns to other frames.
+    """
     with head("Driving"):
         origin = st.segmented_control(
             "Frames",
@@ -116,8 +120,9 @@ def ask_drive() -> Drive:
             default=EXAMPLE,
             format_func=ORIGINS.__getitem__,
             required=True,
-            **persistent(f"{KEY}.origin"),
+            **persistent(ORIGIN),
             label_visibility="collapsed",
+            on_change=call_off,
         )
         show_try_first("play it, and drag along the curves below the pictures.")
     no_files_yet(KEY)
@@ -126,8 +131,9 @@ def ask_drive() -> Drive:
 
 
 def _own() -> Drive | None:
+    recorded = _record() if st.session_state[ORIGIN] == LIVE else None
     with st.container(horizontal=True, key="folds"):
-        found = _ask_frames()
+        found = recorded if st.session_state[ORIGIN] == LIVE else _ask_files()
         place = st.expander("Calibration (optional): for depth in metres, and to rectify")
     calibration = ask_calibration(KEY, place)
     return None if found is None else _with_calibration(found, calibration)
@@ -204,15 +210,19 @@ def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
     return sequence, sequence.first_readable(LOOKED_AT)
 
 
-@in_fold(KEY, lambda: ORIGINS[LIVE] if st.session_state[f"{KEY}.origin"] == LIVE else "Your own files")
-def _ask_frames() -> Upload[_Frames] | None:
-    found = {ONE: _ask_one, TWO: _ask_two, LIVE: _record}[st.session_state[f"{KEY}.origin"]]()
+@in_fold(KEY)
+def _ask_files() -> Upload[_Frames] | None:
+    found = _ask_one() if st.session_state[ORIGIN] == ONE else _ask_two()
+    _show_limits()
+    return found
+
+
+def _show_limits() -> None:
     most = limits()
     show_limits(
         f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
         f"{most.max_video_s // 60} minutes per video."
     )
-    return found
 
 
 def _ask_one() -> Upload[_Frames] | None:
@@ -294,8 +304,10 @@ class Recording:
 
 
 def _record() -> Upload[_Frames] | None:
-    """Ask for a camera, and return the last drive recorded with it."""
-    camera = ask_camera(f"{KEY}.camera")
+    """Ask for a camera in one line, so that the maps stay in view, and return the last drive recorded with it."""
+    line = st.container(horizontal=True, gap="medium", vertical_alignment="bottom")
+    with line:
+        camera = ask_camera(f"{KEY}.camera")
     stream = open_stream(KEY, Recorded)
     recording: Recording = stream.kept.setdefault("recording", Recording())
     stream.answer = recording.add
@@ -304,7 +316,9 @@ def _record() -> Upload[_Frames] | None:
         stream.kept["drive"] = recording.finished() or stream.kept.get("drive")
         stream.kept["recording"] = Recording()
 
-    stereo_camera(stream, camera, key=f"{KEY}.live", record=True, on_recorded_change=finish)
+    with line:
+        stereo_camera(stream, camera, key=f"{KEY}.live", record=True, on_recorded_change=finish)
+    _show_limits()
     return stream.kept.get("drive")
 
 

@@ -26,7 +26,7 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.depth.live import transfer
 from stereolag.ui.downloads import download_button
-from stereolag.ui.driving.inputs import KEY, MOTION_TITLE, TRUTH_TITLE, Drive, DriveSettings, title_of
+from stereolag.ui.driving.inputs import EXAMPLE, KEY, MOTION_TITLE, ORIGIN, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import DEPTH_PAGE, failures_answered
 from stereolag.ui.results import Job, show_busy, this_visit, watch
@@ -57,6 +57,8 @@ class DriveWork:
         Progress; None before the first report.
     begun
         Number of times it was started.
+    left
+        Whether it was called off because the visitor turned to other frames.
     job
         The job that does the work.
     """
@@ -66,6 +68,7 @@ class DriveWork:
     video: VideoPieces
     state: SequenceState | None = None
     begun: int = 1
+    left: bool = False
     job: Job[SequenceResult] = field(init=False)
 
     @property
@@ -83,7 +86,10 @@ def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     name = hashlib.sha256("\0".join([drive.first.digest, *job, *settings]).encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
-        return kept
+        if kept.left and st.session_state[ORIGIN] == EXAMPLE:
+            go_on(kept, drive, asked)
+        again: DriveWork = st.session_state[WORK]
+        return again
     if kept is not None:
         kept.job.cancel()
     with _examples_lock:
@@ -91,6 +97,14 @@ def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     work = work or _begun(DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate)), drive, asked)
     st.session_state[WORK] = work
     return work
+
+
+def call_off() -> None:
+    """Cancel the work for a visitor who turns to other frames; that on the example goes on when they return to it."""
+    work: DriveWork | None = st.session_state.get(WORK)
+    if work is not None and work.job.running:
+        work.job.cancel()
+        work.left = True
 
 
 def go_on(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
