@@ -16,7 +16,9 @@ from stereolag.samples import stereo_pairs
 from tests.app.test_driving_page import drive
 from tests.archives import zipped
 from tests.browser.fake_media import played_cameras, stereo_scene
-from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
+from tests.browser.layout import USUAL
+from tests.browser.parts import box_of
+from tests.browser.visits import OpenPage, expect_visible, resized, screenshot, settled
 
 OWN = "Your ZIP, or side-by-side video"
 COUNT = 12
@@ -103,7 +105,8 @@ def page(keep_page: OpenPage) -> Page:
 
 
 def test_a_recorded_drive_has_maps_and_a_video_like_an_uploaded_one(page: Page) -> None:
-    expect(page.locator("summary").filter(has_text="Your camera")).to_have_count(1)  # the title of the fold around it
+    resized(page, *USUAL)
+    assert box_of(page.locator(".player figure").first)["y"] <= USUAL[1] / 2  # the controls of the camera leave it room
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_role("button", name="Record", exact=True).click()
     for number in range(1, 4):

@@ -97,6 +97,8 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
     page = show_parts(lambda: show_phasors(*measured()), moving=True).page
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
+    controls, charts = (box_of(root.locator(f".{name}")) for name in ("controls", "charts"))
+    assert controls["y"] + controls["height"] <= charts["y"]  # it lies over no figure
     slider.scroll_into_view_if_needed()
     expect(where).to_have_text(re.compile(r"^Lag 0 · correlation "))
     assert painted(root) == 1

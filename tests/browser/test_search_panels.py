@@ -80,6 +80,8 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
     expect(where).to_contain_text("Row 568, column 982")
     assert page.locator(".by-hand .leaders button").count() == 0
 
+    stage, reveal = (box_of(page.locator(f".by-hand .{name}")) for name in ("stage", "reveal"))
+    assert reveal["y"] + reveal["height"] <= stage["y"] + stage["height"]  # beside the picture, not below the fold
     page.locator(".by-hand .reveal").press("Enter")
     expect(page.locator(".by-hand .said")).to_have_text(
         "The peak is at row 528, column 982: 1.000. The best rival reaches 0.384."

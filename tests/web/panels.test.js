@@ -3,6 +3,7 @@ import { beforeEach, mock, test } from "node:test";
 
 import sliders from "../../stereolag/ui/web/sliders/sliders.js";
 import { joined } from "../../stereolag/ui/web/listening/pieces.js";
+import { freePlace } from "../../stereolag/ui/web/plan/plan.js";
 import { branch } from "../../stereolag/ui/web/shared/hyperbola.js";
 import { measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { gapped, runsOf } from "../../stereolag/ui/web/shared/dom.js";
@@ -23,6 +24,15 @@ for (const difference of [-378, -40, 0, 120, 399]) {
     assert.ok(Math.max(...places.map(([x, y]) => Math.hypot(x, y))) > 800);
   });
 }
+
+test("the name of a sensor stands where no line crosses it", () => {
+  const [below, above] = [[[50, 120], [150, 120]], [[50, 88], [150, 88]]];
+  assert.deepEqual(freePlace([100, 100], []), [0, 22]);
+  assert.deepEqual(freePlace([100, 100], [below]), [0, -14]);
+  const [right, down] = freePlace([100, 100], [[[100, 0], [100, 200]]]); // a vertical line through the sensor
+  assert.ok(Math.abs(right) > 26 && down === 22);
+  assert.deepEqual(freePlace([100, 100], [below, above, [[0, 90], [200, 130]], [[0, 130], [200, 90]]]), [0, 22]); // none is free
+});
 
 test("silence has no correlation, and the highest place is found", () => {
   const all = measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true);

@@ -130,7 +130,7 @@ const EDGE = 12; // px beside a drawing without one, including half the thumb of
 const TURNS = 3;
 const MAGNITUDES_HEIGHT = 100;
 const NAMES_HEIGHT = 18;
-const PHASES_HEIGHT = 230;
+const PHASES_HEIGHT = 220;
 const PHASES_AXIS = 34;
 const REACH_HEIGHT = 46;
 const CURVE_HEIGHT = 160;
@@ -197,7 +197,7 @@ function drawPhases(svg, example, all, { lag, words }) {
 
 function drawChain(svg, all, { place, words, count }) {
   const width = svg.clientWidth;
-  const height = clamp(0.78 * width, 340, 440);
+  const height = clamp(0.56 * width, 260, 440);
   const add = sized(svg, svg.clientWidth, height);
   const { left, right, bottom, top } = all.bounds;
   const room = height - REACH_HEIGHT - 2 * EDGE;

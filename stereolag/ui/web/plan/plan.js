@@ -14,7 +14,36 @@ const PLACES = { "In line": [-1, 0], "Beside": [-0.6, 0.3], "As far from both": 
 const significant = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits });
 const metres = (value) => `${significant(value, 4)}\u00a0m`;
 
+// Places of a sensor's name beside it, px to the right and down, and half the width, the height above its line and the
+// depth below it that it takes there.
+const NAMED_AT = [[0, 22], [0, -14], [-42, 22], [42, 22], [-42, -14], [42, -14]];
+const NAME = { half: 26, above: 13, below: 5 };
+
 export default (component) => show(Plan, component);
+
+// The first of these places where no line crosses the name, or the first of all; lines are lists of points, px.
+export function freePlace([x, y], lines) {
+  /** @param {number[]} place */
+  const isFree = ([right, down]) => {
+    const [left, top] = [x + right - NAME.half, y + down - NAME.above];
+    const box = [left, left + 2 * NAME.half, top, top + NAME.above + NAME.below];
+    return !lines.some((points) => points.slice(1).some((point, index) => crosses(box, points[index], point)));
+  };
+  return NAMED_AT.find(isFree) ?? NAMED_AT[0];
+}
+
+// Whether a segment has a part within a box.
+/** @type {(box: number[], start: number[], end: number[]) => boolean} */
+const crosses = ([left, right, top, bottom], [x0, y0], [x1, y1]) => {
+  // Where it is between two sides, as shares of its length.
+  const between = (from, to, low, high) => {
+    if (from === to) return low <= from && from <= high ? [0, 1] : [1, 0];
+    const shares = [(low - from) / (to - from), (high - from) / (to - from)];
+    return [Math.min(...shares), Math.max(...shares)];
+  };
+  const [across, down] = [between(x0, x1, left, right), between(y0, y1, top, bottom)];
+  return Math.max(0, across[0], down[0]) <= Math.min(1, across[1], down[1]);
+};
 
 class Plan extends Panel {
   constructor(parent) {
@@ -78,18 +107,23 @@ class Plan extends Panel {
     const reach = WIDE * apart;
     const add = sized(this.svg, width, HIGH);
     add("path", { class: "line", d: `M0 ${HIGH / 2}H${width}` });
-    if (this.data.difference !== null) add("path", { class: "measured", d: path(branch(this.data.difference, apart, reach)) });
-    add("path", { class: "same", d: path(branch(difference, apart, reach)) });
-    for (const sensor of sensors) add("path", { class: "path", d: path([source, sensor]) });
+    const drawn = [
+      ...(this.data.difference === null ? [] : [{ name: "measured", points: branch(this.data.difference, apart, reach) }]),
+      { name: "same", points: branch(difference, apart, reach) },
+      ...sensors.map((sensor) => ({ name: "path", points: [source, sensor] })),
+    ];
+    for (const { name, points } of drawn) add("path", { class: name, d: path(points) });
     const farther = sensors[difference > 0 ? 1 : 0];
     const length = pathTo(source, farther[0]);
     const share = length ? Math.abs(difference) / length : 0;
     const turn = farther.map((each, axis) => each + (source[axis] - each) * share);
     add("path", { class: "longer", d: path([turn, farther]) });
+    const lines = drawn.map(({ points }) => points.map(at));
     sensors.forEach((sensor, index) => {
       const [x, y] = at(sensor);
       add("circle", { class: `sensor-${index + 1}`, cx: x, cy: y, r: 7 });
-      add("text", { x, y: y + 22 }, `sensor ${index + 1}`);
+      const [right, below] = freePlace([x, y], lines);
+      add("text", { x: x + right, y: y + below }, `sensor ${index + 1}`);
     });
     const [x, y] = at(source);
     add("circle", { class: "source", cx: x, cy: y, r: 9 });
