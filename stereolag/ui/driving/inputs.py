@@ -316,7 +316,7 @@ def _record() -> Upload[_Frames] | None:
         stream.kept["drive"] = recording.finished() or stream.kept.get("drive")
         stream.kept["recording"] = Recording()
 
-    with line:
+    with line.container():
         stereo_camera(stream, camera, key=f"{KEY}.live", record=True, on_recorded_change=finish)
     _show_limits()
     return stream.kept.get("drive")
