@@ -222,33 +222,31 @@ COSTS: Mapping[str, Cost] = {
         {"longest": (8, 3)},
     ),
     # Templates. grey: bytes of luminance and contiguous copies; values: of the template; places: that are scored.
-    # While the template is prepared; then its deviations, the scores, its spectra and those of the tiles; then those of
-    # its blocks, by which places are looked for where a part of it is hidden.
+    # The template's deviations, the scores, its spectra and those of the tiles; then what a place is judged by, and the
+    # blocks by which places are looked for where a part of it is hidden.
     "template by fft": Cost(
         (
-            {"grey": 1, "values": 32},
             {"grey": 1, "values": 8, "places": 4, "points": 8},
-            {"grey": 1, "values": 24, "places": 4, "hidden": 1},
+            {"grey": 1, "values": 170, "places": 4, "hidden": 1},
         ),
         {"turns": 1.2e-9, "hidden_values": 1e-9},
     ),
     # Sizes and angles: the maps of a reduced image, one for every thread, or the templates refined in a larger one.
     "template by poses": Cost(
-        ({"grey": 1, "values": 32, "coarse": 1}, {"grey": 1, "values": 32, "fine": 1}),
+        ({"grey": 1, "values": 170}, {"grey": 1, "values": 32, "coarse": 1}, {"grey": 1, "values": 32, "fine": 1}),
         {"turns": 1.2e-9, "searches": 0.8},
     ),
     # The image in float64 and its squares; the products and sums of every channel; the blocks, as above.
     "template by products": Cost(
         (
-            {"grey": 1, "values": 32},
             {"grey": 1, "values": 16, "planes": 16, "pixels": 8},
             {"grey": 1, "values": 16, "planes": 8, "pixels": 8, "places": 56, "sums": 16},
-            {"grey": 1, "values": 24, "places": 4, "hidden": 1},
+            {"grey": 1, "values": 170, "places": 4, "hidden": 1},
         ),
         {"products": 2.8e-10, "hidden_values": 1e-9},
     ),
     # Marks for each place. If no value is rare, more: such a search is refused once its places are counted.
-    "template by pixels": Cost(({"grey": 1, "values": 32}, {"grey": 1, "values": 8, "places": 3}), {"pixels": 4e-9}),
+    "template by pixels": Cost(({"grey": 1, "values": 170, "places": 3},), {"pixels": 4e-9}),
     # Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products.
     "template by OpenCV": Cost(({"values": 36},), {"pixels": 1e-7, "masked": 3e-7}),
     # Stereo pairs. grey: bytes of both grey images; finished: pixels of a map that is filtered or filled.

@@ -1,14 +1,21 @@
-"""Rows of an image, divided among the cores."""
+"""Work divided among the cores, as jobs or as bands of the rows of an image."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from functools import cache
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import cache, partial
 from itertools import islice
+from typing import TypeVar
 
 from stereolag.core.jobs import Progress, silent
+
+Result = TypeVar("Result")
+
+_PREFIX = "bands"
+"""Of the names of the pool's threads."""
 
 
 def available_cores() -> int:
@@ -20,8 +27,51 @@ def available_cores() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return the one pool that all callers share: two callers at once take turns, band by band."""
-    return ThreadPoolExecutor(available_cores(), thread_name_prefix="bands")
+    """Return the one pool that all callers share: two callers at once take turns, job by job.
+
+    It is kept: a new thread starts on the core of the one that starts it, and both share it for milliseconds.
+    """
+    return ThreadPoolExecutor(available_cores(), thread_name_prefix=_PREFIX)
+
+
+def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent) -> list[Result]:
+    """Run jobs on all cores, and return their results in order; a job's own jobs run in its thread.
+
+    Parameters
+    ----------
+    jobs
+        They gain by other cores if they release the interpreter lock, as compiled code does.
+    progress
+        Called from the calling thread with the fraction done, once per job and at least ten times a second. If it or a
+        job raises, jobs that have not started never do.
+    """
+    if threading.current_thread().name.startswith(_PREFIX) or (len(jobs) == 1 and progress is silent):
+        results = []
+        for number, job in enumerate(jobs, 1):
+            results.append(job())
+            progress(number / len(jobs))
+        return results
+    waiting = iter(jobs)
+    futures: list[Future[Result]] = []
+    running: set[Future[Result]] = set()
+    done = 0
+    try:
+        while done < len(jobs):
+            # Submit no more than the cores can run at once, so that jobs of another caller can come in between.
+            more = [_pool().submit(job) for job in islice(waiting, available_cores() - len(running))]
+            futures += more
+            finished, running = wait(running.union(more), 0.1, FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+                done += 1
+                progress(done / len(jobs))
+            if not finished:
+                progress(done / len(jobs))
+        return [future.result() for future in futures]
+    finally:
+        for future in running:
+            future.cancel()
+        wait(running)
 
 
 def row_bands(rows: int, most_rows: int) -> list[tuple[int, int]]:
@@ -46,24 +96,9 @@ def over_bands(
     most_rows
         Largest height of a band; progress is reported once per band. By default one band per core.
     progress
-        Called from the calling thread with the fraction of bands done.
+        Called as :func:`in_threads` does.
     """
-    bands = row_bands(rows, most_rows or rows)
-    waiting = iter(bands)
-    pool, done = _pool(), 0
-    # Submit no more than the cores can run at once, so that bands of another caller can come in between.
-    running = {pool.submit(work, *band) for band in islice(waiting, available_cores())}
-    try:
-        while running:
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-                running |= {pool.submit(work, *band) for band in islice(waiting, 1)}
-                done += 1
-                progress(done / len(bands))
-    finally:
-        for future in running:
-            future.cancel()
+    in_threads([partial(work, *band) for band in row_bands(rows, most_rows or rows)], progress)
 
 
 SMALL = 30_000

@@ -15,12 +15,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Mask
+from stereolag.core.arrays import Array, Mask
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
+from stereolag.loops.bands import in_threads
+from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
 from stereolag.templates.places import Places, peaks
-from stereolag.templates.score_maps import Plane, fft_score_map, in_threads, scores_at
+from stereolag.templates.score_maps import Plane, fft_score_map, scores_at
 
 ALONG = 4
 """Blocks along each side of the template."""
@@ -58,9 +60,6 @@ the best place's it may be."""
 
 FLAT = 20 * float(np.finfo(np.float32).eps)
 """A block is flat up to this energy, as a share of its sum of squares."""
-
-VALUES_AT_ONCE = 100_000
-"""Pixel values of windows multiplied at a time: they stay in the cache."""
 
 NOWHERE = Places(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0), (0, 0))
 
@@ -149,20 +148,18 @@ class _Blocks:
     """
 
     def __init__(self, pattern: Pattern) -> None:
-        self._edges = [np.linspace(0, side, ALONG + 1).round().astype(int) for side in pattern.shape]
+        self._edges = np.array([np.linspace(0, side, ALONG + 1).round() for side in pattern.shape], dtype=np.int64)
         self._down, self._across = (
             np.repeat(np.eye(ALONG, dtype=np.float32), np.diff(edges), axis=1) for edges in self._edges
         )
         self._weights = pattern.weights.astype(np.float32)
-        self._alike = bool((self._weights == 1).all())
-        self._counts = self._summed(self._weights)
+        counts = np.maximum(self._summed(self._weights), 1e-6)
         planes = pattern.deviations.astype(np.float32)
-        means = self._summed(planes * self._weights) / np.maximum(self._counts, 1e-6)
-        centred = planes - np.stack([self.spread(mean) for mean in means])
+        centred = planes - np.stack([self.spread(mean) for mean in self._summed(planes * self._weights) / counts])
         self._kernels = centred * self._weights
         energy, squares = (self._summed(self._weights * np.square(one)).sum(axis=0) for one in (centred, planes))
         self.varying = energy > FLAT * squares
-        self._norms = np.sqrt(np.where(self.varying, energy, np.inf))
+        self._scales = np.stack([1 / counts, 1 / np.sqrt(np.where(self.varying, energy, np.inf))])
 
     def _summed(self, planes: Plane) -> Plane:
         """Return the sum over each block of planes (..., rows, cols)."""
@@ -176,32 +173,66 @@ class _Blocks:
         """Return the best place within `reach` px of one."""
         (height, width), (top, left) = self._weights.shape, (row - reach, col - reach)
         planes = _surrounded(image, top, left, row + height + reach, col + width + reach)
-        gaps = np.isnan(planes).any(axis=0)
+        gaps = np.asarray(np.isnan(planes).any(axis=0))
         planes[:, gaps] = 0
-        windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
-        hidden = np.lib.stride_tricks.sliding_window_view(gaps, (height, width))
-        rows, cols = np.indices(hidden.shape[:2]).reshape(2, -1)
-        step = max(1, VALUES_AT_ONCE // self._kernels.size)
-        scores = np.concatenate(
-            [
-                self._scores(windows[:, rows[some], cols[some]], hidden[rows[some], cols[some]])
-                for some in (slice(first, first + step) for first in range(0, len(rows), step))
-            ]
-        )[:, self.varying]
+        scores = np.zeros((2 * reach + 1, 2 * reach + 1, ALONG, ALONG), dtype=np.float32)
+        score_blocks(
+            planes, gaps if gaps.any() else gaps[:0], (self._kernels, self._weights), self._edges, self._scales, scores
+        )
+        scores = scores.reshape(-1, ALONG, ALONG)[:, self.varying]
         best = np.sort(scores, axis=1)[:, -max(1, round(AGREEING * scores.shape[1])) :].clip(0).mean(axis=1)
         one = int(best.argmax())
-        return _Place(top + int(rows[one]), left + int(cols[one]), float(best[one]), scores[one] >= AGREES)
+        down, across = divmod(one, 2 * reach + 1)
+        return _Place(top + down, left + across, float(best[one]), scores[one] >= AGREES)
 
-    def _scores(self, windows: Plane, gaps: Mask) -> Plane:
-        """Return the scores of the blocks in windows (channels, windows, rows, cols), 0 if flat or without data."""
-        weighted = windows if self._alike else windows * self._weights
-        sums, squares = self._summed(weighted), self._summed(weighted * windows).sum(axis=0)
-        spread = squares - np.square(sums).sum(axis=0) / np.maximum(self._counts, 1e-6)
-        spread[~(spread > FLAT * squares)] = np.inf
-        if gaps.any():
-            spread[self._summed(self._weights * gaps) > 0] = np.inf
-        products = self._summed(windows * self._kernels[:, np.newaxis]).sum(axis=0)
-        return np.asarray(products / (self._norms * np.sqrt(spread)))
+
+@compiled(fastmath={"contract", "reassoc"}, counted=False)
+def score_blocks(
+    planes: Array, gaps: Array, template: tuple[Array, Array], edges: Array, scales: Array, scores: Array
+) -> None:
+    """Set the score of every block in the windows around a place: 0 where it is flat, or has pixels without data.
+
+    Parameters
+    ----------
+    planes
+        (channels, rows, cols) around 0, 0 without data.
+    gaps
+        (rows, cols) bool, which pixels have no data; of no rows if all have.
+    template
+        The deviations from each block's mean times the weights, (channels, height, width), and the weights.
+    edges
+        (2, :data:`ALONG` + 1), the first row and column of each block, and the end of the last.
+    scales
+        (2, ALONG, ALONG), one over the weight of each block, and one over the norm of its deviations, 0 if it is flat.
+    scores
+        The result, (windows down, windows across, ALONG, ALONG).
+    """
+    (kernels, weights), (rows, cols), kind = template, edges, planes.dtype.type
+    for top, left in np.ndindex(scores.shape[:2]):
+        for down, across in np.ndindex(scores.shape[2:]):
+            squares = between = products = 0.0
+            hidden = False
+            for channel in range(len(planes)):
+                total = square = product = kind(0)
+                for row in range(rows[down], rows[down + 1]):
+                    line = planes[channel, top + row, left + cols[across] : left + cols[across + 1]]
+                    weight = weights[row, cols[across] : cols[across + 1]]
+                    kernel = kernels[channel, row, cols[across] : cols[across + 1]]
+                    for col in range(line.size):
+                        value = line[col]
+                        total += weight[col] * value
+                        square += weight[col] * value * value
+                        product += kernel[col] * value
+                squares += square
+                between += total * total * scales[0, down, across]
+                products += product
+            if len(gaps):
+                for row in range(rows[down], rows[down + 1]):
+                    for col in range(cols[across], cols[across + 1]):
+                        hidden |= gaps[top + row, left + col] and weights[row, col] > 0
+            spread = squares - between
+            if spread > FLAT * squares and not hidden:
+                scores[top, left, down, across] = products * scales[1, down, across] / math.sqrt(spread)
 
 
 def _roughly(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[int, int]]:
@@ -268,16 +299,15 @@ def hidden_amounts(
     (height, width), pixels = template_shape[:2], math.prod(image_shape[:2])
     if min(height, width) < LEAST_SIDE:
         return HiddenAmounts(0, 0)
-    factor, threads, score = max(1.0, math.sqrt(height * width) / SIDE), max(1, cv2.getNumThreads()), 4
+    factor, score = max(1.0, math.sqrt(height * width) / SIDE), 4
     rows, cols = ((length + side) / factor for length, side in zip(image_shape, template_shape[:2], strict=False))
     places = rows * cols
     reach = math.ceil(factor / 2) + 1
     around = (2 * reach + 1) ** 2
-    # The luminance and the reduced image; what is left of it and its squares; in every thread a window, its products.
-    maps = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
-    windows = threads * 5 * score * channels * (height + 2 * reach) * (width + 2 * reach)
+    # The luminance and the reduced image; what is left of it and its squares.
+    memory = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
     scored = LIKELY * around * channels * height * width
-    return HiddenAmounts(max(maps, windows), 5 * scored + 100 * places + pixels)
+    return HiddenAmounts(memory, scored + 100 * places + pixels)
 
 
 def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> Plane:

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image
-from stereolag.core.jobs import silent
+from stereolag.loops.bands import in_threads
+from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, warped_shape
-from stereolag.templates.score_maps import Indices, Plane, ScoreMap, in_threads
+from stereolag.templates.score_maps import Indices, Plane, ScoreMap
 
 PLACES_AT_ONCE = 2**19
 """Places of a score map searched for peaks at a time: enough to be worth a thread, and the copies stay small."""
@@ -23,7 +24,8 @@ PLACES_AT_ONCE = 2**19
 PEAKS_AT_ONCE = 256
 """Peaks, best first, compared with those already chosen: mostly enough for all that are wanted."""
 
-NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
+_LOWEST = np.float32(-2.0)
+"""Below every score."""
 
 
 @dataclass(frozen=True)
@@ -125,19 +127,42 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
     rows_at_once = -(-PLACES_AT_ONCE // score_map.shape[1])
 
     def band(first: int) -> Indices:
-        start = max(0, first - 1)  # compared with the adjacent rows too
-        part = score_map[start : first + rows_at_once + 1]
-        flat = bool(np.isnan(part.min()))
-        if flat:
-            part = np.fmax(part, np.float32(-2.0))
-        highest = part >= np.asarray(cv2.dilate(part, NEIGHBOURS)).reshape(part.shape)
-        if flat:
-            highest &= part >= -1
-        return np.asarray(np.flatnonzero(highest[first - start :][:rows_at_once]) + first * score_map.shape[1])
+        marks = np.empty(score_map[first : first + rows_at_once].shape, dtype=np.bool_)
+        mark_peaks(score_map, first, np.empty(score_map.shape[1] + 2, dtype=np.float32), marks)
+        return np.asarray(np.flatnonzero(marks) + first * score_map.shape[1])
 
-    found = in_threads([partial(band, first) for first in range(0, len(score_map), rows_at_once)], silent)
+    found = in_threads([partial(band, first) for first in range(0, len(score_map), rows_at_once)])
     rows, cols = np.divmod(np.concatenate(found), score_map.shape[1])
     return Places(rows, cols, score_map[rows, cols], shape)
+
+
+@compiled(fastmath={"contract"}, counted=False)
+def mark_peaks(scores: Array, first: int, highest: Array, marks: Array) -> None:
+    """Mark the places of some rows of a score map that no neighbour exceeds; NaN exceeds none, and is not marked.
+
+    Parameters
+    ----------
+    scores
+        (rows, cols) float32.
+    first
+        Row of the map that is the first of the marks.
+    highest
+        float32 memory for cols + 2 numbers.
+    marks
+        The result, bool.
+    """
+    rows, cols = scores.shape
+    here, right = highest[1:], highest[2:]
+    highest[0] = highest[cols + 1] = _LOWEST
+    for row in range(first, first + len(marks)):
+        line, above, below = scores[row], scores[max(row - 1, 0)], scores[min(row + 1, rows - 1)]
+        for at in range(cols):  # the comparisons are so that NaN loses each
+            best = line[at] if line[at] > _LOWEST else _LOWEST
+            best = above[at] if above[at] > best else best
+            here[at] = below[at] if below[at] > best else best
+        marked = marks[row - first]
+        for at in range(cols):
+            marked[at] = (line[at] >= highest[at]) & (line[at] >= here[at]) & (line[at] >= right[at])
 
 
 def positions_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:

@@ -12,10 +12,8 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,11 +21,11 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Array, Mask
 from stereolag.core.inputs import FLAT_WHOLE, Image
-from stereolag.core.jobs import Progress, silent
+from stereolag.core.jobs import Progress
+from stereolag.loops.bands import in_threads
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
 
-Result = TypeVar("Result")
 Plane = npt.NDArray[np.floating[Any]]
 Indices = npt.NDArray[np.intp]
 ScoreMap = npt.NDArray[np.float32]
@@ -273,7 +271,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
 
     8-bit images are correlated in single precision, which takes a third of the time; :func:`best_position` gives a
     place its exact score. Without a mask, their sums over windows are exact. Others are in double precision. The tiles
-    run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
+    run on all cores; `progress` is called in the caller's own thread.
     """
     image = image[:, :, : len(pattern.deviations)]
     height, width = pattern.shape
@@ -471,26 +469,3 @@ def _along(places: int, size: int) -> tuple[int, int]:
 
 def _fft_length(least: int) -> int:
     return FFT_UNIT * int(cv2.getOptimalDFTSize(-(-least // FFT_UNIT)))
-
-
-def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress) -> list[Result]:
-    """Run jobs on as many threads as OpenCV uses, and return their results in order.
-
-    `progress` is called in the caller's own thread, with the fraction done, at least ten times a second. If it or a job
-    raises, jobs that have not started never do.
-    """
-    if len(jobs) == 1 and progress is silent:  # nobody asks meanwhile, and a thread takes time
-        return [jobs[0]()]
-    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
-    try:
-        futures = [pool.submit(job) for job in jobs]
-        pending = set(futures)
-        while pending:
-            done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
-            for future in done:
-                future.result()
-            for left in reversed(range(max(1, len(done)))):  # one by one, as short jobs end together
-                progress(1 - (len(pending) + left) / len(jobs))
-        return [future.result() for future in futures]
-    finally:
-        pool.shutdown(cancel_futures=True)

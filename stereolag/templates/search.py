@@ -9,13 +9,13 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, get_args
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image, as_image, as_images
 from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, part, silent
 from stereolag.core.searches import TemplateMethod
+from stereolag.loops.bands import available_cores
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_amounts, hidden_places
 from stereolag.templates.patterns import Pattern, compared
@@ -86,7 +86,7 @@ def estimate_search(
     weighted = has_alpha(template_shape) if masked is None else masked
     single = np.dtype(dtype) == np.uint8
     tiles = _tile_amounts(image_shape, template_shape, channels, weighted, single)
-    at_once = min(tiles.number, max(1, cv2.getNumThreads()))
+    at_once = min(tiles.number, available_cores())
     return COSTS["template by fft"].estimate(
         grey=grey,
         values=values,
@@ -108,10 +108,10 @@ def _estimate_poses(
     sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
     little = [math.ceil(max(side / factor, least)) for side, least in zip((rows, cols), sides, strict=True)]
     tiles = _tile_amounts(little, sides, 1, masked=True, single=False)
-    threads = max(1, cv2.getNumThreads())
+    threads = available_cores()
     pixels, score, peak, double = little[0] * little[1], 4, 40, 8
     coarse = rows * cols * itemsize + score * pixels
-    coarse += threads * (double * (tiles.shared + min(tiles.number, threads) * tiles.points) + (score + peak) * pixels)
+    coarse += threads * (double * (tiles.shared + tiles.points) + (score + peak) * pixels)
     turned = math.ceil(math.hypot(*template_shape[:2]) * largest) ** 2
     fine = score * channels * rows * cols * 4 / max(2.0, factor) ** 2
     fine += threads * turned * (4 * score * (channels + 1) + 3 * double * channels)
@@ -148,12 +148,14 @@ def _tile_amounts(
     plane = (down + height - 1) * (across + width - 1)
     planes = (channels + masked) * plane
     work = (channels * (not single) + min(channels, 2) + 3 * masked) * points
-    if 4 * height * width > plane:
-        work += 4 * points  # OpenCV's own transforms of such a template, in double precision whatever it is given
+    if single:  # OpenCV's own transforms of blocks of the tile, in double precision whatever it is given
+        blocks = (min(max(9 * side // 2, 256), length) + side for side, length in ((height, down), (width, across)))
+        work += 4 * math.prod(blocks)
     # Freed spectra, which the allocator may keep.
-    slack = 2 * min(points, HEAP_BLOCK // 8)
+    slack = 0 if single else 2 * min(points, HEAP_BLOCK // 8)
     transforms = channels + masked + count * (channels + 1 + (channels + 2) * masked)
-    return _Tiles(count, (channels + masked) * points, planes + work + slack, transforms * points * math.log2(points))
+    shared = (channels + masked) * (height * width if single else points)
+    return _Tiles(count, shared, planes + work + slack, transforms * points * math.log2(points))
 
 
 def has_alpha(shape: Shape) -> bool:

@@ -125,7 +125,7 @@ def _lag(size: int, warm: int = 9000, **options: object) -> tuple[str, str, str,
 def _search(setup: str, options: str = "") -> tuple[str, str, str, str]:
     return (
         setup,
-        f"match_template(a[:200, :200], a[:20, :20]{options})",
+        f"[match_template(a[:200, :200], some{options}) for some in (a[:20, :20], a[-40:, -40:])]",
         f"match_template(a, t{options})",
         f"estimate_search(a.shape, t.shape, dtype=a.dtype{options})",
     )
@@ -149,6 +149,8 @@ JOBS = {
     "lag by products": _lag(200_000, method="direct", max_lag=40),
     "lag by votes": _lag(60_000, method="sampled"),
     "template by fft": _search("a = image(1060, 1414); t = a[200:700, 300:870]"),
+    "template by fft, nearly as large as the picture": _search("a = image(1060, 1414); t = a[20:1020, 30:1330]"),
+    "template by fft, large and in colours": _search("a = colours(1060, 1414); t = a[200:700, 300:870]"),
     "template by fft, nowhere": _search("a = image(1060, 1414); t = image(30, 30)"),
     "template by fft, in colours nowhere": _search("a = colours(640, 850); t = colours(110, 110)"),
     "template by fft, masked": _search("a = colours(640, 850); t = masked(a[200:410, 300:580])"),
