@@ -20,9 +20,11 @@ from stereolag.loops.vector_lanes import (
     are_equal,
     cast,
     difference_within,
+    item,
     larger,
     larger_unsigned,
     load,
+    put,
     smaller,
     splat,
     store,
@@ -205,18 +207,23 @@ def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths
 @compiled
 def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int, runs: Array) -> None:
     """Set the first column of each run of rows `first` to `end`, and the column after its last."""
-    columns = np.empty((2, sixteenths.shape[1] + 1), np.int32)
+    width = sixteenths.shape[1]
+    begins, ends = np.empty(width, np.int32), np.empty(width, np.int32)
+    columns = np.empty((2, width + 1), np.int32)
     for y in range(first, end):
-        row, before, begun, ended = sixteenths[y], np.int32(NOTHING), 0, 0
-        for x in range(row.size):
-            here = np.int32(row[x])
+        row, begun, ended = sixteenths[y], 0, width + 1
+        begins[0], ends[0] = row[0] != NOTHING, 0
+        for x in range(1, width):
+            before, here = np.int32(row[x - 1]), np.int32(row[x])
             apart = (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most)
+            begins[x], ends[x] = apart & (here != NOTHING), apart & (before != NOTHING)
+        for x in range(width):
             # Written everywhere and kept where a run begins or ends, without a branch to be guessed.
-            columns[0, begun] = columns[1, ended] = x
-            begun += apart & (here != NOTHING)
-            ended += apart & (before != NOTHING)
-            before = here
-        columns[1, ended] = row.size
+            put(columns, begun, x)
+            put(columns, ended, x)
+            begun += item(begins, x)
+            ended += item(ends, x)
+        put(columns, ended, width)
         for side in range(2):
             copy(columns[side], runs[side, starts[y] : starts[y + 1]])
 
@@ -347,13 +354,16 @@ def weighted_median(
 
 @compiled(counted=False)
 def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
-    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; skip missing values."""
+    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; missing values to its own."""
+    missing, beyond = np.int32(framed[0, 0]), values.shape[1] + radius
     for y in range(first, end):
-        row, source = framed[y + radius], values[y]
+        row, source = framed[y + radius, radius:beyond], values[y]
         for x in range(source.size):
-            known = source[x] == source[x]
-            number = np.int32(np.rint(source[x] * np.float32(UNITS))) if known else np.int32(middle)
-            row[x + radius] = number - np.int32(middle) if known else row[x + radius]
+            # Rounded before it is chosen: otherwise the loop does not vectorise.
+            value = source[x]
+            known = value == value
+            number = np.int32(np.rint((value if known else np.float32(0)) * np.float32(UNITS)))
+            row[x] = number - np.int32(middle) if known else missing
 
 
 @compiled

@@ -109,14 +109,15 @@ class PreparedPair:
                 (self.rows, self.right.shape[1]) if query.right_matches and self.lags else (0, 0), np.int32
             ),
         )
-        self.right_dx = np.full(seen, NO_RIGHT_MATCH, np.int16)
+        self.right_dx = np.empty(seen, np.int16) if self.lags else np.full(seen, NO_RIGHT_MATCH, np.int16)
         self.texture = np.empty(shape, np.float32)
 
     def left_windows(self, first: int, end: int) -> Windows:
         """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
         # A right window compares the unnormalised scores of several left windows, which need one unit.
         norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
-        windows = self._nothing_yet(end - first, self.cols)
+        shape = (end - first, self.cols)
+        windows = Windows(np.empty(shape, self.sums_dtype), np.empty(shape, np.float32))
         self._describe(self.left, self.step, first, norm, windows, self.texture[first:end])
         return windows
 

@@ -122,7 +122,7 @@ def fit_peaks(around: FloatMap, gaussian: Literal[True] | None = True) -> tuple[
     tuple of ndarray
         (n_rows, n_cols) float32, px: -0.5..0.5 along a row, within ±1 in two dimensions; 0 where nothing can be fitted.
     """
-    offset_dy, offset_dx = np.zeros((2, *around.shape[2:]), dtype=np.float32)
+    offset_dy, offset_dx = np.zeros(around.shape[2:], np.float32), np.empty(around.shape[2:], np.float32)
 
     def fit(first: int, end: int) -> None:
         if around.shape[0] == 1:
