@@ -196,8 +196,7 @@ def _own() -> BoardPictures | None:
     description = f"{len(names)} pairs, matched by name."
     if alone:
         description += f" Not used, without a partner or no pictures: {', '.join(map(quote, alone[:MOST_NAMED]))}."
-    digest = hashlib.sha256(given.digest.encode()).hexdigest()
-    return BoardPictures(names, pairs, pixels, description, digest, False)
+    return BoardPictures(names, pairs, pixels, description, hashlib.sha256(given.digest.encode()).hexdigest(), False)
 
 
 MOST_NAMED = 4

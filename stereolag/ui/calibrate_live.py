@@ -39,9 +39,6 @@ ALIKE = 3
 MOST_SEEN = 30
 """Frames kept to judge the speed of a board from, whatever their times."""
 
-DECIMALS = 4
-"""Of places in a picture, as shares of its sides."""
-
 LIVE_WORDS = {
     "start": "Start the camera",
     "off": "It takes a picture whenever the board is still. Nothing is recorded or sent before you start.",
@@ -228,8 +225,8 @@ class Taking:
 
 
 def _shares(places: DoubleMap, size: tuple[int, int]) -> Places:
-    """Return places in a picture as shares of its sides."""
-    shares: Places = np.round((places + 0.5) / size, DECIMALS).tolist()
+    """Return places in a picture as shares of its sides, to four decimals."""
+    shares: Places = np.round((places + 0.5) / size, 4).tolist()
     return shares
 
 

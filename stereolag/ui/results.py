@@ -17,7 +17,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar, cast
 
@@ -181,11 +181,11 @@ AFTERWARDS_S = 2.0
 """How long after the final end of a session its memory is given back, together with that of others, s."""
 
 
+@dataclass(eq=False)
 class Visit:
     """The current jobs of one visitor, by the place on the page that shows them."""
 
-    def __init__(self) -> None:
-        self.jobs: dict[str, tuple[str, Job[Any]]] = {}
+    jobs: dict[str, tuple[str, Job[Any]]] = field(default_factory=dict)
 
     def end(self) -> None:
         """Cancel all jobs, and give the memory back later."""

@@ -111,8 +111,7 @@ def upload(
     lasting
         Whether the file is still there when the visitor returns from another page or from an example.
     """
-    accepted = _accepted(types, note)
-    file = st.file_uploader(label, key=key, help=accepted, on_change=_note_emptied, args=(key,))
+    file = st.file_uploader(label, key=key, help=_accepted(types, note), on_change=_note_emptied, args=(key,))
     files = [] if file is None else [file]
 
     def read_one(contents: list[bytes]) -> T:
@@ -357,7 +356,6 @@ def choose(examples: Mapping[str, Example], *, key: str, live: str = "") -> str:
     titles = {name: one.title for name, one in examples.items()} | {OWN: "Your own files"}
     if live:
         titles[LIVE] = live
-    first_run = f"{key}.gone" not in st.session_state
     chosen = st.segmented_control(
         "Inputs",
         [*titles],
@@ -367,9 +365,8 @@ def choose(examples: Mapping[str, Example], *, key: str, live: str = "") -> str:
         **persistent(key),
         label_visibility="collapsed",
     )
-    if first_run:
-        # Only an address, or a browser that remembers an earlier session, starts with own files selected.
-        st.session_state[f"{key}.gone"] = chosen == OWN
+    # Only an address, or a browser that remembers an earlier session, starts with own files selected.
+    st.session_state.setdefault(f"{key}.gone", chosen == OWN)
     if chosen in examples:
         st.session_state[f"{key}.example"] = chosen
     return str(chosen)

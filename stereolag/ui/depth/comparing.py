@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -225,9 +224,14 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
             table = pd.DataFrame.from_dict(cells, orient="index").style
             if len(judged) > 1:
                 table.highlight_max(subset=["Density"], props=BEST).highlight_min(subset=table.columns[1:], props=BEST)
+            meanings = MEANINGS | {f"Bad-{one:g}": f"Pixels off by more than {one:g} px." for one in some.bad}
+            columns = {
+                name: st.column_config.NumberColumn(format=PIXELS if name == "EPE" else PERCENT, help=meaning)
+                for name, meaning in meanings.items()
+            }
             st.dataframe(
                 table,
-                column_config=_columns(some),
+                column_config={"_index": "Method", **columns},
                 key=f"{SCOREBOARD}.{pixels}",
                 alt=f"{pixels}: density, mean error and shares of wrong pixels of each method.",
             )
@@ -238,15 +242,6 @@ def _cells(evaluation: Evaluation, measured_only: bool) -> dict[str, float]:
     figures = {"Density": 100 * evaluation.density, "EPE": evaluation.epe}
     figures |= {f"Bad-{threshold:g}": share for threshold, share in bad.items()}
     return figures if measured_only else figures | {"D1-all": evaluation.d1_all}
-
-
-def _columns(evaluation: Evaluation) -> dict[str, Any]:
-    """Return the number formats of the columns and the help of their headings."""
-    meanings = MEANINGS | {f"Bad-{one:g}": f"Pixels off by more than {one:g} px." for one in evaluation.bad}
-    return {"_index": st.column_config.TextColumn("Method")} | {
-        name: st.column_config.NumberColumn(format=PIXELS if name == "EPE" else PERCENT, help=meaning)
-        for name, meaning in meanings.items()
-    }
 
 
 def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, against: str, key: str) -> None:

@@ -157,8 +157,10 @@ def show_start(pair: Pair) -> None:
         return
     # As for a pair about which nothing is known.
     undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
-    last = start.min_disparity + start.num_disparities - 1
-    said = f"Searched from {start.min_disparity} to {last} px: the range found for this pair, with the fast preset."
+    said = (
+        f"Searched from {start.min_disparity} to {start.min_disparity + start.num_disparities - 1} px: the range found "
+        "for this pair, with the fast preset."
+    )
     show_offer(said, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
 
 

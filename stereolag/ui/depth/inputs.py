@@ -143,8 +143,15 @@ def choose_pair() -> Pair | LiveCamera:
                 return LiveCamera(ask_calibration(PAIR, more))
         if chosen == OWN:  # until an example is shown in its place
             place.markdown("**Your own pair**", width="content")
-        ask = partial(ask_own_pair, line, notes)
-        pair = own_or_example(chosen, ask, load, examples, key=PAIR, awaited="both images are", notes=notes)
+        pair = own_or_example(
+            chosen,
+            partial(ask_own_pair, line, notes),
+            load,
+            examples,
+            key=PAIR,
+            awaited="both images are",
+            notes=notes,
+        )
         st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
             st.segmented_control(

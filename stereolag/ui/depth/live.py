@@ -231,8 +231,8 @@ def answer(
 
 def _map(result: DisparityMap) -> bytes:
     title = result.settings.title
-    more: dict[str, Any] = {"kind": "preview", "name": KEY, "title": title, "live": True}
-    return packed(Picture(title, None, (Reading(result.disparity, unit="px", digits=1),)), more).data
+    picture = Picture(title, None, (Reading(result.disparity, unit="px", digits=1),))
+    return packed(picture, {"kind": "preview", "name": KEY, "title": title, "live": True}).data
 
 
 def _freeze(stream: Stream, calibration: Calibration | None) -> None:

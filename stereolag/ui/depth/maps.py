@@ -265,8 +265,12 @@ def offer_fit(view: DepthView) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
             prose.markdown(f":orange[:material/palette:] {said} is beyond the colour range.", width="content")
-            fit = partial(_fit_range, range_key(view.pair.digest), view.maps)
-            st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=fit)
+            st.button(
+                "Fit the colours",
+                key=f"{COLOURS}.fit_beyond",
+                on_click=_fit_range,
+                args=(range_key(view.pair.digest), view.maps),
+            )
 
 
 # The maps

@@ -189,8 +189,9 @@ def _set_to_address(parameters: dict[str, str], pair: Pair) -> None:
     for kind in METHODS:
         prefix = _prefix(kind)
         own = [one for one in parameters if one.startswith(prefix) and (prefix or not one.startswith(of_others))]
-        named = {name.removeprefix(prefix): parameters[name] for name in own}
-        recalled, ignored = recalled_settings(named, default_settings(kind, pair), prefix=prefix)
+        recalled, ignored = recalled_settings(
+            {name.removeprefix(prefix): parameters[name] for name in own}, default_settings(kind, pair), prefix=prefix
+        )
         set_controls(recalled, pair)
         for sentence in ignored:
             prose.warning(f"In the address, {sentence}")

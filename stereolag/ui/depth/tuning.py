@@ -59,7 +59,6 @@ FEWER, MORE = 5, 7
 """Initial number of values, down and across."""
 
 MOST_VALUES = 10
-SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
 BUDGETS_S = (10, 20, 60)
 
 HELD_BYTES = 256 * 2**20
@@ -356,20 +355,20 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
     titles = axes[0].parameter.title, axes[1].parameter.title
     in_use = [axis.values.index(axis.parameter.value) for axis in axes if axis.parameter.value in axis.values]
     cell = (in_use[0], in_use[1]) if len(in_use) == 2 else None
-    figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
+    figures = [("maps", "Small maps", sweep_maps(sheet, titles, view.colours, cell))]
     if sheet.best:
-        figures.append(("bad", sweep_bad(sheet, titles, cell)))
+        figures.append(("bad", "How wrong each is", sweep_bad(sheet, titles, cell)))
     # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{SWEEP}.clicks", 0)
     clicked: list[int] = []
-    for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
+    for column, (kind, title, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
         event = column.plotly_chart(
             figure,
             key=f"{SWEEP}.{kind}.{clicks}",
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
-            alt=f"{SHEETS[kind]}: {sheet_in_words(sheet, titles)}",
+            alt=f"{title}: {sheet_in_words(sheet, titles)}",
         )
         clicked += event.selection.point_indices[:1]
     prose.caption(sweep_in_words(sheet.criterion, judged=sheet.best is not None, finished=sheet.finished, of=of))

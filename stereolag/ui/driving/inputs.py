@@ -16,7 +16,6 @@ from stereolag.assess.layout import Layout
 from stereolag.assess.sentences import finding_in_words
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import limits
-from stereolag.core.settings import SettingsError
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
@@ -50,7 +49,7 @@ from stereolag.ui.depth.calibration import (
 )
 from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
-from stereolag.ui.elements import in_columns, refusals_shown, show_refused, show_remedy
+from stereolag.ui.elements import in_columns, refusals_shown, show_remedy
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import computed
 from stereolag.ui.streams import Message, frame, open_stream
@@ -131,9 +130,10 @@ def ask_drive(call_off: Callable[[], None]) -> Drive:
 
 
 def _own() -> Drive | None:
-    recorded = _record() if st.session_state[ORIGIN] == LIVE else None
+    is_live = st.session_state[ORIGIN] == LIVE
+    recorded = _record() if is_live else None
     with st.container(horizontal=True, key="folds"):
-        found = recorded if st.session_state[ORIGIN] == LIVE else _ask_files()
+        found = recorded if is_live else _ask_files()
         place = st.expander("Calibration (optional): for depth in metres, and to rectify")
     calibration = ask_calibration(KEY, place)
     return None if found is None else _with_calibration(found, calibration)
@@ -409,10 +409,8 @@ def ask_methods(drive: Drive) -> DriveSettings:
         )
     found = {}
     for name in chosen:
-        try:
+        with refusals_shown(f"{titles[name]}: {{}}"):
             found[name] = made[name].with_search_range(first, count)
-        except SettingsError as error:
-            show_refused(f"{titles[name]}: {error}")
     motion = _ask_motion(drive)
     truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
     field = SequenceSettings.model_fields["steadiness"]

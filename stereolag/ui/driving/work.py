@@ -192,12 +192,6 @@ LINES = (
 def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Show the player; `OPENED` is set to the number of the frame that the visitor wants to see on the depth page."""
     key = f"{KEY}.player"
-
-    def opened() -> None:
-        frame = st.session_state[key].opened
-        if frame is not None:
-            st.session_state[OPENED] = int(frame)
-
     done = not work.job.running  # before the pieces are counted, of which no more come then
     pieces, computed = [*work.video.pieces], work.video.collected
     more = [*([TRUTH_TITLE] if asked.truth_in_video else []), *([MOTION_TITLE] if asked.motion else [])]
@@ -218,7 +212,9 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
             name = f"{work.video_name} {number}"
             item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
             deliver(item.data, key=f"{key}.piece.{number}")
-        _player(key=key, data=data, on_opened_change=opened)
+        _player(
+            key=key, data=data, on_opened_change=lambda: st.session_state.update({OPENED: st.session_state[key].opened})
+        )
 
 
 def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, Any]:
@@ -263,8 +259,9 @@ def show_work(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     def show() -> None:
         _show_progress(work, drive, asked)
         show_player(work, drive, asked)
-        if OPENED in st.session_state:
-            _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
+        frame = st.session_state.pop(OPENED, None)
+        if frame is not None:
+            _open_on_depth_page(drive, int(frame))
 
     watch(work.job, show)
 

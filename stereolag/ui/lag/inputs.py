@@ -254,7 +254,10 @@ def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | N
     listening.add(np.stack([np.frombuffer(part, "<i2") for part in piece.parts]))
     kept |= {"listening": listening, "begun": piece.begun}
     if piece.freeze:
-        kept["frozen"] = Frozen(frozen(listening), speed)
+        # A recording of two channels, as if it had been read from a file.
+        recording = Recording(np.stack(listening.signals), listening.sampling_rate)
+        digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
+        kept["frozen"] = Frozen(Upload(digest, recording), speed)
     heard = listening.measured(speed=speed, max_lag=max_lag)
     shown = _shown(heard, piece.rate, speed, piece.devices)
     return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data
@@ -269,13 +272,6 @@ def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, A
         "difference": lag / rate * speed if sure else None,
         "said": heard_now_in_words(heard, devices),
     }
-
-
-def frozen(listening: Listening) -> Upload[Recording]:
-    """Return what is kept as a recording of two channels, as if it had been read from a file."""
-    recording = Recording(np.stack(listening.signals), listening.sampling_rate)
-    digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
-    return Upload(digest, recording)
 
 
 # The address

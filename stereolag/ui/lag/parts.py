@@ -112,8 +112,8 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     evidence = f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed"
     meaning = "How far the peak stands above chance, in standard deviations, and how far it must for this many lags."
     numbers.append(Number("Evidence", evidence, meaning))
-    took = Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
-    show_line((*numbers, took))
+    numbers.append(Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."))
+    show_line(numbers)
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -501,7 +501,11 @@ def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -
 
 def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     estimates = {method: _estimate(pair, search, method) for method in get_args(SignalMethod)}
-    fitting = [method for method, estimate in estimates.items() if _fits(estimate)]
+    fitting = [
+        method
+        for method, estimate in estimates.items()
+        if estimate.seconds <= LONGEST_METHOD_S and estimate.memory <= limits().job_memory
+    ]
     total = Estimate(
         max((estimates[method].memory for method in fitting), default=0),
         sum(estimates[method].seconds for method in fitting),
@@ -548,8 +552,7 @@ def _table_of_methods(
 
 def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
     name = LAG_METHODS[search.method]
-    fewest, most, at_first = RUNS
-    runs = st.slider("Runs", fewest, most, at_first, step=fewest, key="lag.runs")
+    runs = st.slider("Runs", *RUNS, step=RUNS[0], key="lag.runs")
     once = _estimate(pair, search, search.method)
     total = Estimate(once.memory, runs * once.seconds)
     label, too_much = f"Time {runs} runs of {name}", once.memory > limits().job_memory
@@ -581,7 +584,3 @@ def _lag_by(pair: RecordingPair, search: LagSearch, method: SignalMethod, progre
 
 def _estimate(pair: RecordingPair, search: LagSearch, method: SignalMethod) -> Estimate:
     return estimate_lag(pair.signal_1.size, pair.signal_2.size, method=method, max_lag=search.max_lag)
-
-
-def _fits(estimate: Estimate) -> bool:
-    return estimate.seconds <= LONGEST_METHOD_S and estimate.memory <= limits().job_memory

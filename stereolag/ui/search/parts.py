@@ -389,14 +389,16 @@ def _ask_damage() -> Degradation:
             values[name] = control(Degradation, name, key=f"{DAMAGE}.{name}")
     degradation = Degradation(**values)
     st.button(
-        "Undo all damage", key=f"{DAMAGE}.undo", on_click=_undo, disabled=degradation == Degradation(), type="tertiary"
+        "Undo all damage",
+        key=f"{DAMAGE}.undo",
+        on_click=partial(
+            st.session_state.update,
+            {f"{DAMAGE}.{name}": field.default for name, field in Degradation.model_fields.items()},
+        ),
+        disabled=degradation == Degradation(),
+        type="tertiary",
     )
     return degradation
-
-
-def _undo() -> None:
-    for name, field in Degradation.model_fields.items():
-        st.session_state[f"{DAMAGE}.{name}"] = field.default
 
 
 def _tried(

@@ -139,11 +139,8 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
 
 def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool) -> str:
     """Return both results as a Markdown table."""
-    if ours.found:
-        best = ours.matches[0]
-        answer = f"row {best.row}, column {best.col} | {best.score:.4f}"
-    else:
-        answer = "not found | –"
+    best = ours.matches[0] if ours.found else None
+    answer = f"row {best.row}, column {best.col} | {best.score:.4f}" if best else "not found | –"
     other = f"row {theirs.row}, column {theirs.col} | {theirs.score:.4f}" if theirs.row >= 0 else "none | –"
     name = "OpenCV `matchTemplate`" + (", masked" if masked else "")
     return "\n".join(
