@@ -176,8 +176,7 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
             return _upright(_by_opencv(data, kind, image.mode), image), count
         if kind == "PNG" and count == number == 1 and _is_plain(image, data):
             with suppress(ValueError):  # Pillow reads more of what is not quite right
-                plain = _from_differences(data, image)
-                return _upright(_by_opencv(data, kind, image.mode) if plain is None else plain, image), count
+                return _upright(_by_opencv(data, kind, image.mode), image), count
         if 1 <= number <= count and not pages:
             image.seek(number - 1)
         image.load()
@@ -200,61 +199,17 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
 
 
 def _is_plain(image: ImageFile, data: bytes) -> bool:
-    """Return whether OpenCV decodes a PNG to the same pixels, in two thirds of the time: whole bytes, nothing behind.
+    """Return whether OpenCV decodes a PNG to the same pixels, in two thirds of the time: 8 bits, nothing behind them.
 
     Behind the pixels there may be an orientation.
     """
     at = data.rfind(b"IDAT")
     ends = at + 8 + int.from_bytes(data[at - 4 : at], "big")
-    plain = [tile[3] for tile in image.tile] == [{"I;16": "I;16B"}.get(image.mode, image.mode)]
-    plain = plain and image.mode in ("L", "RGB", "RGBA", "I;16")
+    plain = image.mode in ("L", "RGB", "RGBA") and [tile[3] for tile in image.tile] == [image.mode]
     return plain and "transparency" not in image.info and len(data) - ends == len(_PNG_END)
 
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
-
-_SEEN_FIRST = 2**14
-"""Bytes of a PNG by which it is taken for one of differences: a writer that chooses row by row fails by then."""
-
-
-def _from_differences(data: bytes, image: ImageFile) -> Image | None:
-    """Return the pixels of a plain PNG that stores each as its difference from the one before; None for any other.
-
-    OpenCV writes these, so most drives have them: ISA-L unpacks in half the time of the zlib in OpenCV.
-    """
-    (cols, rows), size = image.size, 2 if image.mode == "I;16" else len(image.mode)
-    unpacked = None if image.info.get("interlace") else _unpacked(data, image.tile[0].offset, rows, 1 + cols * size)
-    if unpacked is None:
-        return None
-    lines = np.frombuffer(unpacked, np.uint8).reshape(rows, -1)
-    # Sums written side by side would each wait for the one before to be stored: five times as long.
-    pixels = np.empty((rows, cols, max(2, size)), np.uint8)
-    for byte in range(size):
-        np.add.accumulate(lines[:, 1 + byte :: size], axis=1, out=pixels[:, :, byte], dtype=np.uint8)
-    if image.mode == "I;16":
-        return pixels.view(">u2")[:, :, 0].astype(np.uint16)
-    return pixels if size > 1 else pixels[:, :, 0]
-
-
-def _unpacked(data: bytes, start: int, rows: int, line: int) -> bytes | None:
-    """Return the lines of a PNG, each after its filter; None if one is not filter 1, or if the file is damaged."""
-    view, parts, at = memoryview(data), [], start - 8
-    while data[at + 4 : at + 8] == b"IDAT":
-        end = at + 12 + int.from_bytes(view[at : at + 4], "big")
-        if isal_zlib.crc32(view[at + 4 : end - 4]) != int.from_bytes(view[end - 4 : end], "big"):
-            return None
-        parts.append(view[at + 8 : end - 4])
-        at = end
-    packed, unpacking = b"".join(parts), isal_zlib.decompressobj()
-    try:
-        first = isal_zlib.decompressobj().decompress(packed[:_SEEN_FIRST])
-        if first[::line].strip(b"\1"):
-            return None
-        lines = unpacking.decompress(packed, rows * line + 1)
-    except isal_zlib.error:  # type: ignore[misc]  # annotated as an instance
-        return None
-    return lines if unpacking.eof and lines[::line] == rows * b"\1" and len(lines) == rows * line else None
-
 
 MOST_VIEWS = 4
 """Most views of one scene that a stereo camera writes into a file."""
