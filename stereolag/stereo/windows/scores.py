@@ -581,10 +581,12 @@ def match_tile(
 @compiled(counted=False)
 def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, right_dx: Array) -> None:
     """Convert the keys of the right windows into displacements; `nowhere` where no left window met one."""
+    mask, none = np.int32(code_mask), np.int16(nowhere)
     for row in range(right_dx.shape[0]):
-        for x in range(right_dx.shape[1]):
-            key = right_key[row, x]
-            right_dx[row, x] = dx_of[key & code_mask] if key > code_mask else nowhere
+        keys, found = right_key[row], right_dx[row]
+        for x in range(found.size):
+            dx = item(dx_of, keys[x] & mask)
+            found[x] = dx if keys[x] > mask else none
 
 
 def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
