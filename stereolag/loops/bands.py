@@ -34,6 +34,10 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(available_cores(), thread_name_prefix=_PREFIX)
 
 
+if hasattr(os, "register_at_fork"):  # a forked process has none of the pool's threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
 def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent) -> list[Result]:
     """Run jobs on all cores, and return their results in order; a job's own jobs run in its thread.
 

@@ -6,6 +6,7 @@ import ast
 import importlib
 import inspect
 import json
+import multiprocessing
 import os
 import pkgutil
 import re
@@ -503,6 +504,18 @@ def test_the_first_error_ends_the_job() -> None:
     with pytest.raises(ValueError, match="a bad row"):
         over_bands(work, 1000, most_rows=1)
     assert len(done) < 900
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    over_bands(lambda first, end: time.sleep(0.05), available_cores())  # all threads of the pool have begun
+    child = multiprocessing.get_context("fork").Process(target=over_bands, args=(lambda first, end: None, 2))
+    child.start()
+    child.join(20)
+    code = child.exitcode
+    child.kill()
+    assert code == 0
 
 
 def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
