@@ -166,8 +166,9 @@ def choose_board_pictures() -> BoardPictures | None:
 @st.cache_resource(show_spinner="Drawing the example …")
 def _example(name: str) -> BoardPictures:
     example = EXAMPLES[name]
-    drawn = drawn_pairs(drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly)
-    *pairs, another = drawn
+    *pairs, another = drawn_pairs(
+        drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly
+    )
     pairs[WRONG_PAIR] = pairs[WRONG_PAIR][0], another[1]
     names = tuple(str(number) for number in range(1, len(pairs) + 1))
     description = (
@@ -384,8 +385,7 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         )
     if sentences:
         # Nobody has to act on the weaknesses of an example.
-        show = prose.caption if pictures.example else prose.warning
-        show("  \n".join(sentences))
+        (prose.caption if pictures.example else prose.warning)("  \n".join(sentences))
 
 
 def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, place: Container) -> int:
@@ -394,16 +394,15 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, plac
     at_first = next((number for number in (result.used if result else ())), 0)
     shown = int(st.session_state.setdefault(key, at_first))
     if result is not None:
-        figure = error_bars(
-            pictures.names,
-            [pair.left_rms for pair in result.pairs],
-            [pair.right_rms for pair in result.pairs],
-            [pair.left_out is None for pair in result.pairs],
-            shown,
-        )
         clicks = st.session_state.setdefault(f"{key}.clicks", 0)
         event = st.plotly_chart(
-            figure,
+            error_bars(
+                pictures.names,
+                [pair.left_rms for pair in result.pairs],
+                [pair.right_rms for pair in result.pairs],
+                [pair.left_out is None for pair in result.pairs],
+                shown,
+            ),
             key=f"{key}.bars.{clicks}",
             on_select="rerun",
             selection_mode="points",
@@ -455,8 +454,7 @@ def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, resu
     """Show a pair rectified by the calibration, with lines along its rows."""
 
     def drawn(_: object) -> bytes:
-        left, right = pictures.pairs[number]
-        rectified = rectify(left, right, result.calibration)
+        rectified = rectify(*pictures.pairs[number], result.calibration)
         return jpeg(with_row_lines(rectified.left, rectified.right))
 
     with refusals_shown():

@@ -530,12 +530,12 @@ def _key(task: str, inputs: str, settings: str) -> str:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, a text, an array, a number, a list of results, or a result's files and arrays."""
+    """Return the memory of a file, a text, an array, a number, several results, or a result's files and arrays."""
     if isinstance(result, bytes | str):
         return len(result)
     if isinstance(result, np.ndarray | float):
         return np.asarray(result).nbytes
-    if isinstance(result, list):
+    if isinstance(result, list | tuple):
         return sum(map(_bytes_of, result))
     return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))
 

@@ -141,9 +141,12 @@ def _agreement(view: DepthView) -> Picture:
         wrong = [evaluate(one, truth).bad_measured[1.0] for one in every]
     prose.markdown(agreement_in_words(count, agreed, wrong, strong=True))
     words = ("no disparity", "one method alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
-    picture = agreement_picture(agreeing, count, view.pair.left)
-    said = partial(agreement_in_words, count, agreed)
-    return Picture("Agreement", picture, (Reading(agreeing, words=words),), alternative=said)
+    return Picture(
+        "Agreement",
+        agreement_picture(agreeing, count, view.pair.left),
+        (Reading(agreeing, words=words),),
+        alternative=partial(agreement_in_words, count, agreed),
+    )
 
 
 @fragment
@@ -248,8 +251,9 @@ def _show_errors(results: Mapping[str, DisparityMap], reference: FloatMap, again
     """Show where each map differs from the ground truth or a reference, with the legend of the colours."""
     for name, result in in_columns(results.items(), gap="small"):
         prose.markdown(f"**{name}**")
-        alt = errors_in_words(result.disparity, reference, against)
-        show_picture(error_png(result.disparity, reference), f"{name}. {alt}")
+        show_picture(
+            error_png(result.disparity, reference), f"{name}. {errors_in_words(result.disparity, reference, against)}"
+        )
     show_chart(error_legend(), f"{key}.legend", "Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
@@ -417,8 +421,12 @@ def _show_table(table: Table) -> None:
             )
             for name in frame.columns
         }
-        alt = f"Figures of every method on {len(table.figures)} pairs."
-        st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{ALL_PAIRS}.table", alt=alt)
+        st.dataframe(
+            frame,
+            column_config={"_index": "Pair", **columns},
+            key=f"{ALL_PAIRS}.table",
+            alt=f"Figures of every method on {len(table.figures)} pairs.",
+        )
         prose.caption(
             "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated "
             "bad-2: against the accurate preset, for pairs without ground truth. Every pair is computed with the "

@@ -214,8 +214,7 @@ def show_space(view: DepthView) -> None:
     if space.above is None:
         prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
-    nearest_point = float(space.points[:, 2].min())
-    reach = typeset(f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away")
+    reach = typeset(f"from {_distance(float(space.points[:, 2].min()))} to {_distance(space.farthest)} {unit} away")
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
         prose.markdown("**Point cloud**: drag to turn, scroll to come closer")

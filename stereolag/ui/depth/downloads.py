@@ -388,8 +388,9 @@ def pair_files(it: Download) -> list[File]:
     if pair.truth is not None:
         found["truth"] = File("", "ground_truth.pfm", partial(pfm, pair.truth), "The ground truth, px; infinite: none.")
     if pair.visible is not None:
-        seen = partial(image_png, pair.visible)
-        found["visible"] = File("", "visible.png", seen, "White where both cameras see the point.")
+        found["visible"] = File(
+            "", "visible.png", partial(image_png, pair.visible), "White where both cameras see the point."
+        )
     if it.calibration is not None:
         found["calibration"] = File(
             "Calibration JSON",

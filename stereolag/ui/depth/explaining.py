@@ -100,8 +100,8 @@ def show_inspection(view: DepthView) -> None:
     seen = explain_match(matcher, pair.left, pair.right, *pixel)
     truth = math.nan if pair.truth is None else float(pair.truth[pixel])
     true_lag = None if math.isnan(truth) else (0, -round(truth))
-    found = zip(PLACES, (seen.runner_up, true_lag, seen.peak), strict=True)
-    lags = {name: lag for name, lag in found if lag is not None}
+    found = {"Runner-up": seen.runner_up, "True place": true_lag, "Found": seen.peak}
+    lags = {name: lag for name, lag in found.items() if lag is not None}
     # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
     if can_follow(pair, matcher):
         hovered_match(pair, matcher, pixel, pictures=INSPECTION)
@@ -180,14 +180,13 @@ def hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int
     pictures
         Key of the linked pictures, the left image first, then the right one.
     """
-    settings = browser_settings(matcher, pair.left, pair.right)
     with st.container(gap=None):
         grey = packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest)
         deliver(grey, key=f"{pictures}.pair")
         _hovered_match(
             key=f"{pictures}.hovered",
             data={
-                **settings,
+                **browser_settings(matcher, pair.left, pair.right),
                 "pictures": pictures,
                 "digest": pair.digest,
                 "pixel": {"row": pixel[0], "col": pixel[1]},
@@ -338,8 +337,11 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
         prose.markdown("### Along the row")
-        along = scores_in_words(seen, "The scores along the row")
-        show_chart(score_row(seen, view.pair.right, drawn), f"{INSPECTION}.row", along)
+        show_chart(
+            score_row(seen, view.pair.right, drawn),
+            f"{INSPECTION}.row",
+            scores_in_words(seen, "The scores along the row"),
+        )
     with fit:
         prose.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
@@ -375,7 +377,6 @@ def show_blanks(view: DepthView) -> None:
     """Show where each method has no measurement and why, and the share of the image lost to each reason."""
     reasons = {name: reasons_of(view, name) for name in view.results}
     present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
-    colours = [hexadecimal(REASON_COLOURS[cause]) for cause in present]
     words = tuple(REASON_WORDS[cause] for cause in Reason)
     linked_pictures(
         [
@@ -389,7 +390,13 @@ def show_blanks(view: DepthView) -> None:
         ],
         key=BLANKS,
         columns=min(3, len(reasons)),
-        legends=[word_legend("", colours, [REASON_WORDS[cause] for cause in present])],
+        legends=[
+            word_legend(
+                "",
+                [hexadecimal(REASON_COLOURS[cause]) for cause in present],
+                [REASON_WORDS[cause] for cause in present],
+            )
+        ],
     )
     show_chart(share_of_reasons(reasons, REASON_WORDS), f"{BLANKS}.shares", all_blanks_in_words(reasons))
     prose.markdown(

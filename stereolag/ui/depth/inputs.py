@@ -255,8 +255,12 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     """
     transferred: Pair | None = st.session_state.get(HANDED)
     if transferred is not None:
-        forget = partial(st.session_state.pop, HANDED, None)
-        show_offer(f"In use: {transferred.description}", "Use other files", f"{HANDED}.forget", forget)
+        show_offer(
+            f"In use: {transferred.description}",
+            "Use other files",
+            f"{HANDED}.forget",
+            partial(st.session_state.pop, HANDED, None),
+        )
         return transferred
     arrangement = st.segmented_control(
         "Images",
@@ -326,8 +330,12 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
     assert isinstance(left.content, Frame)
     if right is None:
         return _both_in(left.content.pixels, left.digest)
-    notes = (SAME_PICTURE,) if left.digest == right.digest else ()
-    return Pictures(left.content.pixels, right.content, f"{left.digest} {right.digest}", notes)
+    return Pictures(
+        left.content.pixels,
+        right.content,
+        f"{left.digest} {right.digest}",
+        (SAME_PICTURE,) if left.digest == right.digest else (),
+    )
 
 
 def _both_in(image: Image, digest: str) -> Pictures | None:

@@ -427,8 +427,9 @@ def shares(result: DisparityMap) -> tuple[Figure, ...]:
     filled = np.count_nonzero(result.filled)
     if not filled:
         return (coverage,)
-    share = percent(int(filled) / result.reason.size)
-    return coverage, Figure("Filled", share, "Share whose disparity is that of the surroundings.")
+    return coverage, Figure(
+        "Filled", percent(int(filled) / result.reason.size), "Share whose disparity is that of the surroundings."
+    )
 
 
 def errors(judged: Evaluation) -> tuple[Figure, Figure]:
@@ -602,13 +603,10 @@ def _set_preset(name: PresetName, pair: Pair) -> None:
     matcher = preset(name, count, first)
     set_controls(matcher, pair)
     show_method(type(matcher), instead=True)
-    st.session_state[INVERTED] = name == "report"
-    st.session_state[TAB] = matcher.short_name
+    st.session_state.update({INVERTED: name == "report", TAB: matcher.short_name})
 
 
 def _reset(pair: Pair) -> None:
-    st.session_state[SHOWN] = SHOWN_AT_FIRST
-    st.session_state[TAB] = METHODS[0].short_name
-    st.session_state[INVERTED] = False
+    st.session_state.update({SHOWN: SHOWN_AT_FIRST, TAB: METHODS[0].short_name, INVERTED: False})
     for method in METHODS:
         set_controls(default_settings(method, pair), pair)

@@ -73,8 +73,7 @@ def _recall_maps(value: str | None) -> None:
     """Choose the maps that an address names; the initial ones if it names none."""
     allowed, named = [method.short_name for method in METHODS], (value or "").split(",")
     if set(named) <= set(allowed):
-        st.session_state[SHOWN] = [name for name in allowed if name in named]
-        st.session_state[TAB] = named[0]
+        st.session_state.update({SHOWN: [name for name in allowed if name in named], TAB: named[0]})
         return
     if SHOWN in st.session_state:
         st.session_state[SHOWN] = [*SHOWN_AT_FIRST]
@@ -149,15 +148,18 @@ def for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | No
 def restore(session: Session) -> None:
     """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
     saved = session.document
-    st.session_state[SIZE] = saved.size if saved.size in SIZES else "Automatic"
+    st.session_state.update(
+        {
+            SIZE: saved.size if saved.size in SIZES else "Automatic",
+            INVERTED: saved.colours.inverted,
+            OUTLINED: saved.colours.outlined,
+            RESTORED: (session.left.shape[1], session.matchers, saved.colours),
+        }
+    )
     if saved.shown:
-        st.session_state[SHOWN] = [*saved.shown]
-        st.session_state[TAB] = saved.shown[0]
+        st.session_state.update({SHOWN: [*saved.shown], TAB: saved.shown[0]})
     if saved.colours.palette in PALETTES:
         st.session_state[PALETTE] = saved.colours.palette
-    st.session_state[INVERTED] = saved.colours.inverted
-    st.session_state[OUTLINED] = saved.colours.outlined
-    st.session_state[RESTORED] = session.left.shape[1], session.matchers, saved.colours
 
 
 def adopt(matcher: StereoMatcher) -> None:

@@ -103,8 +103,9 @@ class JudgedPairs:
         others = [partial(pairs.pair, one) for one in spread if one != st.session_state.get(STEP, 0)][: held - 1]
         judged = 1 + len(others)
         which = f"all {count} pairs" if judged == count else f"{judged} of the {count} pairs, spread evenly,"
-        said = f"They are judged on **{which} together**, by the mean. "
-        return cls(pair, tuple(others), preparation_of_sets(), said)
+        return cls(
+            pair, tuple(others), preparation_of_sets(), f"They are judged on **{which} together**, by the mean. "
+        )
 
     def __iter__(self) -> Iterator[Pair]:
         """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
@@ -191,8 +192,14 @@ def _judged_by(pair: Pair, matcher: StereoMatcher) -> Criterion | None:
 
 def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Callable[[], None]) -> None:
     """Offer to begin a job unless one is running."""
-    running = begun is not None and begun.job.running
-    st.button(label, key=f"{key}.start", on_click=begin, type="primary", icon=icon, disabled=running)
+    st.button(
+        label,
+        key=f"{key}.start",
+        on_click=begin,
+        type="primary",
+        icon=icon,
+        disabled=begun is not None and begun.job.running,
+    )
 
 
 def _follow_job(
@@ -311,9 +318,8 @@ def _ask_axis(
 
 def _numbers(text: str, kind: type[Number]) -> tuple[Number, ...]:
     """Return the numbers in a list, ascending and without duplicates."""
-    words = [word for word in re.split(r"[,;\s]+", text) if word]
     try:
-        values = tuple(sorted({kind(word) for word in words}))
+        values = tuple(sorted({kind(word) for word in re.split(r"[,;\s]+", text) if word}))
     except ValueError as error:
         what = "whole numbers" if kind is int else "numbers"
         raise ValueError(f"{text!r} is not a list of {what}; write them like this: 5, 7, 10.") from error

@@ -266,8 +266,7 @@ class Recording:
     """The frames that a live camera has recorded, each as the JPEGs of both views, within the limits of an upload."""
 
     def __init__(self) -> None:
-        self._views: list[tuple[bytes, bytes]] = []
-        self._times: list[float] = []
+        self._frames: list[Recorded] = []
         self._size = 0
 
     def add(self, message: Recorded) -> bytes:
@@ -278,28 +277,29 @@ class Recording:
         ValueError
             A view that is no JPEG, or a frame too many.
         """
-        left, right = message.parts
-        for view in (left, right):
+        for view in message.parts:
             frame(view, grey=True)
-        size = self._size + len(left) + len(right)
-        if size > st.get_option("server.maxUploadSize") * 2**20 or len(self._views) >= limits().max_frames:
+        size = self._size + sum(map(len, message.parts))
+        if size > st.get_option("server.maxUploadSize") * 2**20 or len(self._frames) >= limits().max_frames:
             raise ValueError("The recording is as large as a file may be here. Finish it.")
-        self._views.append((left, right))
-        self._times.append(message.at)
+        self._frames.append(message)
         self._size = size
-        return packed_item({"count": len(self._views)}).data
+        return packed_item({"count": len(self._frames)}).data
 
     def finished(self) -> Upload[_Frames] | None:
         """Return the drive that was recorded, None if it has no frame."""
-        if not self._views:
+        if not self._frames:
             return None
-        sides = ("left", "right")
         packed = bundle(
-            {f"{number:06d}_{sides[side]}.jpg": one[side] for number, one in enumerate(self._views) for side in (0, 1)}
+            {
+                f"{number:06d}_{side}.jpg": view
+                for number, message in enumerate(self._frames)
+                for side, view in zip(("left", "right"), message.parts, strict=True)
+            }
         )
         sequence, first = _opened(packed)
-        lasted_s = (self._times[-1] - self._times[0]) / 1000
-        rate = (len(self._times) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
+        lasted_s = (self._frames[-1].at - self._frames[0].at) / 1000
+        rate = (len(self._frames) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
         return Upload(f"recorded {time.time_ns()}", (replace(sequence, frame_rate=rate), first))
 
 
@@ -334,13 +334,20 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
         if doubts:
             prose.warning(problems_in_words(len(doubts), "drive"), icon=":material/stethoscope:")
         for finding in doubts:
-            label = TURN_FRAMES if finding.remedy is Remedy.TURN_UPRIGHT else ""
-            act = partial(st.session_state.update, {turn: int(finding.numbers.get("quarters", 0))})
-            show_remedy(f":orange[:material/warning:] {finding_in_words(finding)}", label, f"{KEY}.turn", act)
+            show_remedy(
+                f":orange[:material/warning:] {finding_in_words(finding)}",
+                TURN_FRAMES if finding.remedy is Remedy.TURN_UPRIGHT else "",
+                f"{KEY}.turn",
+                partial(st.session_state.update, {turn: int(finding.numbers.get("quarters", 0))}),
+            )
         if turn in st.session_state:
-            undo = partial(st.session_state.pop, turn, None)
-            said = "Both pictures of each frame are turned by a quarter to be matched, and the map is turned back."
-            show_remedy(f":blue[:material/healing:] {said}", "Undo", f"{KEY}.turn.undo", undo)
+            show_remedy(
+                ":blue[:material/healing:] Both pictures of each frame are turned by a quarter to be matched, and the "
+                "map is turned back.",
+                "Undo",
+                f"{KEY}.turn.undo",
+                partial(st.session_state.pop, turn, None),
+            )
 
 
 TURN_FRAMES = "Turn all frames to match them (distances become relative)"

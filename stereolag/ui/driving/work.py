@@ -243,8 +243,13 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
             if any(one is not None for one in values[method])
         ]
         if series and chart.name not in charts:  # in metres if known, otherwise in pixels
-            described = {"name": chart.name, "unit": chart.unit, "digits": chart.digits, "from_zero": chart.from_zero}
-            charts[chart.name] = described | {"series": series}
+            charts[chart.name] = {
+                "name": chart.name,
+                "unit": chart.unit,
+                "digits": chart.digits,
+                "from_zero": chart.from_zero,
+                "series": series,
+            }
     return {"problems": problems, "charts": [*charts.values()]}
 
 
@@ -280,11 +285,14 @@ def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
         if work.job.running:
             done = state.done if state else 0
-            known = state is not None and state.remaining_s == state.remaining_s
-            rest = f", about {state.remaining_s:,.0f} s to go" if state and known else ""
-            text = f"{done} of {total} frames{rest}"
-            ending = "Stops here; finished frames are kept, and you can go on later."
-            show_busy(work.job, text, key=f"{KEY}.cancel", done=done / total, ending=ending)
+            rest = f", about {state.remaining_s:,.0f} s to go" if state and not math.isnan(state.remaining_s) else ""
+            show_busy(
+                work.job,
+                f"{done} of {total} frames{rest}",
+                key=f"{KEY}.cancel",
+                done=done / total,
+                ending="Stops here; finished frames are kept, and you can go on later.",
+            )
             return
         with failures_answered(), suppress(CancelledError):
             work.job.result()

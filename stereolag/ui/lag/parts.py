@@ -98,22 +98,26 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     announce(headline)
     for sentence in verdict_explained(result):
         prose.markdown(sentence)
-    changes = result.over_time is not None and result.over_time.shows
-    numbers = []
-    if result.verdict != "sure":
-        doubtful = "In samples, where the curve is highest: not a lag to rely on."
-        numbers.append(Number("Highest at", f"{result.lag:,}", doubtful))
-    score, undone = result.score, ""
-    if changes and result.over_time is not None:
+    score, undone, judgement = result.score, "", result.judgement
+    if result.over_time is not None and result.over_time.shows:
         score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
-    agreement = f"Pearson’s correlation where both overlap{undone}: 1 is perfect agreement."
-    numbers.append(Number("Agreement", f"{score:.3f}", agreement))
-    judgement = result.judgement
-    evidence = f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed"
-    meaning = "How far the peak stands above chance, in standard deviations, and how far it must for this many lags."
-    numbers.append(Number("Evidence", evidence, meaning))
-    numbers.append(Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."))
-    show_line(numbers)
+    highest = Number("Highest at", f"{result.lag:,}", "In samples, where the curve is highest: not a lag to rely on.")
+    show_line(
+        (
+            *([] if result.verdict == "sure" else [highest]),
+            Number(
+                "Agreement",
+                f"{score:.3f}",
+                f"Pearson’s correlation where both overlap{undone}: 1 is perfect agreement.",
+            ),
+            Number(
+                "Evidence",
+                f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed",
+                "How far the peak stands above chance, in standard deviations, and how far it must for this many lags.",
+            ),
+            Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
+        )
+    )
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -125,8 +129,9 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
         )
         if curve == PLAIN:
             sizes, title = (pair.signal_1.size, pair.signal_2.size), "correlation (Pearson)"
-    curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
-    st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
+    st.plotly_chart(
+        figures.correlation_curve(result, title, sizes=sizes), key="correlation", alt=curve_in_words(result)
+    )
     if result.lags is not None:
         said = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair")
         first, _, more = said.partition(". ")
@@ -139,8 +144,11 @@ def show_over_time(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
     if over_time is None:
         prose.caption("The lag was not measured block by block: that takes a sure lag, and recordings that are longer.")
         return
-    figure = figures.lag_over_time(over_time, search.sampling_rate)
-    st.plotly_chart(figure, key="lag_over_time", alt=blocks_in_words(over_time, search.sampling_rate))
+    st.plotly_chart(
+        figures.lag_over_time(over_time, search.sampling_rate),
+        key="lag_over_time",
+        alt=blocks_in_words(over_time, search.sampling_rate),
+    )
     prose.caption(drift_in_words(over_time))
 
 
@@ -150,8 +158,11 @@ def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> 
     left, right = st.columns(2, gap="large")
     with left:
         prose.markdown("### Shifted to line up")
-        both = figures.aligned(pair.signal_1, second, lag, search.sampling_rate)
-        st.plotly_chart(both, key="aligned", alt=aligned_in_words(result))
+        st.plotly_chart(
+            figures.aligned(pair.signal_1, second, lag, search.sampling_rate),
+            key="aligned",
+            alt=aligned_in_words(result),
+        )
     with right:
         shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
         prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
@@ -159,15 +170,17 @@ def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> 
         if start < highest:
             liveliest = figures.liveliest_start(pair.signal_1, shared)
             start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
-        close_up = figures.close_up(pair.signal_1, second, lag, start)
-        st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(lag, start))
+        st.plotly_chart(
+            figures.close_up(pair.signal_1, second, lag, start), key="close_up", alt=close_up_in_words(lag, start)
+        )
 
 
 def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show both recordings with a player each, and play both together, before and after the lag is undone."""
     rate, first, second = search.sampling_rate, pair.signal_1, pair.signal_2
-    waveforms = figures.waveforms(first, second, rate)
-    st.plotly_chart(waveforms, key="waveforms", alt=waveforms_in_words(first, second, rate))
+    st.plotly_chart(
+        figures.waveforms(first, second, rate), key="waveforms", alt=waveforms_in_words(first, second, rate)
+    )
     most = round(LONGEST_S * rate)
     aligned = _aligned(pair, result)
     # Long ones are heard from where both have begun.
@@ -515,8 +528,9 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
         return
 
     def measure(progress: Progress) -> list[SignalLag]:
-        parts = (part(progress, number, len(fitting)) for number in range(len(fitting)))
-        return [_lag_by(pair, search, *each) for each in zip(fitting, parts, strict=True)]
+        return [
+            _lag_by(pair, search, method, part(progress, number, len(fitting))) for number, method in enumerate(fitting)
+        ]
 
     found = computed_or_refused(
         "lag methods",
@@ -528,9 +542,12 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
         label="Measuring …",
     )
     if found is not None:
-        alt = "Lag, score, verdict and time of each method."
-        lags = dict(zip(fitting, found, strict=True))
-        st.dataframe(_table_of_methods(lags, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
+        st.dataframe(
+            _table_of_methods(dict(zip(fitting, found, strict=True)), estimates),
+            hide_index=True,
+            key="lag.comparison.table",
+            alt="Lag, score, verdict and time of each method.",
+        )
 
 
 def _table_of_methods(
@@ -560,8 +577,8 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
         return
 
     def measure(progress: Progress) -> Vector:
-        parts = (part(progress, run, runs) for run in range(runs))
-        return np.array([_lag_by(pair, search, search.method, one).elapsed_s for one in parts])
+        times = (_lag_by(pair, search, search.method, part(progress, run, runs)).elapsed_s for run in range(runs))
+        return np.fromiter(times, dtype=np.float64)
 
     seconds = computed_or_refused(
         "lag run times",

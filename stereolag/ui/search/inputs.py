@@ -29,7 +29,7 @@ from stereolag.ui import prose
 from stereolag.ui.addresses import SettingsAddress, example_choice
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.controls import persistent
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import in_columns, show_refused
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.results import remembered
 from stereolag.ui.uploads import (
@@ -110,9 +110,13 @@ def with_painted_mask(inputs: PictureAndTemplate) -> PictureAndTemplate:
     painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{PICTURES}.painted")
     if painted is None:
         return inputs
-    by_hand = () if inputs.own else (*inputs.by_hand, "mask you painted")
-    digest = f"{inputs.digest} painted {painted.digest}"
-    return replace(inputs, mask=painted.content, digest=digest, shared=False, by_hand=by_hand)
+    return replace(
+        inputs,
+        mask=painted.content,
+        digest=f"{inputs.digest} painted {painted.digest}",
+        shared=False,
+        by_hand=() if inputs.own else (*inputs.by_hand, "mask you painted"),
+    )
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -132,22 +136,23 @@ def example_pictures(name: str) -> PictureAndTemplate:
 @in_fold(PICTURES)
 def _own_pictures() -> PictureAndTemplate | None:
     """Ask for two files and an optional mask; return the last ones that fit together."""
-    columns = st.columns(3, gap="medium")
-    with columns[0]:
-        picture = upload_picture("Image", key=f"{PICTURES}.picture")
-    with columns[1]:
-        template = upload_picture(
+    asked = (
+        ("picture", "Image", ""),
+        (
+            "template",
             "Template",
-            key=f"{PICTURES}.template",
-            note="The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
-        )
-    with columns[2]:
-        mask = upload_picture(
+            "The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
+        ),
+        (
+            "mask",
             "Mask of the template (optional)",
-            key=f"{PICTURES}.mask",
-            note="An image of the template’s size, black where the template does not count, as around a cursor or a "
-            "logo. It replaces the template’s own transparency.",
-        )
+            "An image of the template’s size, black where the template does not count, as around a cursor or a logo. "
+            "It replaces the template’s own transparency.",
+        ),
+    )
+    picture, template, mask = (
+        upload_picture(label, key=f"{PICTURES}.{name}", note=note) for name, label, note in in_columns(asked)
+    )
     show_limits(image_limits())
     if picture is None or template is None:
         return put_together(None, f"{PICTURES}.own")
@@ -172,11 +177,15 @@ def _example_cut(name: str) -> PictureAndTemplate:
 def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
     """Ask for a box in an image, whose pixels become the template; the result is private to the visitor."""
     box = box_in(image, digest=digest, shared=shared, key=f"{PICTURES}.cut")
-    template = image[box.slices]
-    digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
-    said = f"{description} The cut-out finds itself: ask for more matches, or damage the image below."
-    by_hand = ("template you cut out",) if shared else ()
-    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col), by_hand=by_hand)
+    return PictureAndTemplate(
+        image,
+        image[box.slices],
+        f"{description} The cut-out finds itself: ask for more matches, or damage the image below.",
+        f"{digest} cut {box.row} {box.col} {box.height} {box.width}",
+        False,
+        place=(box.row, box.col),
+        by_hand=("template you cut out",) if shared else (),
+    )
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:

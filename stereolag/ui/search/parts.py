@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, Final
 
@@ -149,8 +149,12 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             return packed_score_map(drawn, score_map, name=NAME, words=SCORE_MAP_WORDS)
 
         _score_map(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
-    alt = "Colours of the scores: dark at 0, yellow at 1."
-    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
+    legend.plotly_chart(
+        figures.score_legend(),
+        key="score_legend",
+        config={"displayModeBar": False},
+        alt="Colours of the scores: dark at 0, yellow at 1.",
+    )
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
     if is_cut_off(result):
         legend.caption("The place found is not on the map: part of it is outside the image.")
@@ -303,14 +307,6 @@ MARKS: Final = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """The outcome of a method on a damaged image, and a JPEG of it."""
-
-    trial: Trial
-    picture: bytes
-
-
 @fragment
 def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Search with OpenCV too, and show place, score and time of both."""
@@ -362,13 +358,12 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: Templat
     )
     if attempts is None:
         return
-    trials = [one.trial for one in attempts]
-    for one, trial in in_columns(zip(attempts, trials, strict=True)):
+    for trial, picture in in_columns(attempts):
         name, outcome = METHODS[trial.method], OUTCOMES[trial.outcome]
         prose.markdown(f"**{name}** :{MARKS[trial.outcome]} {outcome}]")
-        show_picture(one.picture, f"The damaged image, searched by {name}: {outcome}.")
+        show_picture(picture, f"The damaged image, searched by {name}: {outcome}.")
         prose.caption(numbers_of(trial))
-    prose.markdown(lesson(trials, degradation, min_score))
+    prose.markdown(lesson([trial for trial, _ in attempts], degradation, min_score))
 
 
 def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int] | None:
@@ -403,12 +398,13 @@ def _ask_damage() -> Degradation:
 
 def _tried(
     inputs: PictureAndTemplate, place: tuple[int, int], degradation: Degradation, min_score: float
-) -> list[Attempt]:
+) -> list[tuple[Trial, bytes]]:
+    """Return the outcome of each method on the damaged image, and a JPEG of it."""
     shape = inputs.template.shape[0], inputs.template.shape[1]
     part = degraded_part(inputs.picture, place, shape, degradation)
     here = part.row, part.col
     trials = try_methods(part.pixels, inputs.template, here, mask=inputs.mask, min_score=min_score)
-    return [Attempt(trial, figures.trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
+    return [(trial, figures.trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
 
 
 def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
