@@ -252,6 +252,7 @@ def through_rocketman_search(page: Page) -> None:
     picture = uploads.texture(400, 300)
     _give(page, file_of("p.png", uploads.png(picture)), file_of("t.png", uploads.png(picture[100:160, 200:260])))
     expect_found(page, 100, 200)
+    open_tab(page, "Drag it")
     expect_on_first_screen(page, "Rocketman search")
 
 
