@@ -23,8 +23,8 @@ from stereolag.figures.pictures import jpeg
 from stereolag.io.images import read_image
 from stereolag.ui.calibrate_live import ALIKE, Shown, Taking
 from stereolag.ui.components import packed_item
-from stereolag.ui.controls import preset_key
 from stereolag.ui.depth.maps import SHOWN
+from stereolag.ui.matcher_controls import preset_key
 from stereolag.ui.search.parts import Frame
 from stereolag.ui.search.parts import answer as follow
 from stereolag.ui.streams import IN_FLIGHT

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.visitors import Move, Visitor
 from stereolag import samples
-from stereolag.ui.controls import preset_key, setting_key
+from stereolag.ui.matcher_controls import preset_key, setting_key
 from tests.browser.serving import free_port, served_process
 
 LEFT, RIGHT = "pairs.left", "pairs.right"

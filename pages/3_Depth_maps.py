@@ -8,7 +8,7 @@ from stereolag.pair import Pair
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
-from stereolag.ui.controls import matcher_as_set, persistent
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.comparing import show_all_pairs, show_comparison, show_scoreboard
 from stereolag.ui.depth.distances import show_readout, show_space
 from stereolag.ui.depth.doctor import show_doctor
@@ -30,6 +30,7 @@ from stereolag.ui.depth.maps import (
 )
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
+from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import bench, fragment, page
 
 PARTS = {

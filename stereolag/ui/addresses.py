@@ -22,7 +22,8 @@ from stereolag.core.settings import Settings, SettingsError
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
-from stereolag.ui.controls import KIND, adopt_value, from_another_page
+from stereolag.ui.controls import adopt_value, from_another_page
+from stereolag.ui.matcher_controls import KIND
 from stereolag.ui.uploads import OWN
 
 SettingsT = TypeVar("SettingsT", bound=Settings)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from stereolag.stereo.methods import METHODS
-from stereolag.ui.controls import exact_key, more_key, preset_key
-from stereolag.ui.controls import more_key as more
-from stereolag.ui.controls import setting_key as setting
+from stereolag.ui.controls import exact_key
 from stereolag.ui.depth.maps import COLOURS, FOLD, PART, SHOWN, TAB
+from stereolag.ui.matcher_controls import more_key, preset_key
+from stereolag.ui.matcher_controls import more_key as more
+from stereolag.ui.matcher_controls import setting_key as setting
 
 __all__ = ["COLOURS", "FOLD", "PART", "SHOWN", "TAB", "exact_key", "more", "preset_key", "setting"]
 

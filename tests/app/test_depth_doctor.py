@@ -28,10 +28,10 @@ def panel() -> None:
     from stereolag.figures.legends import Colours
     from stereolag.pair import Preparation
     from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.calibration import prepared
     from stereolag.ui.depth.doctor import chosen_remedies, show_doctor
     from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 
     pair = st.session_state["pair"]
     pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))

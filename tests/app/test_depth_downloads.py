@@ -58,10 +58,10 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.figures.legends import Colours
-    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.depth.state import recall_settings
+    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 
     pair = st.session_state["pair"]
     recall_settings(pair)

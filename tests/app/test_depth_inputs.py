@@ -45,8 +45,8 @@ def inputs() -> None:
 
     from stereolag.stereo.opencv import StereoBM
     from stereolag.stereo.windows.matcher import CorrelationMatcher
-    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 
     pair = choose_pair()
     shown = [ask_matcher(matcher_as_set(method, pair)) for method in (StereoBM, CorrelationMatcher)]

@@ -34,10 +34,10 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.controls import ask_matcher, matcher_as_set
     from stereolag.ui.depth.downloads import Download, archive, pair_files
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
+    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 
     pair = choose_pair()
     matchers = {method: ask_matcher(matcher_as_set(method, pair)) for method in METHODS}

@@ -18,9 +18,9 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.controls import matcher_as_set, matcher_moved, matchers_in_use
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import show_controls, show_presets
+    from stereolag.ui.matcher_controls import matcher_as_set, matcher_moved, matchers_in_use
 
     pair = choose_pair()
     as_set = {method: matcher_as_set(method, pair) for method in METHODS}

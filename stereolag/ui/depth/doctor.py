@@ -17,10 +17,10 @@ from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
-from stereolag.ui.controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import FOLD_NEXT, PAIR, DepthView, kept_for
 from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
 from stereolag.ui.elements import show_offer, show_remedy
+from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.results import computed_before, computed_in_turn, is_heavy
 from stereolag.ui.streamlit_inside import Container

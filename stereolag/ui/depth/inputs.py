@@ -44,7 +44,7 @@ from stereolag.pair import (
 )
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
-from stereolag.ui.controls import matchers_in_use, persistent, set_controls
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.calibration import (
     ask_calibration,
     ask_rectification,
@@ -57,6 +57,7 @@ from stereolag.ui.depth.live import LiveCamera, ask_layout
 from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.depth.state import recall_pair_and_maps, recall_settings, restore
 from stereolag.ui.elements import refusals_shown, show_note, show_offer
+from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first
 from stereolag.ui.results import Refusal, attempted, computed, remembered
 from stereolag.ui.streamlit_inside import Container

@@ -30,7 +30,7 @@ from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item
-from stereolag.ui.controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved, persistent
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.maps import (
     COLUMNS,
     HANDED,
@@ -53,6 +53,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
+from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved
 from stereolag.ui.navigation import CONTROLS_WIDTH, bench, fragment
 from stereolag.ui.results import computed_at_once, remembered
 from stereolag.ui.streamlit_inside import in_this_session

@@ -25,16 +25,7 @@ from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.ui import prose
-from stereolag.ui.controls import (
-    DISPARITIES_AT_FIRST,
-    AsSet,
-    ask_matcher,
-    default_settings,
-    matchers_in_use,
-    persistent,
-    preset_key,
-    set_controls,
-)
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
 from stereolag.ui.elements import announce, in_columns, show_picture, show_refused
@@ -46,6 +37,15 @@ from stereolag.ui.linked_pictures import (
     linked_pictures,
     packed,
     send_picture,
+)
+from stereolag.ui.matcher_controls import (
+    DISPARITIES_AT_FIRST,
+    AsSet,
+    ask_matcher,
+    default_settings,
+    matchers_in_use,
+    preset_key,
+    set_controls,
 )
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import duration, percent

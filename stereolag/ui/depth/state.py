@@ -28,7 +28,6 @@ from stereolag.ui.addresses import (
     warn_ignored,
     write_parameters,
 )
-from stereolag.ui.controls import default_settings, matchers_in_use, set_controls
 from stereolag.ui.depth.maps import (
     FIRST_PALETTE,
     INVERTED,
@@ -45,6 +44,7 @@ from stereolag.ui.depth.maps import (
     shown_methods,
 )
 from stereolag.ui.elements import show_refused
+from stereolag.ui.matcher_controls import default_settings, matchers_in_use, set_controls
 
 WRITTEN_KEY = "depth.address"
 """Session-state key of the parameters that this page wrote last."""

@@ -39,7 +39,7 @@ from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
 from stereolag.ui.components import packed_item
-from stereolag.ui.controls import matchers_in_use, persistent
+from stereolag.ui.controls import persistent
 from stereolag.ui.depth.calibration import (
     ask_calibration,
     ask_rectification,
@@ -50,6 +50,7 @@ from stereolag.ui.depth.calibration import (
 from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_remedy
+from stereolag.ui.matcher_controls import matchers_in_use
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import computed
 from stereolag.ui.streams import Message, frame, open_stream
