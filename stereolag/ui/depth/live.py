@@ -175,8 +175,13 @@ def show_live(live: LiveCamera) -> None:
 
 def _stand_in() -> Pair:
     """Return a pair for the controls until the first frame is there."""
-    blank = np.broadcast_to(np.uint8(0), (480, 640))  # takes no memory
+    blank = _nothing(480, 640)
     return Pair(blank, blank, PairId("live"), num_disparities=DISPARITIES_AT_FIRST)
+
+
+def _nothing(rows: int, cols: int) -> Image:
+    """Return a black image, which takes no memory."""
+    return np.broadcast_to(np.uint8(0), (rows, cols))
 
 
 _matching = threading.Lock()
@@ -223,8 +228,8 @@ def answer(
         calibration = calibration_for(calibration, cols, rows)
     with _matching:
         results = [matcher.compute(left, right) for matcher in matchers]
-    kept["pair"] = replace(_stand_in(), left=left, right=right, calibration=calibration)
-    # The page shows no scores, and the maps of each visitor's last frame stay in memory.
+    # Each visitor's last frame stays in memory: not the right view and the scores, of which the page shows nothing.
+    kept["pair"] = replace(_stand_in(), left=left.copy(), right=_nothing(*left.shape[:2]), calibration=calibration)
     kept["results"] = [one.without_scores() for one in results]
     parts = [_map(one) for one in results]
     return packed_item({"shape": [rows, cols, len(parts)], "digest": "live"}, parts).data
