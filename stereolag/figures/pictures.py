@@ -132,7 +132,9 @@ def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, col
     picture
         (rows, cols, 3) uint8 RGB.
     """
-    return colour_table(colours)[colour_numbers(values, low, high)]
+    # Looked up through an index array, the colours take ten times as long.
+    table = colour_table(colours)[:, None]
+    return np.asarray(cv2.applyColorMap(colour_numbers(values, low, high), table), dtype=np.uint8)
 
 
 def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: float) -> npt.NDArray[np.uint8]:

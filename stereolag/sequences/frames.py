@@ -253,12 +253,12 @@ def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> 
         raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
     known = np.isfinite(values) if measured is None else measured
     ground = ground_of(values, known)
-    known = known & (values > 0)
+    least = np.zeros((len(values), 1), np.float32)
     if ground is not None:
         below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
-        known &= values * np.float32(1 - LOWEST) > below[:, None]
-        known &= values * np.float32(1 - HIGHEST) < below[:, None]
-    obstacles = values[known]
+        # Both ends of the range of heights bound the disparity from below, as 1 - HIGHEST is negative.
+        least[:, 0] = np.maximum(0, np.maximum(below / np.float32(1 - LOWEST), below / np.float32(1 - HIGHEST)))
+    obstacles = values[known & (values > least)]
     rank = max(1, round(LEAST_SHARE * values.size))
     if obstacles.size < rank:
         return math.nan

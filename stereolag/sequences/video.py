@@ -19,7 +19,7 @@ from av.video.reformatter import ColorRange, Colorspace
 
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
-from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, colour_numbers, colour_table
+from stereolag.figures.pictures import NO_ANSWER, as_rgb, coloured
 
 CODEC: Final = "libx264"
 MOST_WIDTH = 3840
@@ -90,10 +90,8 @@ def panels(
     Each is cropped to even width and height: H.264 stores one colour per 2 × 2 px, which must not span two pictures.
     """
     rows, cols = (side // 2 * 2 for side in left.shape[:2])
-    table = np.ascontiguousarray(colour_table(VIRIDIS)[:, None])
-    parts = [as_rgb(left)]
-    parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
-    return np.concatenate([part[:rows, :cols] for part in [*parts, *more]], axis=1)
+    parts = [as_rgb(left), *(coloured(one, *colours) for one in maps), *more]
+    return np.concatenate([part[:rows, :cols] for part in parts], axis=1)
 
 
 def index_first(most_frames: int) -> dict[str, str]:

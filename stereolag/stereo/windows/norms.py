@@ -34,13 +34,13 @@ def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Ar
 
 
 @compiled(counted=False)
-def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
-    """Subtract an image row from the column sums of pixels and of squares."""
-    for x in range(row.size):
-        pixels[x] = row[x]
-    for x in range(row.size):
-        column_total[x] -= pixels[x]
-        column_square[x] -= pixels[x] * pixels[x]
+def slide_columns(enters: Array, leaves: Array, column_total: Array, column_square: Array) -> None:
+    """Move the column sums of pixels and of squares down by a row: add one image row, and subtract another."""
+    for x in range(enters.size):
+        total, square = column_total[x], column_square[x]
+        new, old = enters[x] + 0 * total, leaves[x] + 0 * total  # of the type of the sums
+        column_total[x] = total + new - old
+        column_square[x] = square + new * new - old * old
 
 
 @compiled(counted=False)
@@ -75,19 +75,13 @@ def energies(total: Array, square: Array, share: float, energy: Array) -> None:
 
 
 @compiled(counted=False)
-def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
-    """Set ``1 / sqrt(energy)``, or NaN where the energy is at most `floor`."""
+def roots(energy: Array, floor: float, window: int, inverse: Array, deviation: Array) -> None:
+    """Set ``1 / sqrt(energy)`` and the standard deviation; NaN and 0 where the energy is at most `floor`."""
     for x in range(energy.size):
-        known = np.float32(energy[x]) if energy[x] > floor else np.float32(np.nan)
-        inverse[x] = np.float32(1) / np.sqrt(known)
-
-
-@compiled(counted=False)
-def deviations(energy: Array, floor: float, window: int, texture: Array) -> None:
-    """Set the standard deviation, or 0 where the energy is at most `floor`."""
-    for x in range(energy.size):
-        known = np.float32(energy[x]) if energy[x] > floor else np.float32(0)
-        texture[x] = np.sqrt(known) * np.float32(1 / window)
+        known = energy[x] > floor
+        root = np.sqrt(np.float32(energy[x]) if known else np.float32(np.nan))
+        inverse[x] = np.float32(1) / root
+        deviation[x] = root * np.float32(1 / window) if known else np.float32(0)
 
 
 @compiled(counted=False)
@@ -177,9 +171,10 @@ def _describe_rows(
         sums, inverses = total[top + row, columns], inverse[top + row, columns]
         bottom = (first + row) * step + window - 1
         for y in range(bottom if row == 0 else bottom - step + 1, bottom + 1):
-            add_pixels(image[y], pixels, column_total, column_square)
             if row > 0:
-                take_pixels(image[y - window], pixels, column_total, column_square)
+                slide_columns(image[y], image[y - window], column_total, column_square)
+            else:
+                add_pixels(image[y], pixels, column_total, column_square)
         sum_columns(column_total, width, window, span, row_total)
         sum_columns(column_square, width, window, span, row_square)
         take_every(step, row_total, sums)
@@ -187,13 +182,13 @@ def _describe_rows(
             fill(inverses, 1 / norm)
         else:
             energies(row_total, row_square, share, energy)
-            inverse_roots(energy, floor, root)
+            roots(energy, floor, window, root, deviation)
             take_every(step, root, inverses)
         if texture.size > 0:
             about_mean = norm == 0 and share > 0
             if not about_mean:
                 energies(row_total, row_square, 1 / (window * window), energy)
-            deviations(energy, floor, window, deviation)
+                roots(energy, floor, window, root, deviation)
             take_every(step, deviation, texture[row])
             # About the mean, a flat window has no inverse norm yet.
             for col in range(0 if about_mean else texture.shape[1]):
