@@ -23,6 +23,7 @@ from stereolag.ui.depth.maps import (
     measured,
     offer_fit,
     send_ahead,
+    send_images,
     show_controls,
     show_maps,
     show_presets,
@@ -99,6 +100,7 @@ with page("Depth maps"):
     else:
         follow_sliders(pair)
         workspace(pair)
+        send_images(pair)
     with st.expander("The source report"):
         prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "

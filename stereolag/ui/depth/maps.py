@@ -364,6 +364,13 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     return packs
 
 
+def send_images(pair: Pair) -> None:
+    """Send the two images, to be called outside the fragment of the maps: there they stay as controls move."""
+    with st.container(key="depth-images", gap=None):
+        for picture in _thumbnails(pair):
+            send_picture(_packed(pair, picture, None), picture.title, key=KEY)
+
+
 def map_ahead(pair: Pair, matcher: StereoMatcher) -> PackedPicture | None:
     """Return the map of a method as the browser takes it, unless somebody would have to wait for it."""
     result = computed_at_once(**computation(pair, matcher))
@@ -388,14 +395,14 @@ def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> Packed
 def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
     """Show the maps of the view with their numbers under one crosshair, and the images as thumbnails.
 
-    Pictures already `sent` are not sent again.
+    Pictures already `sent` are not sent again, nor are the images (:func:`send_images`).
     """
     figures = {name: _figures(view, name) for name in view.results}
+    images = _thumbnails(view.pair)
     linked_pictures(
         [
             *(map_picture(view, name, of_map) for name, of_map in figures.items()),
-            photograph(LEFT, view.pair.left, small=True),
-            photograph(RIGHT, view.pair.right, small=True),
+            *images,
             *truth_picture(view, small=True),
         ],
         key=KEY,
@@ -403,7 +410,7 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
         colours=view.colours,
         legends=map_legends(view),
         pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
-        sent=sent,
+        sent={**sent, **{one.title: _packed(view.pair, one, None) for one in images}},
     )
     numbers = {name: ", ".join(f"{one.label} {one.value}" for one in of_map[1:]) for name, of_map in figures.items()}
     announce(" ".join(f"{name}: {of_map}." for name, of_map in numbers.items()))
@@ -448,6 +455,11 @@ def photograph(title: str, image: Image, *, small: bool = False) -> Picture:
     return Picture(
         title, as_rgb(image), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, image)
     )
+
+
+def _thumbnails(pair: Pair) -> tuple[Picture, Picture]:
+    """Return the two images, small."""
+    return photograph(LEFT, pair.left, small=True), photograph(RIGHT, pair.right, small=True)
 
 
 def map_picture(
