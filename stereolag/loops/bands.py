@@ -15,7 +15,7 @@ from stereolag.core.jobs import Progress, silent
 Result = TypeVar("Result")
 
 _PREFIX = "bands"
-"""Of the names of the pool's threads."""
+"""Of the names of threads whose own jobs run in them."""
 
 
 def available_cores() -> int:
@@ -36,6 +36,14 @@ def _pool() -> ThreadPoolExecutor:
 
 if hasattr(os, "register_at_fork"):  # a forked process has none of the pool's threads
     os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+def lone_threads(name: str) -> ThreadPoolExecutor:
+    """Return threads, one per core, each of which runs the jobs of its work alone.
+
+    For work of many equal pieces: handed to each other's cores, their jobs would wait, and their data leave the caches.
+    """
+    return ThreadPoolExecutor(available_cores(), thread_name_prefix=f"{_PREFIX}-{name}")
 
 
 def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent) -> list[Result]:

@@ -9,7 +9,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +22,7 @@ import numpy as np
 from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.loops.bands import available_cores
+from stereolag.loops.bands import available_cores, lone_threads
 from stereolag.sequences.frames import (
     MOTION,
     PNG,
@@ -172,19 +172,17 @@ def dask_setup(worker: object) -> None:
 
 
 class ThreadRunner:
-    """Runner on threads of this process: while one frame is decoded or encoded, another one is matched.
+    """Runner on threads of this process, one frame on each core.
 
-    On exit, frames in flight end within a few image rows.
+    On exit, frames in flight end within a stage of the matching.
     """
 
     crashes: tuple[type[Exception], ...] = ()
 
     def __init__(self) -> None:
-        # One more than there are cores, as the serial parts of a frame leave some cores idle.
-        threads = available_cores() + 1
-        self.at_once = threads + 2
+        self.at_once = available_cores() + 2
         self._stop = threading.Event()
-        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="frames")
+        self._pool = lone_threads("frames")
 
     def __enter__(self) -> ThreadRunner:
         return self

@@ -49,7 +49,7 @@ class Drive:
             settled(page)
         if not own.is_checked():
             own.click()
-            expect_visible(page.get_by_text("Until your frames"))
+            expect_visible(page.get_by_text("Until your frames").first)
             self._cancel()
         settled(page)  # a redrawn box loses its file
         box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first

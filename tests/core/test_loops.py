@@ -31,7 +31,7 @@ import pytest
 import stereolag
 import stereolag as sl
 from stereolag.loops import compilation, numba_inside
-from stereolag.loops.bands import available_cores, over_bands, row_bands
+from stereolag.loops.bands import available_cores, lone_threads, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
 from stereolag.samples import recordings, stereo_pairs
@@ -490,6 +490,18 @@ def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
     over_bands(lambda first, end: None, 2)
     assert long_job.is_alive()
     long_job.join()
+
+
+def test_work_of_a_lone_thread_stays_in_it() -> None:
+    def work() -> set[int]:
+        seen: set[int] = set()
+        over_bands(lambda first, end: seen.add(threading.get_ident()), 1000, most_rows=10)
+        assert seen == {threading.get_ident()}
+        return seen
+
+    with lone_threads("test") as threads:
+        pieces = [threads.submit(work) for _ in range(20)]
+        assert 1 <= len(set().union(*(one.result() for one in pieces))) <= available_cores()
 
 
 def test_the_first_error_ends_the_job() -> None:

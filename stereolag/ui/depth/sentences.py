@@ -135,7 +135,7 @@ def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
     if known.size == 0:
         return f"{what}, no pixel measured"
     low, high = np.percentile(known, (1, 99))
-    share = float(np.isfinite(disparity).mean())
+    share = np.count_nonzero(np.isfinite(disparity)) / disparity.size
     return f"{what}, {percent(share)} measured, {low:.0f} to {high:.0f} px"
 
 
