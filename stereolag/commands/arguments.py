@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from stereolag.core.settings import (
+    KIND,
     Problem,
     Settings,
     SettingsError,
@@ -247,7 +248,7 @@ def _add_flags(
             _add_flags(stage, inner, value, shortcuts, f"{path}{name}.")
             continue
         said, options = _described(field), choices(field)
-        if name == "kind" and len(kinds) > 1:
+        if name == KIND and len(kinds) > 1:
             titles = {one.model_fields[name].default: vars(one).get("title", one.__name__) for one in kinds}
             said, options = "; ".join(f"{option}: {title}" for option, title in titles.items()) + ".", tuple(titles)
         how: dict[str, Any] = {"metavar": f"{{{','.join(options)}}}" if options else base_type(field).__name__}
@@ -305,9 +306,9 @@ def _merged(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseM
             continue
         holder = merged[name] or {}
         chosen = _chosen_kind(kinds, holder, value)
-        holder = {key: one for key, one in holder.items() if key in chosen.model_fields and key != "kind"}
+        holder = {key: one for key, one in holder.items() if key in chosen.model_fields and key != KIND}
         if len(kinds) > 1:
-            holder["kind"] = chosen.model_fields["kind"].default
+            holder[KIND] = chosen.model_fields[KIND].default
         merged[name] = _merged(holder, value, chosen)
     return merged
 
@@ -321,10 +322,10 @@ def _chosen_kind(
     """
     if len(kinds) == 1:
         return kinds[0]
-    by_name = {one.model_fields["kind"].default: one for one in kinds}
-    if "kind" in given:
-        return by_name[given["kind"]]
-    present = by_name[holder["kind"]]
+    by_name = {one.model_fields[KIND].default: one for one in kinds}
+    if KIND in given:
+        return by_name[given[KIND]]
+    present = by_name[holder[KIND]]
     fitting = [one for one in (present, *kinds) if set(given) <= set(one.model_fields)]
     return fitting[0] if fitting else present
 

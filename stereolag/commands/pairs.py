@@ -184,6 +184,9 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         """
         initial = self.settings.search_range()
         chosen = initial is None or options.settings is not None or matcher.search_range() != initial
+        # Flags may give the very numbers that the settings begin with.
+        flags = {name.rpartition(".")[2].replace("_", "-") for name in vars(options)}
+        chosen = chosen or not flags.isdisjoint(SHORTCUTS.values())
         return matcher if chosen or known is None else matcher.with_search_range(*known)
 
 

@@ -146,6 +146,10 @@ def choices(field: FieldInfo) -> tuple[str, ...]:
     return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
 
 
+KIND = "kind"
+"""The field that tells settings of several kinds apart."""
+
+
 def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
     """Return the settings classes allowed as a field's value; empty for a field without nested settings."""
     kinds = (field.annotation, *get_args(field.annotation))

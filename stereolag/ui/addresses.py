@@ -18,12 +18,11 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import streamlit as st
 
-from stereolag.core.settings import Settings, SettingsError
+from stereolag.core.settings import KIND, Settings, SettingsError
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.controls import adopt_value, from_another_page
-from stereolag.ui.matcher_controls import KIND
 from stereolag.ui.uploads import OWN
 
 SettingsT = TypeVar("SettingsT", bound=Settings)

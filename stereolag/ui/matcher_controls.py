@@ -17,6 +17,7 @@ import streamlit as st
 from pydantic.fields import FieldInfo
 
 from stereolag.core.settings import (
+    KIND,
     Applies,
     FitsImage,
     Number,
@@ -91,9 +92,6 @@ def _default_settings(kind: type[StereoMatcher], first: int, count: int, shared:
 
 
 LARGEST_WINDOW = 101
-
-KIND = "kind"
-"""The discriminator field of settings that come in several kinds."""
 
 
 @functools.cache

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.core.settings import OfThePair, Pixels, Settings, Usual
+from stereolag.core.settings import KIND, OfThePair, Pixels, Settings, Usual
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
@@ -148,7 +148,7 @@ class RectifiedSearch(SearchArea):
         return cls(num_disparities=num_disparities)
 
 
-AnySearch = Annotated[CentredSearch | RectifiedSearch, Field(discriminator="kind")]
+AnySearch = Annotated[CentredSearch | RectifiedSearch, Field(discriminator=KIND)]
 """Type of a settings field for a search area."""
 
 
