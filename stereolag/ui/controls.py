@@ -67,6 +67,10 @@ class _Memory:
         The boxes beside sliders, and the values that controls were set to, by key.
     matchers
         The last valid settings of each method, by its short name.
+    opened
+        The short names of the methods whose controls were ever drawn.
+    untouched
+        The settings of other methods, with what they follow from, until a control is set.
     """
 
     def __init__(self) -> None:
@@ -77,6 +81,8 @@ class _Memory:
         self.boxes: defaultdict[str, _Box] = defaultdict(_Box)
         self.adopted: dict[str, Any] = {}
         self.matchers: dict[str, StereoMatcher] = {}
+        self.opened: set[str] = set()
+        self.untouched: dict[str, tuple[Any, ...]] = {}
 
 
 _remembered: ContextVar[_Memory | None] = ContextVar("memory", default=None)
@@ -290,7 +296,9 @@ def _take_exact(key: str) -> None:
 
 def adopt_value(key: str, value: Any) -> None:
     """Set a control not yet drawn in this run; its bounds widen if needed to include the value."""
-    st.session_state[key] = visitor_memory().adopted[key] = value
+    memory = visitor_memory()
+    st.session_state[key] = memory.adopted[key] = value
+    memory.untouched.clear()
 
 
 def last_valid(make: Callable[[], T], key: str) -> T | None:

@@ -232,14 +232,21 @@ class AsSet:
 
 def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
     """Return the settings of a method as its controls are set, without drawing them; the visitor may have moved one."""
-    place, matchers = _Place.of(kind, pair), visitor_memory().matchers
+    memory, name, place = visitor_memory(), kind.short_name, _Place.of(kind, pair)
+    follows_from = place.first, pair.id, pair.left.shape, pair.num_disparities
+    before, *found = memory.untouched.get(name, (None,))
+    if before == follows_from:
+        return AsSet(place, *found)
     values = place.values()
     if not place.refusals:
         try:
-            matchers[kind.short_name] = _made(kind, tuple(values.items()))
+            memory.matchers[name] = _made(kind, tuple(values.items()))
         except SettingsError as error:
             place.refusals.append(error)
-    return AsSet(place, values, matchers.get(kind.short_name), next(iter(place.refusals), None))
+    found = [values, memory.matchers.get(name), next(iter(place.refusals), None)]
+    if name not in memory.opened:
+        memory.untouched[name] = follows_from, *found
+    return AsSet(place, *found)
 
 
 def matcher_moved(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
@@ -269,8 +276,11 @@ def matcher_moved(pair: Pair, slider: str, value: Any) -> StereoMatcher | None:
 def ask_matcher(as_set: AsSet) -> StereoMatcher | None:
     """Draw the controls of a method, and return its settings; the last valid ones if they are refused."""
     place, top = as_set.place, st.container()
+    memory, name = visitor_memory(), place.method.short_name
+    memory.opened.add(name)
+    memory.untouched.pop(name, None)
     folds = _fields(place.kind).keys() > set(_first_shown(place.kind))
-    more = _more_settings(more_key(place.method.short_name)) if folds else None
+    more = _more_settings(more_key(name)) if folds else None
     with top:
         _draw(place, SimpleNamespace(**as_set.values), more)
     if as_set.refusal is not None:
