@@ -254,7 +254,7 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     long = (steps > 127) | (steps < -127)
     short = steps.astype(np.int8)
     np.copyto(short, LONG, where=long)
-    parts.extend(isal_zlib.compress(one.data, 1) for one in (short, steps[long]))
+    parts.extend(isal_zlib.compress(one.data, 1, 9) for one in (short, steps[long]))
     return {
         "steps": len(parts) - 2,
         "long_steps": len(parts) - 1,
