@@ -254,27 +254,26 @@ EXACT_WIDTH = 76
 def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     """Draw a slider and a box that shows its value and accepts any other value the field allows."""
     key, exact = widget["key"], exact_key(widget["key"])
-    with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
-        value = st.slider(**widget)
-        if drawn_anew(exact) or st.session_state.get(exact) != value:  # assigning it makes the browser redraw it
-            st.session_state[exact] = value
-        box = visitor_memory().boxes[key]
-        if box.value != value:
-            box.replaced[box.value] = time.monotonic()
-            box.value = value
-        st.number_input(
-            widget["label"],
-            min_value=allowed.low,
-            max_value=allowed.high,
-            step=0.01 if isinstance(value, float) else 1,
-            format="%g" if isinstance(value, float) else "%d",
-            key=exact,
-            disabled=widget["disabled"],
-            label_visibility="collapsed",
-            width=EXACT_WIDTH,
-            on_change=_take_exact,
-            args=(key,),
-        )
+    value = st.slider(**widget)
+    if drawn_anew(exact) or st.session_state.get(exact) != value:  # assigning it makes the browser redraw it
+        st.session_state[exact] = value
+    box = visitor_memory().boxes[key]
+    if box.value != value:
+        box.replaced[box.value] = time.monotonic()
+        box.value = value
+    st.number_input(
+        widget["label"],
+        min_value=allowed.low,
+        max_value=allowed.high,
+        step=0.01 if isinstance(value, float) else 1,
+        format="%g" if isinstance(value, float) else "%d",
+        key=exact,
+        disabled=widget["disabled"],
+        label_visibility="collapsed",
+        width=EXACT_WIDTH,
+        on_change=_take_exact,
+        args=(key,),
+    )
     return value
 
 
