@@ -45,12 +45,23 @@ def _taken(size: int) -> Array:
     return np.empty(size, np.uint8)
 
 
+def zeros(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """Return an array like ``numpy.zeros`` that starts at a cache line."""
+    return _at_line(np.zeros(_room(shape, dtype), np.uint8), shape, dtype)
+
+
 def volume(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
     """Return an array like ``numpy.empty``, in the memory of an earlier one that is no longer used, if it fits."""
-    size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = _taken(size + LINE)
+    return _at_line(np.asarray(_Loan(_taken(_room(shape, dtype)))), shape, dtype)
+
+
+def _room(shape: tuple[int, ...], dtype: npt.DTypeLike) -> int:
+    return math.prod(shape) * np.dtype(dtype).itemsize + LINE
+
+
+def _at_line(memory: Array, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
     start = -memory.ctypes.data % LINE
-    return np.asarray(_Loan(memory))[start : start + size].view(dtype).reshape(shape)
+    return memory[start : start + _room(shape, dtype) - LINE].view(dtype).reshape(shape)
 
 
 def give_back() -> None:

@@ -17,7 +17,7 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import LANES, cast, item, load, splat, store
 from stereolag.stereo.windows.engines import comparable, match_windows
-from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows, sum_columns
+from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
 from stereolag.stereo.windows.scores import change, changing_rows, row_change
 from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
@@ -228,7 +228,7 @@ def _match_rows(
             sums_there, plane = columns[number], (down + 1) * side + aside + 1
             for y in range(row + 2 * window - 1 if row else window, row + 2 * window):
                 _change(rows, y, there, y + down, aside, window, sums_there)
-            sum_columns(sums_there, width, window, span, sums)
+            _sum_columns(sums_there, width, window, span, sums)
             _correlate(
                 sums,
                 total[row],
@@ -264,6 +264,29 @@ def _change(left: Array, y: int, there: Array, y_there: int, aside: int, window:
     for x in range(0, columns.size - 2 * LANES, LANES):
         pixels = row_change(left, at + x, back)
         store(columns, x, load(columns, x) + change(pixels, there, at_there + x, back_there))
+
+
+@compiled(counted=False)
+def _sum_columns(columns: Array, count: int, window: int, span: Array, sums: Array) -> None:
+    """Set ``sums[x] = columns[x : x + window].sum()`` for `count` windows.
+
+    All three arrays have room for sixteen more. `span` is set to the sums of 1, 2, 4, ... neighbours in turn, and those
+    that make up the window are added, so that no sum waits for the one beside it.
+    """
+    done, width, keep = window & 1, 2, splat(window & 1, sums.dtype)
+    for x in range(0, count + window - 1, LANES):
+        column = load(columns, x)
+        store(span, x, column + load(columns, x + 1))
+        store(sums, x, keep * column)
+    while width <= window:
+        if window & width:
+            for x in range(0, count, LANES):
+                store(sums, x, load(sums, x) + load(span, x + done))
+            done += width
+        if 2 * width <= window:
+            for x in range(0, count + window - 2 * width, LANES):
+                store(span, x, load(span, x) + load(span, x + width))
+        width *= 2
 
 
 @compiled

@@ -8,7 +8,6 @@ products, is the same, and so is the map.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import replace
 
 import cv2
@@ -19,6 +18,7 @@ from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image, flat_energy
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
+from stereolag.loops.memory import zeros
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.scores import (
@@ -116,9 +116,9 @@ class PreparedPair:
         """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
         # A right window compares the unnormalised scores of several left windows, which need one unit.
         norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
-        shape = (end - first, self.cols)
-        windows = Windows(np.empty(shape, self.sums_dtype), np.empty(shape, np.float32))
-        self._describe(self.left, self.step, first, norm, windows, self.texture[first:end])
+        windows = self._nothing_yet(end - first, self.cols)
+        texture = self.texture[first:end]
+        describe_windows(self.left, self._norms(self.step, norm), first, windows, (0, end - first, 0), texture)
         return windows
 
     def right_windows(self, first: int, end: int) -> Windows:
@@ -130,36 +130,23 @@ class PreparedPair:
         assert self.lags is not None
         # Scores without the norm of the right window only need it to be in the frame.
         norm = self.right_norm if self.score in ("cross", "phase") and not self.circular else 0.0
-        nothing = np.empty((0, 0), np.float32)
         if self.circular:
-            windows = self._nothing_yet(end - first, self.cols)
-            self._describe(self.plain_right, self.step, first, norm, windows, nothing)
-            return windows
-        rows = (end - first - 1) * self.step + self.lags.rows
-        begin = first * self.step + self.lags.dy_first
-        top, bottom = max(0, begin), min(self.height - self.window + 1, begin + rows)
-        windows = self._nothing_yet(rows, self.right.shape[1])
-        if bottom > top:
+            step, top, where, windows = self.step, first, (0, end - first, 0), self._nothing_yet(end - first, self.cols)
+        else:
+            step, begin = 1, first * self.step + self.lags.dy_first
+            windows = self._nothing_yet((end - first - 1) * self.step + self.lags.rows, self.right.shape[1])
+            top, bottom = max(0, begin), min(self.height - self.window + 1, begin + len(windows.total))
             where = top - begin, bottom - begin, max(0, -self.lags.dx_first)
-            self._describe(self.plain_right, 1, top, norm, windows, nothing, where)
+        if where[1] > where[0]:
+            nothing = np.empty((0, 0), np.float32)
+            describe_windows(self.plain_right, self._norms(step, norm), top, windows, where, nothing)
         return windows
 
     def _nothing_yet(self, rows: int, cols: int) -> Windows:
         return Windows(np.zeros((rows, cols), self.sums_dtype), np.full((rows, cols), np.nan, np.float32))
 
-    def _describe(
-        self,
-        image: Array,
-        step: int,
-        first: int,
-        norm: float,
-        windows: Windows,
-        texture: Array,
-        where: tuple[int, int, int] | None = None,
-    ) -> None:
-        where = where or (0, len(windows.total), 0)
-        norms = WindowNorms(self.window, step, self.share, norm, self.floor)
-        describe_windows(image, norms, first, windows, where, texture)
+    def _norms(self, step: int, norm: float) -> WindowNorms:
+        return WindowNorms(self.window, step, self.share, norm, self.floor)
 
     def rescale(self, first: int, end: int, left_inverse: Array) -> None:
         """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""
@@ -297,24 +284,16 @@ def _workspace(pair: PreparedPair, columns: int) -> Workspace:
     lags = pair.table.codes.size
     group = max(1, GROUP_BYTES // (4 * lags))
     return Workspace(
-        columns=_aligned((columns, lags), pair.sums_dtype),
-        window=_aligned((lags,), pair.sums_dtype),
+        columns=zeros((columns, lags), pair.sums_dtype),
+        window=zeros((lags,), pair.sums_dtype),
         left=LeftTerms(
             np.zeros(group, pair.sums_dtype),
             *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale")),
         ),
-        scores=_aligned((group, lags + LANES), np.int32),
-        best=_aligned((group, LANES), np.int32),
-        codes=_aligned((group,), np.int32),
+        scores=zeros((group, lags + LANES), np.int32),
+        best=zeros((group, LANES), np.int32),
+        codes=zeros((group,), np.int32),
     )
-
-
-def _aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """Return zeros that start at a cache line, so that no strip straddles two."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    memory = np.zeros(size + 64, np.uint8)
-    start = -memory.ctypes.data % 64
-    return memory[start : start + size].view(dtype).reshape(shape)
 
 
 Spectrum = npt.NDArray[np.complex128]
@@ -353,7 +332,7 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
             pair.rescale(first, first + 1, pair.left_windows(first, first + 1).inverse)
         progress(1.0)
         return pair.matches()
-    surfaces = _Surfaces.of(pair, pair.lags)
+    surfaces = _Surfaces(pair, pair.lags)
     batch = max(1, BATCH_BYTES // surfaces.bytes_per_window)
     rows = max(1, batch // pair.cols)
     for first in range(0, pair.rows, rows):
@@ -409,7 +388,7 @@ def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
     if pair.lags is None:
         return surface
     left, right = pair.left_windows(top, top + 1), pair.right_windows(top, top + 1)
-    kept, _ = _Surfaces.of(pair, pair.lags).score(top, np.array([left_edge]), left, right)
+    kept, _ = _Surfaces(pair, pair.lags).score(top, np.array([left_edge]), left, right)
     kept = kept[0, : pair.table.codes.size].reshape(pair.lags.rows, -1)[:, : pair.lags.cols]
     inverse = float(left.inverse[0, left_edge])
     if inverse > 0:
@@ -420,29 +399,36 @@ def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
     return surface
 
 
-class _Surfaces(ABC):
-    """Scores of windows at every lag, stored as in :mod:`stereolag.stereo.windows.scores`."""
+class _Surfaces:
+    """Scores of windows at every lag, by FFT, stored as in :mod:`stereolag.stereo.windows.scores`.
 
-    @staticmethod
-    def of(pair: PreparedPair, lags: LagRange) -> _Surfaces:
-        """Return the surfaces of the kind that the query needs."""
-        if pair.circular:
-            return _Circular(pair, lags)
-        return _Whitened(pair, lags) if pair.score == "phase" else _Products(pair, lags)
+    Sums of products with larger search areas, zero-padded so that nothing wraps, are scored as for window sums. In
+    phase correlation only the phase of the spectrum counts. A circular correlation is with the same place in the right
+    image, wrapped around at the window's edges.
+
+    Parameters
+    ----------
+    pair
+        The pair.
+    lags
+        The lags inside its frame.
+    """
 
     def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
         from scipy import fft  # windows of sums never need it
 
-        self.pair, self.lags, self.fft = pair, lags, fft
+        self.pair, self.lags, self.fft, self.right = pair, lags, fft, pair.right
         if pair.circular:
             self.area = self.fft_shape = (pair.window, pair.window)
         else:
             self.area = (pair.window + lags.rows - 1, pair.window + lags.cols - 1)
             rows, cols = (fft.next_fast_len(side, real=True) for side in self.area)
             self.fft_shape = (rows, cols)
+        if pair.score == "phase" and not pair.circular:
+            # Padded with the mean, as an edge of the frame would have a phase.
+            self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
         self.bytes_per_window = 8 * 4 * self.fft_shape[0] * self.fft_shape[1]
 
-    @abstractmethod
     def score(
         self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
@@ -457,102 +443,49 @@ class _Surfaces(ABC):
         left, right
             Sums and norms of the windows.
         """
-
-    def places(self, first: int, some: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the top-left pixels of some windows."""
-        rows, cols = np.divmod(some, self.pair.cols)
-        return (first + rows) * self.pair.step, cols * self.pair.step
-
-    def correlated(self, windows: Array, areas: Array, *, whitened: bool) -> Surface:
-        """Return the (n, lag rows, lag cols) correlation of windows with their search areas; wrapped if circular."""
+        pair, lags, whitened = self.pair, self.lags, self.pair.score == "phase"
+        rows, cols = np.divmod(some, pair.cols)
+        tops, lefts = (first + rows) * pair.step, cols * pair.step
+        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
+        areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
+        if whitened or (pair.circular and pair.score != "ncc"):
+            windows, areas = _mean_free(windows), _mean_free(areas)
         spectrum: Spectrum = self.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
         spectrum *= self.fft.rfft2(areas, self.fft_shape, workers=-1)
         if whitened:
             _whiten(spectrum)
         surface: Surface = self.fft.irfft2(spectrum, self.fft_shape, workers=-1)
-        return surface
+        if pair.circular:
+            surface = self.fft.fftshift(surface, axes=(1, 2))  # from the first lag to the last
+            inverse = right.inverse.reshape(-1)[some].astype(np.float64)[:, None, None]
+            if not whitened:
+                other = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
+                surface *= left.inverse.reshape(-1)[some][:, None, None] * other
+            return to_stored_score(pair, lags, np.where(inverse > 0, surface, np.nan))
+        surface = surface[:, : lags.rows, : lags.cols]
+        at_first = tops - first * pair.step, lefts + pair.right_col
+        if whitened:
+            known = _cut(right.inverse, *at_first, (lags.rows, lags.cols)) > 0
+            return to_stored_score(pair, lags, np.where(known, surface, np.nan))
+        return self._score_products(surface, int(some[0]), left, at_first, right)
 
-
-class _Products(_Surfaces):
-    """Sums of products with larger search areas, zero-padded so that nothing wraps, scored as for window sums."""
-
-    def score(
-        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    def _score_products(
+        self, surface: Surface, left_at: int, left: Windows, at_first: tuple[Array, Array], right: Windows
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        pair, lags, table = self.pair, self.lags, self.pair.table
-        tops, lefts = self.places(first, some)
-        areas = _cut(pair.right, tops + pair.right_row, lefts + pair.right_col, self.area)
-        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
-        surface = self.correlated(windows, areas, whitened=False)[:, : lags.rows, : lags.cols]
+        """Return the scores of windows from their products; `at_first` are the right windows met at the first lag."""
+        pair, lags, table, count = self.pair, self.lags, self.pair.table, len(surface)
         if pair.exact:
             np.rint(surface, out=surface)
-        products = np.zeros((some.size, lags.rows, table.codes.size // lags.rows), pair.sums_dtype)
-        products[:, :, : lags.cols] = surface
-        scores = np.zeros((some.size, table.codes.size + LANES), np.int32)
-        best_lanes = np.empty((some.size, LANES), np.int32)
-        right_at = (tops - first * pair.step) * pair.right.shape[1] + lefts + pair.right_col
+        products = np.zeros((count, table.codes.size), pair.sums_dtype)
+        products.reshape(count, lags.rows, -1)[:, :, : lags.cols] = surface
+        scores, best_lanes = np.zeros((count, table.codes.size + LANES), np.int32), np.empty((count, LANES), np.int32)
+        right_at = at_first[0] * pair.right.shape[1] + at_first[1]
 
         def make_scores(begin: int, end: int) -> None:
-            score_products(
-                begin,
-                end,
-                products.reshape(some.size, -1),
-                pair.share,
-                int(some[0]),
-                left,
-                right_at,
-                right,
-                table,
-                scores,
-                best_lanes,
-            )
+            score_products(begin, end, products, pair.share, left_at, left, right_at, right, table, scores, best_lanes)
 
-        over_bands(make_scores, some.size)
+        over_bands(make_scores, count)
         return scores, best_lanes
-
-
-class _Whitened(_Surfaces):
-    """Phase correlation: only the phase of the spectrum counts."""
-
-    def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
-        super().__init__(pair, lags)
-        # Padded with the mean, as an edge of the frame would have a phase.
-        self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
-
-    def score(
-        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        pair, lags = self.pair, self.lags
-        tops, lefts = self.places(first, some)
-        areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
-        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
-        surface = self.correlated(_mean_free(windows), _mean_free(areas), whitened=True)
-        in_frame = _cut(right.inverse, tops - first * pair.step, lefts + pair.right_col, (lags.rows, lags.cols)) > 0
-        return to_stored_score(pair, lags, np.where(in_frame, surface[:, : lags.rows, : lags.cols], np.nan))
-
-
-class _Circular(_Surfaces):
-    """Scores of windows against the same place in the right image, wrapped around at the window's edges."""
-
-    def score(
-        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        pair, lags = self.pair, self.lags
-        tops, lefts = self.places(first, some)
-        order = np.ix_(
-            np.arange(some.size),
-            np.arange(lags.dy_first, lags.dy_last + 1) % pair.window,
-            np.arange(lags.dx_first, lags.dx_last + 1) % pair.window,
-        )
-        windows, areas = (_cut(image, tops, lefts, self.area) for image in (pair.left, pair.right))
-        if pair.score != "ncc":
-            windows, areas = _mean_free(windows), _mean_free(areas)
-        surface = self.correlated(windows, areas, whitened=pair.score == "phase")[order]
-        inverse = right.inverse.reshape(-1)[some].astype(np.float64)
-        if pair.score != "phase":
-            right_norm = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
-            surface *= (left.inverse.reshape(-1)[some] * right_norm)[:, None, None]
-        return to_stored_score(pair, lags, np.where(inverse[:, None, None] > 0, surface, np.nan))
 
 
 def to_stored_score(
