@@ -29,6 +29,11 @@ else:
         return Deferred(partial(_instruction, name))
 
 
+def lanes_for(count: int) -> int:
+    """Return how many lanes, in whole strips of sixteen, hold `count` numbers."""
+    return -(-count // LANES) * LANES
+
+
 def _instruction(name: str) -> Any:
     return getattr(import_module("stereolag.loops.instructions"), name)
 

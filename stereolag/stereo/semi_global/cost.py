@@ -25,6 +25,7 @@ from stereolag.loops.vector_lanes import (
     bits_of_both,
     cast,
     item,
+    lanes_for,
     larger,
     load,
     paired_products,
@@ -301,6 +302,9 @@ class Weights(NamedTuple):
     """Cost of a lag that leads out of the frame."""
 
 
+NOT_TRIED = 255
+"""Cost of the lags after the last one tried, above :data:`MOST`: no path ends there, nor leads there and back."""
+
 UNSEEN = 0.28
 """Cost of a lag that leads out of the frame, as a share of the highest cost: between a good match and a mismatch."""
 
@@ -337,11 +341,11 @@ def matching_cost(
     Returns
     -------
     ndarray
-        (H, W, num_disparities) uint8, 0..250.
+        (H, W, D) uint8, 0..250, in whole strips of sixteen; :data:`NOT_TRIED` from ``num_disparities`` on.
     """
     radius = window_size // 2
-    strips = -(-num_disparities // LANES) * LANES
-    before, after = max(0, -min_disparity), max(0, min_disparity + strips - 1)
+    lanes = lanes_for(num_disparities)
+    before, after = max(0, -min_disparity), max(0, min_disparity + lanes - 1)
     work = (lambda: features(left, radius), lambda: right_features(right, radius, before, after))
     described: dict[int, Features] = {}
     over_bands(lambda first, end: described.update((one, work[one]()) for one in range(first, end)), len(work))
@@ -354,10 +358,9 @@ def matching_cost(
     )
     # The column of the right features that column 0 meets at the first lag.
     origin = left.shape[1] - 1 + before + min_disparity
-    costs = volume((*left.shape, num_disparities), np.uint8)
-    over_bands(
-        lambda first, end: cost_rows(here, there, radius, min_disparity, origin, weights, first, end, costs), len(left)
-    )
+    lags = min_disparity, num_disparities
+    costs = volume((*left.shape, lanes), np.uint8)
+    over_bands(lambda first, end: cost_rows(here, there, radius, lags, origin, weights, first, end, costs), len(left))
     return costs
 
 
@@ -366,7 +369,7 @@ def cost_rows(
     left: Features,
     right: Features,
     radius: int,
-    smallest: int,
+    tried: tuple[int, int],
     origin: int,
     weights: Weights,
     first: int,
@@ -384,8 +387,8 @@ def cost_rows(
         From :func:`features` and :func:`right_features`.
     radius
         Radius of the correlation window, px.
-    smallest
-        Disparity of the first lag, px.
+    tried
+        Disparity of the first lag, px, and number of lags.
     origin
         Column of the right features that column 0 of the left image meets at the first lag.
     weights
@@ -393,10 +396,8 @@ def cost_rows(
     costs
         (H, W, lags).
     """
-    width, side = costs.shape[1], 2 * radius + 1
-    lags = -(-costs.shape[2] // LANES) * LANES
+    width, lags, side = costs.shape[1], costs.shape[2], 2 * radius + 1
     columns, window = np.zeros((width + side - 1) * lags, np.int32), np.zeros(lags, np.int32)
-    last = np.empty(LANES, np.uint8)
     levels, right_levels = left.levels, right.levels
     for row in range(first, first + side - 1):
         for col in range(width + side - 1):
@@ -408,9 +409,10 @@ def cost_rows(
                 store(columns, at, load(columns, at) + product)
     for y in range(first, end):
         fill(window, 0)
-        _cost_row(left, right, radius, origin, weights, y, y > first, columns, window, last, costs)
+        _cost_row(left, right, radius, origin, weights, y, y > first, columns, window, costs)
         for x in range(width):
-            _mark_unseen(costs, y, x, x - smallest, weights.unseen)
+            _mark_unseen(costs[y, x], x - tried[0], width, weights.unseen)
+            fill(costs[y, x, tried[1] :], NOT_TRIED)
 
 
 @compiled
@@ -424,13 +426,12 @@ def _cost_row(
     leaves: bool,
     columns: Array,
     window: Array,
-    last: Array,
     costs: Costs,
 ) -> None:
     """Set the costs of a row: a level of the row above the window leaves each column if `leaves`."""
     levels, totals, inverses, gradients, words, high_words = left
     right_levels, right_totals, right_inverses, right_gradients, right_words, right_high_words = right
-    width, count, side = costs.shape[1], costs.shape[2], 2 * radius + 1
+    width, side = costs.shape[1], 2 * radius + 1
     share = np.float32(1 / side**2)
     lags = window.size
     stride = width + side - 1
@@ -479,23 +480,16 @@ def _cost_row(
                 + scaled(differing * bits_shift, bits_factor)
                 + rounded
             )
-            cost = cast(total >> whole, np.uint8)
-            at = place * count + lag
-            if lag + LANES <= count:
-                store(costs, at, cost)
-            else:
-                store(last, 0, cost)
-                for rest in range(count - lag):
-                    put(costs, at + rest, item(last, rest))
+            store(costs, place * lags + lag, cast(total >> whole, np.uint8))
 
 
 @compiled
-def _mark_unseen(costs: Costs, y: int, x: int, column: int, unseen: int) -> None:
+def _mark_unseen(costs: Costs, column: int, width: int, unseen: int) -> None:
     """Set the cost of the lags that lead out of the frame: lag k leads to ``column - k`` of the right image."""
-    for lag in range(max(0, column + 1), costs.shape[2]):
-        costs[y, x, lag] = unseen
-    for lag in range(0, min(costs.shape[2], column - costs.shape[1] + 1)):
-        costs[y, x, lag] = unseen
+    for lag in range(max(0, column + 1), costs.size):
+        costs[lag] = unseen
+    for lag in range(0, min(costs.size, column - width + 1)):
+        costs[lag] = unseen
 
 
 def cost_reference(

@@ -15,6 +15,7 @@ from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation,
 from stereolag.core.jobs import COSTS, Estimate, Progress
 from stereolag.core.settings import FitsImage, Pixels
 from stereolag.loops.bands import over_bands
+from stereolag.loops.vector_lanes import lanes_for
 from stereolag.stereo.finishing.stages import (
     AmbiguityTest,
     Filling,
@@ -133,9 +134,9 @@ class SemiGlobalMatcher(StereoMatcher):
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         (height, width), pixels = shape[:2], shape[0] * shape[1]
-        _, own = next(strips(height, width * self.num_disparities * BYTES_OF_A_CELL))
+        lags = width * lanes_for(self.num_disparities)
+        _, own = next(strips(height, lags * BYTES_OF_A_CELL))
         strip = min(height, own + 2 * OVERLAP)
-        lags = width * self.num_disparities
         features = FEATURES * (width + self.num_disparities) + lags
         return COSTS["semi-global"].estimate(
             grey=grey_bytes(shape, dtype),
@@ -189,7 +190,7 @@ class SemiGlobalMatcher(StereoMatcher):
         """
         height, width = left.shape
         parts = []
-        for first, end in strips(height, width * self.num_disparities * BYTES_OF_A_CELL):
+        for first, end in strips(height, width * lanes_for(self.num_disparities) * BYTES_OF_A_CELL):
             top = max(0, first - OVERLAP)
             rows = slice(top, end + OVERLAP)
 
@@ -212,7 +213,7 @@ class SemiGlobalMatcher(StereoMatcher):
         )
         progress(COST_SHARE)
         sums = optimise(costs, left, self.optimisation, lambda done: progress(COST_SHARE + PATHS_SHARE * done))
-        found = cheapest_lags(sums, self.min_disparity, runner_up=self.ambiguity is not None)
+        found = cheapest_lags(sums, self.min_disparity, self.num_disparities, runner_up=self.ambiguity is not None)
         progress(1.0)
         return found
 

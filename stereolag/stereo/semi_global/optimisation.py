@@ -20,6 +20,7 @@ from stereolag.loops.vector_lanes import (
     cast,
     following,
     item,
+    lanes_for,
     load,
     put,
     smaller,
@@ -44,11 +45,65 @@ CELLS_AT_ONCE = 40_000_000
 """Pixels times lags between two progress calls: a few hundredths of a second."""
 
 
-def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: Progress = silent) -> Sums:
+class SemiGlobal(Settings):
+    """Penalties for a change of disparity between neighbours; a mismatch costs up to 250."""
+
+    penalty_small: int = Field(
+        default=24,
+        title="Penalty of a slant",
+        description="Cost of a change by one lag. Higher is smoother, lower follows slanted surfaces.",
+        ge=1,
+        le=250,
+    )
+    penalty_large: int = Field(
+        default=400,
+        title="Penalty of a jump",
+        description="Cost of any larger change where the image has no edge.",
+        ge=1,
+        le=3000,
+        json_schema_extra={"step": 20},
+    )
+    penalty_at_edges: int = Field(
+        default=80,
+        title="Penalty of a jump at an edge",
+        description="Cost of any larger change across a strong edge of the image, where surfaces may end.",
+        ge=1,
+        le=3000,
+        json_schema_extra={"step": 20},
+    )
+    edge_contrast: int = Field(
+        default=40,
+        title="Strong edge",
+        description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
+        ge=1,
+        le=255,
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> SemiGlobal:
+        if not self.penalty_small <= self.penalty_at_edges <= self.penalty_large:
+            raise ValueError(
+                f"penalty_small is {self.penalty_small}, penalty_at_edges {self.penalty_at_edges} and penalty_large "
+                f"{self.penalty_large}; each must be at least as large as the one before."
+            )
+        return self
+
+    @property
+    def jumps(self) -> npt.NDArray[np.uint16]:
+        """Return the penalty of a jump across each step of grey levels, (256,): it falls linearly with the step."""
+        fall = np.linspace(self.penalty_large, self.penalty_at_edges, self.edge_contrast + 1)
+        penalties = np.full(256, self.penalty_at_edges, np.uint16)
+        penalties[: fall.size] = np.rint(fall)
+        return penalties
+
+
+def optimise(costs: Costs, guide: Pixels, settings: SemiGlobal, progress: Progress = silent) -> Sums:
     """Return the path costs, summed over the eight paths that reach a pixel.
 
-    Along a path with direction r the cost of pixel p at lag d is
-    ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r.
+    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. Along a path with
+    direction r the cost of pixel p at lag d is
+    ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r. The penalty
+    `large` of a jump falls with the grey-level step that the path crosses.
 
     Two simultaneous sweeps, one downwards and one upwards, carry four paths each. Until they meet in the middle, each
     sets the sums of its rows; after that, each adds to the sums of the other, so that one volume is enough.
@@ -56,31 +111,29 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
     Parameters
     ----------
     costs
-        (H, W, D) uint8.
+        (H, W, D) uint8 matching cost in whole strips of sixteen lags, at most 250; the lags after the last one tried
+        cost more. With the largest penalty a cost stays below 4096, so that eight paths fit in 16 bits.
     guide
-        (H, W) uint8 grey levels: a path that crosses a step in them pays less for a jump.
-    small
-        Penalty for a change of one lag.
-    large
-        (256,) uint16 penalty for a larger change, indexed by the step of the guide between the two pixels; with the
-        largest cost it stays below 4096, so that eight paths fit in 16 bits.
+        (H, W) uint8, the left image.
+    settings
+        The penalties.
     progress
         Called with the fraction done.
 
     Returns
     -------
     ndarray
-        (H, W, D) uint16; semi-global matching minimises it.
+        (H, W, D) uint16; the disparity of a pixel is at its minimum.
     """
     height, width, lags = costs.shape
     sums = volume(costs.shape, np.uint16)
-    guide = np.ascontiguousarray(guide)
+    guide, penalties = np.ascontiguousarray(guide), (settings.penalty_small, settings.jumps)
     fronts = front(height, width, lags), front(height, width, lags)
     for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):
 
         def directions(one: int, last: int, spans: tuple[Span, Span] = spans, adds: bool = adds) -> None:
             for direction in range(one, last):
-                _sweep(costs, guide, (small, large), direction == 1, adds, *spans[direction], fronts[direction], sums)
+                _sweep(costs, guide, penalties, direction == 1, adds, *spans[direction], fronts[direction], sums)
 
         over_bands(directions, 2)
         progress(spans[0][1] / height)
@@ -163,10 +216,9 @@ LEAST = -LANES // 2
 """Place of the lowest cost of a path's cell, from its first lag; between cells there is room for sixteen numbers."""
 
 
-@compiled
 def cell_size(lags: int) -> int:
     """Return the size of a cell: whole strips of sixteen, so that they are aligned, and the room before them."""
-    return -(-lags // LANES) * LANES + LANES
+    return lanes_for(lags) + LANES
 
 
 def front(height: int, width: int, lags: int) -> Sums:
@@ -208,10 +260,9 @@ def _sweep(
     """
     costs, sums = costs3.reshape(-1), sums3.reshape(-1)
     height, width, lags = costs3.shape
-    size, whole = cell_size(lags), lags - lags % LANES
+    size = lags + LANES
     large, small = penalties[1], splat(penalties[0], np.uint16)
     most = splat(65535, np.uint16)
-    spare_costs, spare_sums = np.full(LANES, WALL, np.uint16), np.zeros(LANES, np.uint16)
     jumps = np.empty(PATHS // 2 * width, np.uint16)
     for i in range(first, end):
         y = height - 1 - i if backwards else i
@@ -233,19 +284,11 @@ def _sweep(
                 _step(paths, places[3] + size, item(jumps, j + 3)),
             )
             least = most, most, most, most
-            for lag in range(0, whole, LANES):
+            for lag in range(0, lags, LANES):
                 four, least = _carry_four(
                     paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, least
                 )
                 store(sums, at + lag, four + load(sums, at + lag) if adds else four)
-            if whole < lags:
-                for one in range(lags - whole):
-                    put(spare_costs, one, item(costs, at + whole + one))
-                    put(spare_sums, one, item(sums, at + whole + one))
-                four, least = _carry_four(paths, steps, places, whole, load(spare_costs, 0), small, least)
-                store(spare_sums, 0, four + load(spare_sums, 0) if adds else four)
-                for one in range(lags - whole):
-                    put(sums, at + whole + one, item(spare_sums, one))
             put(paths, places[0] + LEAST, smallest(least[0]))
             put(paths, places[1] + LEAST, smallest(least[1]))
             put(paths, places[2] + LEAST, smallest(least[2]))
@@ -277,10 +320,10 @@ def _apart(one: Any, other: Any) -> Any:
     return np.intp(max(one, other)) - np.intp(min(one, other))
 
 
-def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
-    """Return the expected result of :func:`path_sums`, computed from the formula pixel by pixel."""
+def optimise_reference(costs: Costs, guide: Pixels, settings: SemiGlobal) -> npt.NDArray[np.int64]:
+    """Return the expected result of :func:`optimise`, computed from the formula pixel by pixel."""
     height, width, lags = costs.shape
-    total = np.zeros(costs.shape, np.int64)
+    total, large = np.zeros(costs.shape, np.int64), settings.jumps
     for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
         path = np.zeros((height + 2, width + 2, lags + 2), np.int64)
         path[:, :, [0, -1]] = WALL
@@ -290,83 +333,11 @@ def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -
                 inside = 0 <= y - dy < height and 0 <= x - dx < width
                 step = abs(int(guide[y, x]) - int(guide[y - dy, x - dx])) if inside else 0
                 least = before[1:-1].min()
-                beside = np.minimum(before[:-2], before[2:]) + small
+                beside = np.minimum(before[:-2], before[2:]) + settings.penalty_small
                 best = np.minimum(np.minimum(before[1:-1], beside), least + int(large[step]))
                 path[y + 1, x + 1, 1:-1] = costs[y, x] + best - least
         total += path[1:-1, 1:-1, 1:-1]
     return total
-
-
-class SemiGlobal(Settings):
-    """Penalties for a change of disparity between neighbours; a mismatch costs up to 250."""
-
-    penalty_small: int = Field(
-        default=24,
-        title="Penalty of a slant",
-        description="Cost of a change by one lag. Higher is smoother, lower follows slanted surfaces.",
-        ge=1,
-        le=250,
-    )
-    penalty_large: int = Field(
-        default=400,
-        title="Penalty of a jump",
-        description="Cost of any larger change where the image has no edge.",
-        ge=1,
-        le=3000,
-        json_schema_extra={"step": 20},
-    )
-    penalty_at_edges: int = Field(
-        default=80,
-        title="Penalty of a jump at an edge",
-        description="Cost of any larger change across a strong edge of the image, where surfaces may end.",
-        ge=1,
-        le=3000,
-        json_schema_extra={"step": 20},
-    )
-    edge_contrast: int = Field(
-        default=40,
-        title="Strong edge",
-        description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
-        ge=1,
-        le=255,
-    )
-
-    @model_validator(mode="after")
-    def _in_order(self) -> SemiGlobal:
-        if not self.penalty_small <= self.penalty_at_edges <= self.penalty_large:
-            raise ValueError(
-                f"penalty_small is {self.penalty_small}, penalty_at_edges {self.penalty_at_edges} and penalty_large "
-                f"{self.penalty_large}; each must be at least as large as the one before."
-            )
-        return self
-
-
-def optimise(costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, progress: Progress = silent) -> Sums:
-    """Return the summed costs of the best paths from eight directions.
-
-    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. The penalty of a jump
-    falls linearly with the grey-level step that the path crosses.
-
-    Parameters
-    ----------
-    costs
-        (H, W, D) uint8 matching cost, at most 250.
-    guide
-        (H, W) uint8, the left image.
-    settings
-        The penalties.
-    progress
-        Called with the fraction done.
-
-    Returns
-    -------
-    ndarray
-        (H, W, D) uint16; the disparity of a pixel is at its minimum.
-    """
-    fall = np.linspace(settings.penalty_large, settings.penalty_at_edges, settings.edge_contrast + 1)
-    large = np.full(256, settings.penalty_at_edges, np.uint16)
-    large[: fall.size] = np.rint(fall)
-    return path_sums(costs, guide, settings.penalty_small, large, progress)
 
 
 NO_RIGHT_MATCH = np.iinfo(np.int16).min
@@ -390,15 +361,17 @@ class CheapestLags(NamedTuple):
     """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH if it has none."""
 
 
-def cheapest_lags(sums: Sums, smallest: int, *, runner_up: bool = True) -> CheapestLags:
+def cheapest_lags(sums: Sums, smallest: int, count: int, *, runner_up: bool = True) -> CheapestLags:
     """Return the cheapest lags of a volume.
 
     Parameters
     ----------
     sums
-        (H, W, D) uint16 summed path costs.
+        (H, W, D) uint16 summed path costs, in whole strips of sixteen lags.
     smallest
         Disparity of the first lag, px: lag k pairs column x on the left with ``x - smallest - k`` on the right.
+    count
+        Number of lags tried; any after them cost more.
     runner_up
         Whether the runners-up are wanted.
     """
@@ -409,36 +382,31 @@ def cheapest_lags(sums: Sums, smallest: int, *, runner_up: bool = True) -> Cheap
         runner_up=np.empty((height, width) if runner_up else (0, 0), np.int32),
         right_lag=np.empty((height, width), np.int16),
     )
-    over_bands(lambda first, end: _cheapest_rows(sums, smallest, first, end, found), height)
+    over_bands(lambda first, end: _cheapest_rows(sums, smallest, count, first, end, found), height)
     return found
 
 
 @compiled
-def _cheapest_rows(sums3: Sums, shift: int, first: int, end: int, found: CheapestLags) -> None:
+def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, found: CheapestLags) -> None:
     """Find the cheapest lags of rows `first` to `end`, sixteen at once; lag k leads from column x to ``x - shift - k``.
 
     What the right image has seen is kept by lag: from one pixel to the next, each of its pixels moves on by one lag.
     Kept by its own columns, every load would wait for two stores.
     """
     lag_found, around, runner_up, right_lag = found
-    height, width, count = sums3.shape
-    pixels, lags = height * width, -(-count // LANES) * LANES
+    height, width, lags = sums3.shape
+    pixels = height * width
     sums, numbers = sums3.reshape(-1), np.arange(lags).astype(np.uint16)
-    last, seen, seen_lag = np.full(LANES, NONE, np.uint16), np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
+    seen, seen_lag = np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
     none = splat(NONE, np.uint16)
     for y in range(first, end):
         fill(seen, NONE)
         fill(right_lag[y], NO_RIGHT_MATCH)
         for x in range(width):
-            place = (y * width + x) * count
+            place = (y * width + x) * lags
             least, least_lag, before, before_lag = none, none, none, none
             for lag in range(0, lags, LANES):
-                if lag + LANES <= count:
-                    cost = load(sums, place + lag)
-                else:
-                    for one in range(count - lag):
-                        put(last, one, item(sums, place + lag + one))
-                    cost = load(last, 0)
+                cost = load(sums, place + lag)
                 number, here, here_lag = load(numbers, lag), load(seen, lag), load(seen_lag, lag)
                 lowest = smaller(least, cost)
                 least, least_lag = lowest, where_equal(lowest, least, least_lag, number)

@@ -19,7 +19,7 @@ from stereolag.core.inputs import Image, flat_energy
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.memory import zeros
-from stereolag.loops.vector_lanes import LANES
+from stereolag.loops.vector_lanes import LANES, lanes_for
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.scores import (
     OFFSET,
@@ -43,7 +43,6 @@ from stereolag.stereo.windows.search import (
     WindowMatches,
     WindowQuery,
     lag_table,
-    strips_of,
 )
 
 LARGEST_EXACT_WINDOW = 181
@@ -200,7 +199,7 @@ def framed(image: Array, lags: LagRange) -> Array:
         top=max(0, -lags.dy_first),
         bottom=max(0, lags.dy_last),
         left=max(0, -lags.dx_first),
-        right=max(0, lags.dx_first + strips_of(lags) * LANES),
+        right=max(0, lags.dx_first + lanes_for(lags.cols)),
         borderType=cv2.BORDER_CONSTANT,
     )
 

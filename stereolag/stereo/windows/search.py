@@ -13,7 +13,7 @@ from pydantic import Field
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import KIND, OfThePair, Pixels, Settings, Usual
-from stereolag.loops.vector_lanes import LANES
+from stereolag.loops.vector_lanes import LANES, lanes_for
 from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
 ROOM_FOR_WINDOW = 32
@@ -238,7 +238,7 @@ def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable
     If the search is `wrapped`, the lags at one end are neighbours of those at the other. Tables are shared: do not
     change one.
     """
-    width = strips_of(lags) * LANES
+    width = lanes_for(lags.cols)
     dy, dx = (np.concatenate([[0], lag[::-1]]) for lag in lags.ranked())
     row, col = dy - lags.dy_first, dx - lags.dx_first
     row[0], col[0] = 0, 0
@@ -259,11 +259,6 @@ def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable
         dy=dy.astype(np.int16),
         dx=dx.astype(np.int16),
     )
-
-
-def strips_of(lags: LagRange) -> int:
-    """Return the number of strips of sixteen that cover the horizontal displacements."""
-    return -(-lags.cols // LANES)
 
 
 Score: TypeAlias = Literal["zncc", "ncc", "cross", "phase"]
