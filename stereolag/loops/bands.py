@@ -63,6 +63,8 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent
             results.append(job())
             progress(number / len(jobs))
         return results
+    if progress is silent:
+        return _shared(jobs)
     waiting = iter(jobs)
     futures: list[Future[Result]] = []
     running: set[Future[Result]] = set()
@@ -84,6 +86,20 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent
         for future in running:
             future.cancel()
         wait(running)
+
+
+def _shared(jobs: Sequence[Callable[[], Result]]) -> list[Result]:
+    """Run the jobs in the pool and, to wait for no thread to wake up, those that it has not begun in this thread."""
+    futures = [_pool().submit(job) for job in jobs[1:]]
+    try:
+        return [
+            jobs[0](),
+            *(job() if one.cancel() else one.result() for job, one in zip(jobs[1:], futures, strict=True)),
+        ]
+    finally:
+        for future in futures:
+            future.cancel()
+        wait(futures)
 
 
 def row_bands(rows: int, most_rows: int) -> list[tuple[int, int]]:

@@ -58,16 +58,15 @@ def describe_windows(
     """
     side, step, (top, end, begin) = norms.window, norms.step, where
     rows = image[first * step : (first + end - top - 1) * step + side]
-    height, width = (length - side + 1 for length in rows.shape)
     depth = cv2.CV_32S if windows.total.dtype == np.int32 else cv2.CV_64F
     total, square = (
-        np.ascontiguousarray(blur(rows, depth, (side, side), anchor=(0, 0), normalize=False)[:height:step, :width:step])
+        np.ascontiguousarray(blur(rows, depth, (side, side), anchor=(0, 0), normalize=False)[::step, ::step])
         for blur in (cv2.boxFilter, cv2.sqrBoxFilter)
     )
-    width = total.shape[1]
-    windows.total[top:end, begin : begin + width] = total
+    width = (image.shape[1] - side) // step + 1
+    windows.total[top:end, begin : begin + width] = total[: end - top, :width]
     energy, (root, deviation) = np.empty(width), np.empty((2, width), np.float32)
-    _set_norms(total, square, norms, top, begin, windows.inverse, texture, energy, root, deviation)
+    _set_norms(total, square, norms, where, windows.inverse, texture, energy, root, deviation)
 
 
 @compiled(counted=False)
@@ -75,17 +74,16 @@ def _set_norms(
     total: Array,
     square: Array,
     norms: WindowNorms,
-    top: int,
-    begin: int,
+    where: tuple[int, int, int],
     inverse: FloatMap,
     texture: FloatMap,
     energy: DoubleMap,
     root: FloatMap,
     deviation: FloatMap,
 ) -> None:
-    """Set the inverse norms, from row `top` and column `begin` on, and the textures; the last three are buffers."""
-    window, _, share, norm, floor = norms
-    for row in range(total.shape[0]):
+    """Set the inverse norms and the textures as :func:`describe_windows` does; the last three are buffers."""
+    (window, _, share, norm, floor), (top, end, begin) = norms, where
+    for row in range(end - top):
         inverses = inverse[top + row, begin : begin + energy.size]
         _energies(total[row], square[row], share, energy)
         _roots(energy, floor, window, inverses, deviation)
