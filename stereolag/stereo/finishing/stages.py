@@ -14,7 +14,6 @@ from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import over_bands, over_image
 from stereolag.loops.compilation import compiled
-from stereolag.loops.memory import copy
 from stereolag.loops.vector_lanes import (
     LANES,
     are_equal,
@@ -171,13 +170,12 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     settings
         Size below which an island is removed, and disparity step that bounds it.
     """
-    height, most = disparity.shape[0], round(settings.difference * SIXTEENTHS)
+    (height, width), most = disparity.shape, round(settings.difference * SIXTEENTHS)
     sixteenths, counts = np.empty(disparity.shape, np.int16), np.empty(height, np.int32)
-    over_bands(lambda first, end: _count_runs(disparity, most, first, end, sixteenths, counts), height)
+    runs = np.empty((2, height, width + 1), np.int32)
+    over_bands(lambda first, end: _find_runs(disparity, most, first, end, sixteenths, runs, counts), height)
     starts = np.concatenate([[0], np.cumsum(counts)])
-    runs = np.empty((2, starts[-1]), np.int32)
-    over_bands(lambda first, end: _find_runs(sixteenths, most, starts, first, end, runs), height)
-    surfaces, pixels = np.arange(runs.shape[1]), np.zeros(runs.shape[1], np.int64)
+    surfaces, pixels = np.arange(starts[-1]), np.zeros(starts[-1], np.int64)
     _join_runs(sixteenths, most, starts, runs, surfaces, pixels)
     kept, reasons = np.empty_like(disparity), np.empty_like(reason)
 
@@ -189,63 +187,56 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     return kept, reasons
 
 
-@compiled(counted=False)
-def _count_runs(disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, counts: Array) -> None:
-    """Round the disparities of rows `first` to `end` to sixteenths, NOTHING for NaN, and count the runs of each row."""
+@compiled
+def _find_runs(
+    disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, runs: Array, counts: Array
+) -> None:
+    """Round the disparities of rows `first` to `end` to sixteenths, NOTHING for NaN, and find the runs of each row.
+
+    Their number, and from the left the first column of each, and the column after its last.
+    """
+    width = disparity.shape[1]
+    begins, ends = np.empty(width, np.int32), np.empty(width, np.int32)
     for y in range(first, end):
         row, source = sixteenths[y], disparity[y]
-        for x in range(row.size):
+        for x in range(width):
             known = source[x] == source[x]
             row[x] = np.int16(np.int32(np.rint(source[x] * np.float32(SIXTEENTHS)))) if known else np.int16(NOTHING)
-        count = np.int32(row[0] != NOTHING)
-        for x in range(1, row.size):
-            before, here = np.int32(row[x - 1]), np.int32(row[x])
-            count += np.int32((here != NOTHING) & ((before == NOTHING) | (abs(here - before) > most)))
-        counts[y] = count
-
-
-@compiled
-def _find_runs(sixteenths: Array, most: int, starts: Array, first: int, end: int, runs: Array) -> None:
-    """Set the first column of each run of rows `first` to `end`, and the column after its last."""
-    width = sixteenths.shape[1]
-    begins, ends = np.empty(width, np.int32), np.empty(width, np.int32)
-    columns = np.empty((2, width + 1), np.int32)
-    for y in range(first, end):
-        row, begun, ended = sixteenths[y], 0, width + 1
         begins[0], ends[0] = row[0] != NOTHING, 0
         for x in range(1, width):
             before, here = np.int32(row[x - 1]), np.int32(row[x])
             apart = (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most)
             begins[x], ends[x] = apart & (here != NOTHING), apart & (before != NOTHING)
+        begun, ended = y * (width + 1), (disparity.shape[0] + y) * (width + 1)
         for x in range(width):
             # Written everywhere and kept where a run begins or ends, without a branch to be guessed.
-            put(columns, begun, x)
-            put(columns, ended, x)
+            put(runs, begun, x)
+            put(runs, ended, x)
             begun += item(begins, x)
             ended += item(ends, x)
-        put(columns, ended, width)
-        for side in range(2):
-            copy(columns[side], runs[side, starts[y] : starts[y + 1]])
+        put(runs, ended, width)
+        counts[y] = begun - y * (width + 1)
 
 
 @compiled(counted=False)
 def _join_runs(sixteenths: Array, most: int, starts: Array, runs: Array, parent: Array, pixels: Array) -> None:
     """Set the number of pixels of the surface of each run, first zeros; each run is its own `parent` at first."""
-    for y in range(1, sixteenths.shape[0]):
-        here, above = starts[y], starts[y - 1]
-        while here < starts[y + 1] and above < starts[y]:
-            last = min(runs[1, here], runs[1, above])
-            for x in range(max(runs[0, here], runs[0, above]), last):
+    height = sixteenths.shape[0]
+    for y in range(1, height):
+        here = above = 0
+        while here < starts[y + 1] - starts[y] and above < starts[y] - starts[y - 1]:
+            last, last_above = runs[1, y, here], runs[1, y - 1, above]
+            for x in range(max(runs[0, y, here], runs[0, y - 1, above]), min(last, last_above)):
                 if abs(np.int32(sixteenths[y, x]) - np.int32(sixteenths[y - 1, x])) <= most:
-                    one, other = _root(parent, here), _root(parent, above)
+                    one, other = _root(parent, starts[y] + here), _root(parent, starts[y - 1] + above)
                     parent[max(one, other)] = min(one, other)
                     break
             # The run that ends first meets no other; of two that end together the next ones do not meet these.
-            ends = runs[1, here] == last
-            above += runs[1, above] == last
-            here += ends
-    for run in range(parent.size):
-        pixels[_root(parent, run)] += runs[1, run] - runs[0, run]
+            here += last <= last_above
+            above += last_above <= last
+    for y in range(height):
+        for run in range(starts[y + 1] - starts[y]):
+            pixels[_root(parent, starts[y] + run)] += runs[1, y, run] - runs[0, y, run]
     for run in range(parent.size):
         pixels[run] = pixels[parent[run]]
 
@@ -265,9 +256,9 @@ def _drop_small(
 ) -> None:
     """Blank the runs of rows `first` to `end` whose surface has fewer than `size` pixels."""
     for y in range(first, end):
-        for run in range(starts[y], starts[y + 1]):
-            if pixels[run] < size:
-                for x in range(runs[0, run], runs[1, run]):
+        for run in range(starts[y + 1] - starts[y]):
+            if pixels[starts[y] + run] < size:
+                for x in range(runs[0, y, run], runs[1, y, run]):
                     disparity[y, x], reason[y, x] = np.float32(np.nan), SPECKLE
 
 
