@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Box, FloatMap, ReasonMap
-from stereolag.core.inputs import as_grey, as_stereo_pair, rescale_extreme_floats
+from stereolag.core.inputs import as_grey, as_stereo_pair, check_window, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap, Reason
 from stereolag.stereo.windows.engines import score_surface
@@ -338,8 +338,7 @@ def explain_match(
             f"pixel ({row}, {col}) is outside the image; rows run to {height - 1}, columns to {width - 1}."
         )
     size = matcher.window_size
-    if size > min(height, width):
-        raise ValueError(f"window_size is {size} px and the images are {width} × {height}; it must fit into them.")
+    check_window(size, (height, width))
     top, start = (window_start(at, end, size, matcher.step) for at, end in ((row, height), (col, width)))
     grey = rescale_extreme_floats(as_grey(images[0]), as_grey(images[1]))
     query = replace(matcher.query(*grey), runner_up=False, right_matches=False)

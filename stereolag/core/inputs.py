@@ -154,6 +154,15 @@ def as_stereo_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Image, Im
     return as_image_pair(left, right, ("left", "right"))
 
 
+def check_window(window_size: int, shape: tuple[int, ...]) -> None:
+    """Raise ValueError if a window does not fit into an image of a shape."""
+    rows, cols = shape[:2]
+    if not 1 <= window_size <= min(rows, cols):
+        raise ValueError(
+            f"window_size is {window_size} px and the images are {cols} × {rows}; the window must fit into them."
+        )
+
+
 def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
     """Return two images, checked, with one dtype and one size; `names` are their names in errors.
 

@@ -304,12 +304,7 @@ def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
         with suppress(OSError):
             # Not by multiprocessing, which would run a script again that does not expect it.
             helper = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-P",
-                    "-c",
-                    code,
-                ],
+                [sys.executable, "-P", "-c", code],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,

@@ -13,7 +13,15 @@ import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
+from stereolag.core.inputs import (
+    Image,
+    as_eight_bit,
+    as_grey,
+    as_image_pair,
+    check_window,
+    grey_level,
+    rescale_extreme_floats,
+)
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.loops.bands import over_image
@@ -304,12 +312,7 @@ class FlowMatcher(Settings):
             job may take.
         """
         images = as_image_pair(first, second, ("first", "second"))
-        rows, cols = images[0].shape[:2]
-        if self.window_size > min(rows, cols):
-            raise ValueError(
-                f"window_size is {self.window_size} px and the frames are {cols} × {rows}; "
-                "the window must fit into them."
-            )
+        check_window(self.window_size, images[0].shape)
         check_memory(self.estimate(images[0].shape, images[0].dtype))
         keep_freed_memory()
         start = time.perf_counter()

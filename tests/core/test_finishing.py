@@ -207,19 +207,21 @@ def test_rows_are_filled_as_by_the_formula(seed: int, gaps: float, length: int) 
     disparity = (rng.normal(0, 2, (30, 60)) + rng.uniform(-0.1, 0.1) * np.arange(60)).astype(np.float32)
     disparity[np.repeat(rng.random((30, 60)) < gaps / length, length, axis=1)[:, :60]] = np.nan
     disparity[: rng.integers(0, 30), : rng.integers(0, 12)] = np.nan
-    np.testing.assert_allclose(filled_from_ends(disparity), fill_between_ends_reference(disparity), rtol=0, atol=1e-4)
+    filled, reason = filled_from_ends(disparity, np.zeros(disparity.shape, np.uint8))
+    np.testing.assert_allclose(filled, fill_between_ends_reference(disparity), rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(reason == Reason.FILLED, np.isnan(disparity))
 
 
 def test_a_wall_goes_on_beyond_what_the_right_camera_sees_level_if_ragged_and_no_farther_than_measured() -> None:
     y, x = np.indices((60, 120), np.float32)
-    wall = 20 - 0.06 * x + 0.02 * y
+    wall, nothing = 20 - 0.06 * x + 0.02 * y, np.zeros(x.shape, np.uint8)
     seen = np.where(x < 30, NAN, wall).astype(np.float32)
-    np.testing.assert_allclose(filled_from_ends(seen)[:, :30], wall[:, :30], atol=0.04)
+    np.testing.assert_allclose(filled_from_behind(seen, nothing)[0][:, :30], wall[:, :30], atol=0.04)
     receding = np.where(x < 60, NAN, 0.05 * (x - 58)).astype(np.float32)
-    assert filled_from_ends(receding).min() == np.nanmin(receding)
+    assert filled_from_behind(receding, nothing)[0].min() == np.nanmin(receding)
     ragged = np.where((x < 30) | (np.random.default_rng(0).random(x.shape) < 0.3), NAN, 20 - 0.06 * x)
     ragged[:, 30] = 18.2
-    level = filled_from_ends(ragged.astype(np.float32))[:, :30]
+    level = filled_from_behind(ragged.astype(np.float32), nothing)[0][:, :30]
     assert (np.ptp(level, axis=1) == 0).all()
     assert (np.abs(level - 18.05) < 0.2).all()
 

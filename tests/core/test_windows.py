@@ -159,7 +159,7 @@ def test_large_windows_of_bytes_do_not_overflow():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"window_size": 31}, "window of 31 px"),
+        ({"window_size": 31}, "window_size is 31 px"),
         ({"step": 0}, "step is 0"),
         ({"score": "sad"}, "'sad'"),
         ({"lags": LagRange(0, 1, 0, 0), "right_matches": True}, "no vertical search"),

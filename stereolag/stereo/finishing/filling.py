@@ -32,7 +32,7 @@ COVERED = 0.85
 """Share of that surface that must be measured to continue its slant; the slant of a ragged one is misleading."""
 
 
-def filled_from_ends(disparity: FloatMap) -> FloatMap:
+def filled_from_ends(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
     """Return the map with the gaps of each row filled from the farther of the surfaces at their two ends.
 
     The surface at an end is the mean of the measurements near it: a single pixel is noisy and causes stripes. The gap
@@ -43,12 +43,9 @@ def filled_from_ends(disparity: FloatMap) -> FloatMap:
     ----------
     disparity
         (H, W) float32 px; NaN = none.
+    reason
+        (H, W) uint8; FILLED in the result wherever nothing was measured.
     """
-    return _filled(disparity, np.zeros(disparity.shape, np.uint8))[0]
-
-
-def _filled(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
-    """Return the map of :func:`filled_from_ends`, and its reasons with FILLED wherever nothing was measured."""
     out, reasons = np.empty_like(disparity), np.empty_like(reason)
     farthest = np.fmin.reduce(disparity, axis=None)
 
@@ -188,7 +185,7 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     tuple of ndarray
         The map, and its reasons with FILLED where it was filled. A map without any measurement is returned unchanged.
     """
-    filled, reasons = _filled(disparity, reason)
+    filled, reasons = filled_from_ends(disparity, reason)
     known = np.flatnonzero(np.isfinite(filled[:, 0]))
     if known.size == 0:
         return disparity, reason

@@ -496,6 +496,18 @@ def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], se
     return weighted_median(disparity, planes, settings.radius, settings.radius // 2, settings.contrast)
 
 
+Texture = Annotated[
+    TextureTest | None,
+    Field(title="Texture test", description="Give no disparity where a window has too little texture."),
+]
+Ambiguity = Annotated[
+    AmbiguityTest | None,
+    Field(title="Ambiguity test", description="Give no disparity where another match fits nearly as well."),
+]
+LeftRight = Annotated[
+    LeftRightCheck | None,
+    Field(title="Left-right check", description="Give no disparity where the right image's match disagrees."),
+]
 Speckle = Annotated[
     SpeckleFilter | None,
     Field(title="Speckle filter", description="Drop small islands of disparity that differ from their surroundings."),
@@ -513,10 +525,7 @@ Surfaces = Annotated[
 ]
 Median = Annotated[
     MedianFilter | None,
-    Field(
-        title="Edge-respecting median",
-        description="Smooth the map where the image is smooth, and only there.",
-    ),
+    Field(title="Edge-respecting median", description="Smooth the map where the image is smooth, and only there."),
 ]
 
 

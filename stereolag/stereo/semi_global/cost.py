@@ -411,8 +411,14 @@ def cost_rows(
         fill(window, 0)
         _cost_row(left, right, radius, origin, weights, y, y > first, columns, window, costs)
         for x in range(width):
-            _mark_unseen(costs[y, x], x - tried[0], width, weights.unseen)
-            fill(costs[y, x, tried[1] :], NOT_TRIED)
+            # Lag k leads to ``column - k`` of the right image.
+            column = x - tried[0]
+            if column < tried[1] - 1:
+                fill(costs[y, x, max(0, column + 1) :], weights.unseen)
+            if column >= width:
+                fill(costs[y, x, : column - width + 1], weights.unseen)
+            if tried[1] < lags:
+                fill(costs[y, x, tried[1] :], NOT_TRIED)
 
 
 @compiled
@@ -481,15 +487,6 @@ def _cost_row(
                 + rounded
             )
             store(costs, place * lags + lag, cast(total >> whole, np.uint8))
-
-
-@compiled
-def _mark_unseen(costs: Costs, column: int, width: int, unseen: int) -> None:
-    """Set the cost of the lags that lead out of the frame: lag k leads to ``column - k`` of the right image."""
-    for lag in range(max(0, column + 1), costs.size):
-        costs[lag] = unseen
-    for lag in range(0, min(costs.size, column - width + 1)):
-        costs[lag] = unseen
 
 
 def cost_reference(

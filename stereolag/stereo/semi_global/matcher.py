@@ -11,19 +11,19 @@ import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.core.arrays import Mask, ReasonMap
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation, rescale_extreme_floats
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, check_window, local_deviation, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress
 from stereolag.core.settings import FitsImage, Pixels
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import lanes_for
 from stereolag.stereo.finishing.stages import (
-    AmbiguityTest,
+    Ambiguity,
     Filling,
-    LeftRightCheck,
+    LeftRight,
     Median,
     Speckle,
     Surfaces,
-    TextureTest,
+    Texture,
     finished,
     least_texture,
     left_right_disagree,
@@ -110,15 +110,9 @@ class SemiGlobalMatcher(StereoMatcher):
         title="Semi-global optimisation",
         description="Cost of a change of disparity between neighbours.",
     )
-    texture: TextureTest | None = Field(
-        default=None, title="Texture test", description="Give no disparity where a window has too little texture."
-    )
-    ambiguity: AmbiguityTest | None = Field(
-        default=None, title="Ambiguity test", description="Give no disparity where another one fits nearly as well."
-    )
-    left_right: LeftRightCheck | None = Field(
-        default=None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
-    )
+    texture: Texture = None
+    ambiguity: Ambiguity = None
+    left_right: LeftRight = None
     speckle: Speckle = None
     filling: Filling = False
     surfaces: Surfaces = None
@@ -154,11 +148,7 @@ class SemiGlobalMatcher(StereoMatcher):
         The score is 1 minus the summed cost of the eight paths, as a share of eight times the highest matching cost; 0
         where penalties push the sum beyond that.
         """
-        if self.window_size > min(left.shape[:2]):
-            raise ValueError(
-                f"window_size is {self.window_size} px and the images are {left.shape[1]} × {left.shape[0]}; "
-                "the window must fit into them."
-            )
+        check_window(self.window_size, left.shape)
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
         levels = as_eight_bit(*grey)
         found = self.cheapest_lags(*levels, progress)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Array
-from stereolag.core.inputs import Image, flat_energy
+from stereolag.core.inputs import Image, check_window, flat_energy
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.memory import zeros
@@ -73,11 +73,7 @@ class PreparedPair:
                 "both must be grey images of one size and type."
             )
         self.height, self.width = query.left.shape
-        if not 1 <= window <= min(self.height, self.width):
-            raise ValueError(
-                f"A window of {window} px does not fit an image of {self.width} × {self.height} pixels; "
-                f"allowed are 1 to {min(self.height, self.width)}."
-            )
+        check_window(window, query.left.shape)
         if query.step < 1:
             raise ValueError(f"The step is {query.step} px; it must be at least 1.")
         self.window, self.step, self.score, self.circular = window, query.step, query.score, query.circular

@@ -10,17 +10,17 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.inputs import Image, as_grey, rescale_extreme_floats
+from stereolag.core.inputs import Image, as_grey, check_window, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, silent
 from stereolag.core.settings import Applies, FitsImage, Pixels, changed
 from stereolag.stereo.finishing.stages import (
-    AmbiguityTest,
+    Ambiguity,
     Filling,
-    LeftRightCheck,
+    LeftRight,
     Median,
     Speckle,
     Surfaces,
-    TextureTest,
+    Texture,
     finished,
     is_finished,
     least_texture,
@@ -170,22 +170,16 @@ class CorrelationMatcher(StereoMatcher):
         title="Engine",
         description="Running window sums or batched FFT; both give the same map, auto takes the faster one.",
     )
-    texture: TextureTest | None = Field(
-        default=None, title="Texture test", description="Give no disparity where a window has too little texture."
-    )
-    ambiguity: AmbiguityTest | None = Field(
-        default=None, title="Ambiguity test", description="Give no disparity where another match fits nearly as well."
-    )
+    texture: Texture = None
+    ambiguity: Ambiguity = None
     left_right: Annotated[
-        LeftRightCheck | None,
+        LeftRight,
         Applies(
             _meets_every_right_window,
             "needs a search along the row (search.vertical 0) and a window at every pixel (step 1), scored by window "
             "sums: neither engine 'fft' nor score 'phase'",
         ),
-    ] = Field(
-        default=None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
-    )
+    ] = None
     speckle: Speckle = None
     filling: Annotated[Filling, Applies(_along_the_row, ALONG_THE_ROW)] = False
     surfaces: Surfaces = None
@@ -261,11 +255,7 @@ class CorrelationMatcher(StereoMatcher):
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Match the images as grey, window by window, then check, filter and fill."""
-        if self.window_size > min(left.shape[:2]):
-            raise ValueError(
-                f"window_size is {self.window_size} px and the images are {left.shape[1]} × {left.shape[0]}; "
-                "the window must fit into them."
-            )
+        check_window(self.window_size, left.shape)
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
         query = self.query(*grey)
         matches = find_matches(query, self._engine_for((left.shape[0], left.shape[1])), progress)
