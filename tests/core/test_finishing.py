@@ -303,7 +303,7 @@ def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     joins, near = borders(patches.labels, patches.grid), neighbours(patches.grid)
     planes = best_of_trials(*guessed[:2], at, trials())
     assert 0 < np.isnan(planes[:, 2]).sum() < count
-    again = refitted(planes, *measured, *guessed, joins, near, at)
+    again = refitted(planes, measured, guessed, joins, near, at)
     np.testing.assert_allclose(
         again, refitted_reference(planes, measured, guessed, joins, near, at), rtol=1e-3, atol=2e-4
     )

@@ -296,7 +296,7 @@ def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMa
     joins[:, :, 0] *= np.float32(JOIN) * np.exp(-apart / np.float32(JOIN_CONTRAST))
     planes = best_of_trials(*guessed[:2], at, trials())
     for _ in range(SWEEPS):
-        planes = refitted(planes, *measured, *guessed, joins, near, at)
+        planes = refitted(planes, measured, guessed, joins, near, at)
     return planes
 
 
@@ -369,18 +369,7 @@ def _votes(points: Array, patch: int, count: int, col: Any, row: Any, rise: Any,
 
 
 @compiled
-def refitted(
-    planes: Array,
-    measured: Array,
-    measured_kept: Array,
-    measured_counts: Array,
-    guessed: Array,
-    guessed_kept: Array,
-    guessed_counts: Array,
-    joins: Array,
-    near: Array,
-    at: Array,
-) -> FloatMap:
+def refitted(planes: Array, measured: Samples, guessed: Samples, joins: Array, near: Array, at: Array) -> FloatMap:
     """Return the planes refitted by least squares, each point weighted by its closeness to the current plane.
 
     Equals :func:`refitted_reference`, up to rounding.
@@ -393,12 +382,10 @@ def refitted(
             continue
         fill(sums, 0)
         sums[0] = sums[3] = LEVEL
-        count = measured_kept[patch]
-        weight = measured_counts[patch] / max(count, 1)
-        _add(sums, planes, at, patch, measured, patch, count, np.float32(weight), np.float32(SPREAD))
-        count = guessed_kept[patch]
-        weight = GUESS_WEIGHT * guessed_counts[patch] / max(count, 1)
-        _add(sums, planes, at, patch, guessed, patch, count, np.float32(weight), np.float32(2 * SPREAD))
+        for samples, share, spread in ((measured, 1.0, SPREAD), (guessed, GUESS_WEIGHT, 2 * SPREAD)):
+            count = samples.kept[patch]
+            weight = np.float32(share * samples.counts[patch] / max(count, 1))
+            _add(sums, planes, at, patch, samples.points, patch, count, weight, np.float32(spread))
         for number in range(near.shape[1]):
             other = near[patch, number]
             if joins[patch, number, 0] <= 0 or np.isnan(planes[other, 2]):
@@ -417,15 +404,7 @@ def refitted(
 
 @compiled(fastmath={"reassoc", "contract"})
 def _add(
-    sums: Array,
-    planes: Array,
-    at: Array,
-    patch: int,
-    points: Array,
-    row: int,
-    count: int,
-    weight: Any,
-    spread: Any,
+    sums: Array, planes: Array, at: Array, patch: int, points: Array, row: int, count: int, weight: Any, spread: Any
 ) -> None:
     """Add the points in a row of an array to a patch's normal equations, with less weight far from its plane."""
     rise, fall, value = planes[patch, 0], planes[patch, 1], planes[patch, 2]

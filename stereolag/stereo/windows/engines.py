@@ -352,15 +352,15 @@ def record_windows(
     """Record the best lags of some windows, counted from row `first` of the grid on."""
     found, table, left_at = pair.found, pair.table, int(some[0])
     at = first * pair.cols + left_at
-    score_mask, score_codes = table.code_mask, table.codes
+    whole = table
     if np.count_nonzero(table.codes > 0) > MOST_LAGS:
         # Score and code do not fit in one integer: the best of each window is found separately, with no bits lost.
         best_lanes = _best_of_many(scores, table)
-        score_mask, score_codes = 0, np.minimum(table.codes, 0)
+        whole = table._replace(codes=np.minimum(table.codes, 0), code_mask=0)
     codes = np.empty(some.size, np.int32)
     record_group(some.size, at, left_at, left.inverse, table, best_lanes, scores, codes, found)
     if found.runner_up.size:
-        record_runners_up(some.size, at, scores, codes, table.around, score_codes, score_mask, found.runner_up)
+        record_runners_up(some.size, at, whole, scores, codes, found.runner_up)
 
 
 def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:

@@ -233,18 +233,9 @@ class GroupPlace(NamedTuple):
 
 
 @compiled(counted=False)
-def _set_left_terms(
-    count: int,
-    at: int,
-    total: Array,
-    inverse: Array,
-    share: float,
-    whole: Array,
-    coarse: Array,
-    fine: Array,
-    scale: Array,
-) -> None:
+def _set_left_terms(count: int, at: int, windows: Windows, share: float, terms: LeftTerms) -> None:
     """Set the terms of `count` windows from window `at` on, ahead of the scores, which would wait for them."""
+    (total, inverse), (whole, coarse, fine, scale) = windows, terms
     for member in range(count):
         mean = item(total, at + member) * share
         nearest_mean = nearest(mean, whole.dtype)
@@ -292,7 +283,6 @@ def score_group(
     """
     count, step, window, column, column_end, which = place[:6]
     left_row, left_back, right_row, right_back, left_at, right_at, share = place[6:]
-    left_total, left_inverse = left_windows
     right_total, right_inverse = right_windows
     codes, code_mask, offsets = table.codes, table.code_mask, table.right_offset
     columns, window_sums, scores, best_lanes = work.columns, work.window, work.scores, work.best
@@ -300,7 +290,7 @@ def score_group(
     lags = columns.shape[1]
     seen_from_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
-    _set_left_terms(count, left_at, left_total, left_inverse, share, wholes, coarses, fines, scales)
+    _set_left_terms(count, left_at, left_windows, share, work.left)
     for member in range(count):
         x = member * step
         pixel = left_change(left, left_row + x, left_back, which, right_rows)
@@ -347,15 +337,14 @@ def score_products(
 
     Window 0 is left window `left_at`; at the first lag each window meets the right window in `right_at`.
     """
-    left_total, left_inverse = left_windows
     right_total, right_inverse = right_windows
     codes, code_mask, offsets = table.codes, table.code_mask, table.right_offset
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
-    wholes, scales = np.empty(1, products.dtype), np.empty(1, np.float32)
-    coarses, fines = np.empty(1, np.float32), np.empty(1, np.float32)
+    coarses, fines, scales = np.empty(1, np.float32), np.empty(1, np.float32), np.empty(1, np.float32)
+    terms = LeftTerms(np.empty(1, products.dtype), coarses, fines, scales)
     for member in range(first, end):
-        _set_left_terms(1, left_at + member, left_total, left_inverse, share, wholes, coarses, fines, scales)
-        whole, scale = splat(item(wholes, 0), wholes.dtype), splat(item(scales, 0), np.float32)
+        _set_left_terms(1, left_at + member, left_windows, share, terms)
+        whole, scale = splat(item(terms.whole, 0), products.dtype), splat(item(scales, 0), np.float32)
         coarse, fine = splat(item(coarses, 0), np.float32), splat(item(fines, 0), np.float32)
         best = splat(0, np.int32)
         for strip in range(offsets.size):
@@ -463,16 +452,10 @@ def record_group(
 
 @compiled(counted=False)
 def record_runners_up(
-    count: int,
-    at: int,
-    scores: Array,
-    found_codes: Array,
-    around_code: Array,
-    codes: Array,
-    code_mask: int,
-    runner_up: Array,
+    count: int, at: int, table: LagTable, scores: Array, found_codes: Array, runner_up: Array
 ) -> None:
     """Record the best score more than one pixel from the peak, and clear the peak's neighbourhood in `scores`."""
+    codes, code_mask, around_code = table.codes, table.code_mask, table.around
     planes = around_code.shape[1]
     for member in range(count):
         for plane in range(planes):
@@ -573,9 +556,7 @@ def match_tile(
             out = at + col + row_first * grid_cols
             record_group(count, out, at + col, left_windows.inverse, table, work.best, work.scores, work.codes, found)
             if found.runner_up.size > 0:
-                record_runners_up(
-                    count, out, work.scores, work.codes, table.around, table.codes, table.code_mask, found.runner_up
-                )
+                record_runners_up(count, out, table, work.scores, work.codes, found.runner_up)
 
 
 @compiled(counted=False)
