@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import cv2
@@ -17,7 +18,7 @@ from pydantic import Field, model_validator
 
 from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Applies, Settings, marker
-from stereolag.loops.bands import over_bands
+from stereolag.loops.bands import in_threads, over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
@@ -346,10 +347,7 @@ def matching_cost(
     radius = window_size // 2
     lanes = lanes_for(num_disparities)
     before, after = max(0, -min_disparity), max(0, min_disparity + lanes - 1)
-    work = (lambda: features(left, radius), lambda: right_features(right, radius, before, after))
-    described: dict[int, Features] = {}
-    over_bands(lambda first, end: described.update((one, work[one]()) for one in range(first, end)), len(work))
-    here, there = described[0], described[1]
+    here, there = in_threads([partial(features, left, radius), partial(right_features, right, radius, before, after)])
     weights = Weights(
         half=settings.correlation * PARTS / 2,
         census=Scale.of(settings.census, BITS),

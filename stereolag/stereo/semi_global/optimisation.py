@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydantic import Field, model_validator
 from stereolag.core.arrays import Array, FloatMap, ReasonMap
 from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
-from stereolag.loops.bands import over_bands
+from stereolag.loops.bands import in_threads, over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
@@ -130,12 +131,8 @@ def optimise(costs: Costs, guide: Pixels, settings: SemiGlobal, progress: Progre
     guide, penalties = np.ascontiguousarray(guide), (settings.penalty_small, settings.jumps)
     fronts = front(height, width, lags), front(height, width, lags)
     for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):
-
-        def directions(one: int, last: int, spans: tuple[Span, Span] = spans, adds: bool = adds) -> None:
-            for direction in range(one, last):
-                _sweep(costs, guide, penalties, direction == 1, adds, *spans[direction], fronts[direction], sums)
-
-        over_bands(directions, 2)
+        given = costs, guide, penalties
+        in_threads([partial(_sweep, *given, up == 1, adds, *spans[up], fronts[up], sums) for up in (0, 1)])
         progress(spans[0][1] / height)
     return sums
 

@@ -7,7 +7,6 @@ from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.core.arrays import Array, DoubleMap, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
@@ -192,13 +191,6 @@ class _Matched(NamedTuple):
     beside_dx: FloatMap
 
 
-class _Places(NamedTuple):
-    """Where the windows of the rows and columns of a grid begin, px."""
-
-    tops: npt.NDArray[np.int32]
-    columns: npt.NDArray[np.int32]
-
-
 def spread_over_pixels(
     matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
 ) -> PixelMatches:
@@ -235,10 +227,9 @@ def spread_over_pixels(
     )
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
     last = (shape[0] - query.window_size, shape[1] - query.window_size)
-    places = _Places(*(query.step * np.arange(side, dtype=np.int32) for side in grid))
 
     def write(first: int, end: int) -> None:
-        _write_matches(first, end, at, places, last, ends, query.circular, flat, found, maps)
+        _write_matches(first, end, at, query.step, last, ends, query.circular, flat, found, maps)
 
     over_bands(write, grid[0])
 
@@ -261,7 +252,7 @@ def _write_matches(
     first: int,
     end: int,
     at: int,
-    places: _Places,
+    step: int,
     last: tuple[int, int],
     ends: tuple[int, int, int, int],
     circular: bool,
@@ -276,11 +267,7 @@ def _write_matches(
     """
     refused, texture, best, lag_dy, lag_dx, beside_dy, beside_dx = found
     dy_first, dy_last, dx_first, dx_last = ends
-    tops, columns = places
-    cols = columns.size
-    vertical = lag_dy.size > 0
-    level = np.float32(flat)
-    last_32, first_32, end_32 = np.int32(last[1]), np.int32(dx_first), np.int32(dx_last)
+    cols, vertical, level = lag_dx.shape[1], lag_dy.size > 0, np.float32(flat)
     for row in range(first, end):
         reason, disparity = maps.reason[at + row, at : at + cols], maps.disparity[at + row, at : at + cols]
         if refused.size:
@@ -288,20 +275,9 @@ def _write_matches(
         else:
             fill(reason, MEASURED)
         if not circular:
-            for col in range(cols):
-                lag, known = np.int32(lag_dx[row, col]), reason[col]
-                place = columns[col] + lag
-                inside = (lag >= first_32) & (lag <= end_32)
-                cut = (place == 0) | (place == last_32)
-                known = known if inside else AT_SEARCH_EDGE
-                reason[col] = OUT_OF_FRAME if cut else known
+            _mark_edges(lag_dx[row], 0, step, last[1], dx_first, dx_last, reason)
             if vertical:
-                for col in range(cols):
-                    lag = lag_dy[row, col]
-                    place = tops[row] + lag
-                    inside = (lag >= dy_first) & (lag <= dy_last)
-                    cut = (place == 0) | (place == last[0]) | (reason[col] == OUT_OF_FRAME)
-                    reason[col] = OUT_OF_FRAME if cut else (reason[col] if inside else AT_SEARCH_EDGE)
+                _mark_edges(lag_dy[row], step * row, 0, last[0], dy_first, dy_last, reason)
         # Everything is loaded before it is chosen from, and few arrays at a time: otherwise the loops do not vectorise.
         for col in range(cols):
             score, spread, known = best[row, col], texture[row, col], reason[col]
@@ -318,6 +294,21 @@ def _write_matches(
             for col in range(cols):
                 moved = beside_dy[row, col] + np.float32(lag_dy[row, col])
                 dy[col] = moved if reason[col] == MEASURED else NOTHING
+
+
+@compiled(counted=False)
+def _mark_edges(lags: Array, start: int, step: int, last: int, low: int, high: int, reason: Array) -> None:
+    """Mark the windows of a row whose lag is not between `low` and `high`, or leads to the first or last place.
+
+    Their own places begin at `start` and are `step` px apart.
+    """
+    for col in range(reason.size):
+        lag, known = np.int32(lags[col]), reason[col]
+        place = np.int32(start) + np.int32(step) * np.int32(col) + lag
+        inside = (lag >= np.int32(low)) & (lag <= np.int32(high))
+        cut = (place == np.int32(0)) | (place == np.int32(last)) | (known == OUT_OF_FRAME)
+        known = known if inside else AT_SEARCH_EDGE
+        reason[col] = OUT_OF_FRAME if cut else known
 
 
 def spread_over_pixels_reference(
