@@ -203,16 +203,25 @@ following = _of_two(
 )
 """Return the number before each of `other`, which follows `one`: the last of this one, and all but the last of that."""
 
-larger = _of_two(lambda builder, one, other: builder.select(builder.icmp_signed(">", one, other), one, other))
+
+def _chosen(comparison: str, symbol: str) -> Instruction:
+    """Make an instruction that returns one of two, lane by lane: the first where the comparison holds."""
+    return _of_two(
+        lambda builder, one, other: builder.select(getattr(builder, comparison)(symbol, one, other), one, other)
+    )
+
+
+larger = _chosen("icmp_signed", ">")
 """Return the larger of two integers, lane by lane."""
 
-larger_unsigned = _of_two(
-    lambda builder, one, other: builder.select(builder.icmp_unsigned(">", one, other), one, other)
-)
+larger_unsigned = _chosen("icmp_unsigned", ">")
 """Return the larger of two integers, as unsigned ones, lane by lane."""
 
-smaller = _of_two(lambda builder, one, other: builder.select(builder.icmp_unsigned("<", one, other), one, other))
+smaller = _chosen("icmp_unsigned", "<")
 """Return the smaller of two integers, as unsigned ones, lane by lane."""
+
+at_least = _chosen("fcmp_ordered", ">")
+"""Return the larger of two floats, lane by lane; the second for NaN."""
 
 
 def _difference_within(builder: Any, one: Any, other: Any) -> Any:
@@ -222,9 +231,6 @@ def _difference_within(builder: Any, one: Any, other: Any) -> Any:
 
 difference_within = _of_two(_difference_within)
 """Return the difference of two signed integers, lane by lane; the end of the dtype where it would be beyond it."""
-
-at_least = _of_two(lambda builder, one, other: builder.select(builder.fcmp_ordered(">", one, other), one, other))
-"""Return the larger of two floats, lane by lane; the second for NaN."""
 
 
 def _where(comparison: str) -> Instruction:

@@ -8,6 +8,7 @@ and Numba compiles again.
 
 from __future__ import annotations
 
+import builtins
 import ctypes
 import gc
 import hashlib
@@ -206,8 +207,8 @@ def runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     functions, helpers, memory = map(_c_module, RUNTIME)
-    symbols = {f"PyExc_{kind.__name__}": id(kind) for kind in vars(sys.modules["builtins"]).values() if _is_error(kind)}
-    symbols["_Py_NoneStruct"] = id(None)
+    kinds = [kind for kind in vars(builtins).values() if isinstance(kind, type) and issubclass(kind, BaseException)]
+    symbols = {f"PyExc_{kind.__name__}": id(kind) for kind in kinds} | {"_Py_NoneStruct": id(None)}
     for prefix, module in (("numba_", functions), ("numba_", helpers), ("NRT_", memory)):
         symbols |= {
             name if name[0] == "_" and module is memory else prefix + name: at for name, at in module.c_helpers.items()
@@ -235,10 +236,6 @@ def _restore_without_numba(address: int) -> None:
         restore(pickled, len(pickled), bytes(20))
     finally:
         del sys.modules["numba"], sys.modules[name]
-
-
-def _is_error(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, BaseException)
 
 
 def _c_module(name: str) -> Any:

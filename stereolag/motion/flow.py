@@ -396,10 +396,10 @@ class FlowMatcher(Settings):
         flow = edge_aware_mean(candidates.flow, weight, frame.guide)
         # At full size the refinement does as well, and the median takes as long as the matching.
         if self.median is not None and (level > 0 or self.refinement is None):
-            guide, radius = frame.guide[:, :, None], self.median.radius
+            radius = self.median.radius
             for part in flow:
                 # Nine neighbours: twenty-five are no better here and take three times as long.
-                part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
+                part[...] = weighted_median(part, frame.guide, radius, radius, self.median.contrast)
         return flow
 
     def _judged(

@@ -15,10 +15,8 @@ import stereolag as sl
 from stereolag.core.inputs import local_deviation
 from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_behind, filled_from_ends
 from stereolag.stereo.finishing.stages import (
-    MedianFilter,
     SpeckleFilter,
     TextureTest,
-    edge_respecting_median,
     least_texture,
     left_right_disagree,
     left_right_disagree_reference,
@@ -150,7 +148,7 @@ def test_the_weighted_median_is_that_of_the_definition(
 def test_even_colour_gives_the_plain_median() -> None:
     rng = np.random.default_rng(0)
     values = (rng.integers(0, 999, (20, 300)) / 8).astype(np.float32)
-    found = edge_respecting_median(values, np.zeros((20, 300), np.uint8), MedianFilter(radius=2))
+    found = weighted_median(values, np.zeros((20, 300), np.uint8), 2, 1, 25)
     inside = (slice(2, -2), slice(2, -2))
     np.testing.assert_array_equal(found[inside], ndimage.median_filter(values, 5)[inside])
 
@@ -160,7 +158,7 @@ def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
     guide[:, 15:] = 200
     disparity = np.full((30, 30), 5, np.float32)
     disparity[:, 17:] = 20  # fattened by two columns
-    found = edge_respecting_median(disparity, guide, MedianFilter())
+    found = weighted_median(disparity, guide, 6, 3, 25)
     assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
 
 

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pairs import shifted_pair
 
+from stereolag.stereo.finishing.stages import NO_MATCH
 from stereolag.stereo.matcher import Reason
-from stereolag.stereo.windows.engines import NO_RIGHT_MATCH, match_windows, score_surface
+from stereolag.stereo.windows.engines import match_windows, score_surface
 from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows, describe_windows_reference
 from stereolag.stereo.windows.pixels import (
@@ -141,9 +142,9 @@ def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
     left, right = picture(rng, (20, 70), np.uint8), picture(rng, (20, 70), np.uint8)
     found = match_windows(WindowQuery(left, right, 7, 1, search, score, runner_up=True, right_matches=True))
     volume = score_volume_reference(WindowQuery(left, right, 7, 1, search, score))
-    plain = right_view_reference(volume, search, NO_RIGHT_MATCH)
+    plain = right_view_reference(volume, search, NO_MATCH)
     assert found.right_dx is not None
-    np.testing.assert_array_equal(found.right_dx == NO_RIGHT_MATCH, plain == NO_RIGHT_MATCH)
+    np.testing.assert_array_equal(found.right_dx == NO_MATCH, plain == NO_MATCH)
     assert (found.right_dx == plain).mean() > 0.99  # scores within the precision of float32 are equal
 
 

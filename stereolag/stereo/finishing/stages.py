@@ -81,6 +81,10 @@ def least_texture(test: TextureTest | None, left: Image, right: Image) -> float:
     return (test.least if test else FLAT_TEXTURE) * grey_level(left, right)
 
 
+NO_MATCH = np.iinfo(np.int16).min
+"""Displacement or lag of a pixel of the right image that no pixel of the left one meets; it leads out of the frame."""
+
+
 def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
     """Return where a left pixel's match, followed to the right image, does not lead back.
 
@@ -309,7 +313,7 @@ def weighted_median(
     values
         (H, W) float32; NaN = none: ignored, and stays NaN.
     guide
-        (H, W, channels) uint8.
+        (H, W) or (H, W, channels) uint8; any after the third are left out.
     radius, spacing
         The neighbours are at -radius, -radius + spacing, ..., radius in both directions, px; `radius` is a multiple of
         `spacing`.
@@ -321,6 +325,7 @@ def weighted_median(
     ndarray
         (H, W) float32, rounded to 1/256.
     """
+    guide = np.atleast_3d(guide)[:, :, :3]
     height, width, channels = guide.shape
     least, most = np.fmin.reduce(values, axis=None) * UNITS, np.fmax.reduce(values, axis=None) * UNITS
     if np.isnan(least):
@@ -475,27 +480,6 @@ def weighted_median_reference(
     return out
 
 
-def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:
-    """Return the weighted median of 25 neighbours on a 5 × 5 grid, weighted by similarity of colour.
-
-    Parameters
-    ----------
-    disparity
-        (H, W) float32 px; NaN is ignored, and stays NaN.
-    guide
-        (H, W) or (H, W, channels) uint8, the left image.
-    settings
-        Radius and contrast.
-
-    Returns
-    -------
-    ndarray
-        (H, W) float32, rounded to 1/256 px.
-    """
-    planes = guide[:, :, None] if guide.ndim == 2 else guide[:, :, :3]
-    return weighted_median(disparity, planes, settings.radius, settings.radius // 2, settings.contrast)
-
-
 Texture = Annotated[
     TextureTest | None,
     Field(title="Texture test", description="Give no disparity where a window has too little texture."),
@@ -579,7 +563,8 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
         if settings.surfaces is not None:
             disparity = filled_along_surfaces(measured, disparity, _guide(left, right), settings.surfaces)
     if settings.median is not None:
-        disparity = edge_respecting_median(disparity, _guide(left, right), settings.median)
+        radius, contrast = settings.median.radius, settings.median.contrast
+        disparity = weighted_median(disparity, _guide(left, right), radius, radius // 2, contrast)  # of 25
     # After a search in two dimensions only speckles are removed; nothing is filled.
     dy = None if found.dy is None else np.where(np.isnan(disparity), np.float32(np.nan), found.dy)
     return PixelMatches(disparity, reason, found.score, dy)

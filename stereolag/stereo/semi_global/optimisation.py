@@ -30,6 +30,7 @@ from stereolag.loops.vector_lanes import (
     store,
     where_equal,
 )
+from stereolag.stereo.finishing.stages import NO_MATCH
 
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
@@ -337,10 +338,6 @@ def optimise_reference(costs: Costs, guide: Pixels, settings: SemiGlobal) -> npt
     return total
 
 
-NO_RIGHT_MATCH = np.iinfo(np.int16).min
-"""Marks a pixel of the right image that no lag pairs with a pixel of the left image."""
-
-
 NONE = 65535
 """Above any sum of costs."""
 
@@ -355,7 +352,7 @@ class CheapestLags(NamedTuple):
     runner_up: npt.NDArray[np.int32]
     """(H, W) lowest cost among lags more than one away from the cheapest; -1 if there is none. Empty if not wanted."""
     right_lag: npt.NDArray[np.int16]
-    """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH if it has none."""
+    """(H, W) index of the cheapest lag of the right image's pixel; NO_MATCH if it has none."""
 
 
 def cheapest_lags(sums: Sums, smallest: int, count: int, *, runner_up: bool = True) -> CheapestLags:
@@ -398,7 +395,7 @@ def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, fo
     none = splat(NONE, np.uint16)
     for y in range(first, end):
         fill(seen, NONE)
-        fill(right_lag[y], NO_RIGHT_MATCH)
+        fill(right_lag[y], NO_MATCH)
         for x in range(width):
             place = (y * width + x) * lags
             least, least_lag, before, before_lag = none, none, none, none
@@ -455,7 +452,7 @@ def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
         lag=lag.astype(np.int16),
         around=around,
         runner_up=np.where(near.all(axis=2), -1, runner_up).astype(np.int32),
-        right_lag=np.where(seen.any(axis=1), seen_from_right.argmin(axis=2), NO_RIGHT_MATCH).astype(np.int16),
+        right_lag=np.where(seen.any(axis=1), seen_from_right.argmin(axis=2), NO_MATCH).astype(np.int16),
     )
 
 

@@ -20,6 +20,7 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.memory import zeros
 from stereolag.loops.vector_lanes import LANES, lanes_for
+from stereolag.stereo.finishing.stages import NO_MATCH
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.scores import (
     OFFSET,
@@ -47,8 +48,6 @@ from stereolag.stereo.windows.search import (
 
 LARGEST_EXACT_WINDOW = 181
 """px; 181² products of uint8 still fit in a signed 32-bit sum."""
-
-NO_RIGHT_MATCH = -32768
 
 
 class PreparedPair:
@@ -104,7 +103,7 @@ class PreparedPair:
                 (self.rows, self.right.shape[1]) if query.right_matches and self.lags else (0, 0), np.int32
             ),
         )
-        self.right_dx = np.empty(seen, np.int16) if self.lags else np.full(seen, NO_RIGHT_MATCH, np.int16)
+        self.right_dx = np.empty(seen, np.int16) if self.lags else np.full(seen, NO_MATCH, np.int16)
         self.texture = np.empty(shape, np.float32)
 
     def left_windows(self, first: int, end: int) -> Windows:
@@ -272,7 +271,7 @@ def _match_band(pair: PreparedPair, first: int, end: int) -> None:
     if pair.lags is not None and pair.right_dx.size:
         margin = max(0, -pair.lags.dx_first)
         keys, right_dx = pair.found.right_key[first:end, margin:], pair.right_dx[first:end]
-        as_right_dx(keys, pair.table.dx, pair.table.code_mask, NO_RIGHT_MATCH, right_dx)
+        as_right_dx(keys, pair.table.dx, pair.table.code_mask, NO_MATCH, right_dx)
 
 
 def _workspace(pair: PreparedPair, columns: int) -> Workspace:
@@ -323,8 +322,7 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
         raise ValueError("Only window sums give the matches of the right windows.")
     pair = PreparedPair(query)
     if pair.lags is None:
-        for first in range(pair.rows):
-            pair.rescale(first, first + 1, pair.left_windows(first, first + 1).inverse)
+        pair.rescale(0, pair.rows, pair.left_windows(0, pair.rows).inverse)
         progress(1.0)
         return pair.matches()
     surfaces = _Surfaces(pair, pair.lags)
