@@ -247,10 +247,6 @@ def kept_value(
     return Bounds.of(field).narrowed(low, high).nearest(kept)
 
 
-EXACT_WIDTH = 76
-"""Width of the box beside a slider, px; too narrow for step buttons."""
-
-
 def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     """Draw a slider and a box that shows its value and accepts any other value the field allows."""
     key, exact = widget["key"], exact_key(widget["key"])
@@ -270,7 +266,6 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
         key=exact,
         disabled=widget["disabled"],
         label_visibility="collapsed",
-        width=EXACT_WIDTH,
         on_change=_take_exact,
         args=(key,),
     )
