@@ -57,7 +57,7 @@ def in_threads(jobs: Sequence[Callable[[], Result]], progress: Progress = silent
         Called from the calling thread with the fraction done, once per job and at least ten times a second. If it or a
         job raises, jobs that have not started never do.
     """
-    if threading.current_thread().name.startswith(_PREFIX) or (len(jobs) == 1 and progress is silent):
+    if threading.current_thread().name.startswith(_PREFIX) or (len(jobs) < 2 and progress is silent):
         results = []
         for number, job in enumerate(jobs, 1):
             results.append(job())

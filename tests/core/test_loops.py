@@ -31,7 +31,7 @@ import pytest
 import stereolag
 import stereolag as sl
 from stereolag.loops import compilation, numba_inside
-from stereolag.loops.bands import available_cores, lone_threads, over_bands, row_bands
+from stereolag.loops.bands import available_cores, in_threads, lone_threads, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
 from stereolag.samples import recordings, stereo_pairs
@@ -502,6 +502,24 @@ def test_work_of_a_lone_thread_stays_in_it() -> None:
     with lone_threads("test") as threads:
         pieces = [threads.submit(work) for _ in range(20)]
         assert 1 <= len(set().union(*(one.result() for one in pieces))) <= available_cores()
+
+
+def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_ended() -> None:
+    assert in_threads([]) == []
+    begun, ended = threading.Event(), threading.Event()
+
+    def own() -> None:
+        assert begun.wait(10)
+        raise ValueError("a bad job")
+
+    def other() -> None:
+        begun.set()
+        time.sleep(0.05)
+        ended.set()
+
+    with pytest.raises(ValueError, match="a bad job"):
+        in_threads([own, other])
+    assert ended.is_set()
 
 
 def test_the_first_error_ends_the_job() -> None:
