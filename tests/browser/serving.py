@@ -47,7 +47,7 @@ def served_process(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Run the app on a port with additional environment variables, and yield its process once it is healthy."""
     command = [sys.executable, "-m", "streamlit", "run", script, "--server.port", str(port)]
-    options = ["--server.headless", "true", "--server.fileWatcherType", "none"]
+    options = ["--server.headless", "true"]
     variables = os.environ | {"PYTHONPATH": str(PROJECT)} | dict(environment or {})
     with subprocess.Popen(command + options, cwd=PROJECT, env=variables, stdout=subprocess.DEVNULL) as server:
         try:
