@@ -122,11 +122,16 @@ def over_bands(
     rows
         Number of rows.
     most_rows
-        Largest height of a band; progress is reported once per band. By default one band per core.
+        Largest height of a band, which is to take less than a tenth of a second. By default one band per core.
     progress
-        Called as :func:`in_threads` does.
+        Called from the calling thread with the fraction done: after each band, or at the end if no core has two.
     """
-    in_threads([partial(work, *band) for band in row_bands(rows, most_rows or rows)], progress)
+    bands = [partial(work, *band) for band in row_bands(rows, most_rows or rows)]
+    if len(bands) > available_cores():
+        in_threads(bands, progress)
+    else:
+        in_threads(bands)
+        progress(1.0)
 
 
 SMALL = 30_000

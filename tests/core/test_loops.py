@@ -471,7 +471,8 @@ def test_bands_cover_every_row_once(rows: int, most_rows: int) -> None:
     over_bands(work, rows, most_rows=most_rows, progress=told.append)
     assert sorted(seen) == list(range(rows))
     assert told == sorted(told)
-    assert len(set(told)) == len(row_bands(rows, most_rows))
+    bands = len(row_bands(rows, most_rows))
+    assert len(set(told)) == (bands if bands > available_cores() else 1)
     assert told[-1] == 1
 
 

@@ -110,8 +110,8 @@ class PreparedPair:
         """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
         # A right window compares the unnormalised scores of several left windows, which need one unit.
         norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
-        windows = self._nothing_yet(end - first, self.cols)
-        texture = self.texture[first:end]
+        shape, texture = (end - first, self.cols), self.texture[first:end]
+        windows = Windows(np.empty(shape, self.sums_dtype), np.empty(shape, np.float32))
         describe_windows(self.left, self._norms(self.step, norm), first, windows, (0, end - first, 0), texture)
         return windows
 
