@@ -50,7 +50,7 @@ def weigh(root: Path) -> Weight:
         weight.statements[package] += sum(_is_counted(node) for node in ast.walk(tree))
         weight.modules[package] += 1
         weight.many += [f"{within}: {name}" for name in _functions_of_many_parameters(tree)]
-    scripts = [path for path in (root / "stereolag").rglob("*.js") if "fflate" not in path.name]
+    scripts = [path for path in (root / "stereolag").rglob("*.js") if path.stem not in {"fflate", "lit_html"}]
     weight.script_lines = sum(map(_lines, scripts))
     weight.test_lines = sum(map(_lines, (root / "tests").rglob("*.py")))
     sources = [path for path in (root / "stereolag").rglob("*") if path.suffix in {".py", ".css", ".js"}]

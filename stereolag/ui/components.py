@@ -36,14 +36,24 @@ UNKNOWN = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE
 STYLES = re.compile(r'^@import "(\.[^"]+)";\n', re.MULTILINE)
 
 
+VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened, drag, keys }}) => html`{}`;\n"
+"""The markup of a component as a function in its module: a template of lit-html."""
+
+
 def component(name: str) -> ComponentRenderer:
-    """Return the component whose module is ``web/<name>/<name>.js``, with its markup and styles beside it, if any."""
+    """Return the component whose module is ``web/<name>/<name>.js``, with its markup and styles beside it, if any.
+
+    The markup is a template that `Panel` of ``web/shared/panel.js`` draws, with expressions in ``${…}``. It becomes a
+    part of the script, since a page may forbid to make code from text.
+    """
     files = {suffix: WEB / name / f"{name}.{suffix}" for suffix in ("html", "css", "js")}
+    markup = files["html"].read_text(encoding="utf-8").strip() if files["html"].exists() else None
+    view = VIEW.format(markup) if markup and "${" in markup else ""
     return st.components.v2.component(
         f"stereolag.{name}",
-        html=files["html"].read_text(encoding="utf-8") if files["html"].exists() else None,
+        html='<div class="view"></div>' if view else markup,
         css=styles(files["css"]) if files["css"].exists() else None,
-        js=joined(files["js"]),
+        js=joined(files["js"]) + view,
     )
 
 

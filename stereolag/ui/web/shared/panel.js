@@ -1,11 +1,14 @@
 // The panel of a component: created once on its element, given the data of each run, closed at the end. Drags and keys.
 
+import { html, live, render, svg } from "./lit_html.js";
+import { filled, shortened } from "./numbers.js";
+
 const panels = new WeakMap();
 
-export function show(PanelOfComponent, { data, parentElement, setTriggerValue, setStateValue }) {
+export function show(PanelOfComponent, { data, parentElement, setTriggerValue, setStateValue }, view) {
   let panel = panels.get(parentElement);
   if (!panel) panels.set(parentElement, (panel = new PanelOfComponent(parentElement)));
-  Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue });
+  Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue, view });
   panel.load(data);
   return () => {
     panel.close();
@@ -14,14 +17,18 @@ export function show(PanelOfComponent, { data, parentElement, setTriggerValue, s
 }
 
 export class Panel {
-  constructor(parent, name) {
+  constructor(parent, name = "") {
     /** @type {(selector: string) => any} */
     this.find = (selector) => parent.querySelector(selector);
     /** @type {(selector: string) => any[]} */
     this.findAll = (selector) => [...parent.querySelectorAll(selector)];
-    this.root = this.find(`.${name}`);
-    this.stage = this.find(".stage");
+    if (name) {
+      this.root = this.find(`.${name}`);
+      this.stage = this.find(".stage");
+    }
     this.gone = new AbortController();
+    /** @type {(panel: any, data: any, words: any, tools: any) => unknown} */
+    this.view = undefined; // the markup
     /** @type {(name: string, value: any) => void} */
     this.trigger = () => {}; // tells Python once
     /** @type {(name: string, value: any) => void} */
@@ -52,9 +59,22 @@ export class Panel {
     /** @type {any} */
     this.data = data;
     this.begin(data);
+    if (this.view) this.draw();
   }
 
   begin(_) {}
+
+  // Brings the markup up to date; the first time, it is made.
+  render() {
+    render(this.view(this, this.data, this.data.words, TOOLS), this.find(".view"));
+    if (this.root) return;
+    this.root = this.find(".view").firstElementChild;
+    this.stage = this.find(".stage");
+    this.setUp();
+  }
+
+  // What can be done only once there is markup.
+  setUp() {}
 
   // Sets colours as custom properties of the same names.
   colour(colours) {
@@ -69,41 +89,41 @@ export class Panel {
     });
   }
 
-  draw() {}
-}
-
-// Calls `grab(event)` when a pointer goes down: it returns the functions `move` and `end` of a drag, or nothing to leave
-// the event alone. `end` is told whether the pointer was released, and not taken away.
-export function onDrag(target, grab) {
-  let drag;
-  target.addEventListener("pointerdown", (event) => {
-    if (event.button) return;
-    drag = grab(event);
-    if (!drag) return;
-    target.setPointerCapture(event.pointerId);
-    target.classList.add("dragging");
-  });
-  target.addEventListener("pointermove", (event) => drag?.move(event));
-  for (const type of ["pointerup", "pointercancel"]) {
-    target.addEventListener(type, () => {
-      target.classList.remove("dragging");
-      const { end } = drag ?? {};
-      drag = undefined;
-      end?.(type === "pointerup");
-    });
+  draw() {
+    this.render();
   }
 }
 
-// Calls the action of a pressed key; `actions(event)` returns all of them by their keys.
-export function onKey(target, actions) {
-  target.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const act = actions(event)?.[event.key];
-    if (!act) return;
-    act();
-    event.preventDefault();
-  });
-}
+// A listener for a pointer that goes down: `grab(event)` returns the functions `move` and `end` of a drag, or nothing to
+// leave the event alone. `end` is told whether the pointer was released, and not taken away.
+export const drag = (grab) => (event) => {
+  const target = event.currentTarget;
+  const { move, end } = (!event.button && grab(event)) || {};
+  if (!move) return;
+  const over = new AbortController();
+  target.setPointerCapture(event.pointerId);
+  target.classList.add("dragging");
+  target.addEventListener("pointermove", move, over);
+  for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
+    target.addEventListener(type, () => {
+      target.classList.remove("dragging");
+      over.abort();
+      if (type !== "pointerdown") end?.(type === "pointerup");
+    }, over);
+  }
+};
+
+// A listener for keys: `actions(event)` returns the action of each, or nothing.
+export const keys = (actions) => (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const act = actions(event)?.[event.key];
+  if (!act) return;
+  act();
+  event.preventDefault();
+};
+
+export const onDrag = (target, grab) => target.addEventListener("pointerdown", drag(grab));
+export const onKey = (target, actions) => target.addEventListener("keydown", keys(actions));
 
 // Actions for the arrow keys: `move(down, right)` by one step, with Shift by `far`.
 export function arrows({ shiftKey }, move, far = 10) {
@@ -115,3 +135,5 @@ export function arrows({ shiftKey }, move, far = 10) {
     ArrowRight: () => move(0, step),
   };
 }
+
+const TOOLS = { html, svg, live, filled, shortened, drag, keys }; // of the markup
