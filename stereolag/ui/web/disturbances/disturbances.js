@@ -1,20 +1,18 @@
 // Sliders that disturb two recordings, and the curve of their lag; Python mixes them, measures the lag and judges it.
 
-import { described, drawAxis, element, line, say, sized, stacked } from "../shared/dom.js";
+import { axis, line, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { show } from "../shared/panel.js";
 import { ExamplesPanel } from "../shared/visiting.js";
 
 const EVERY_MS = 80; // while a slider is dragged
 
-export default (component) => show(DisturbancesPanel, component);
+export default (component) => show(DisturbancesPanel, component, view);
 
 class DisturbancesPanel extends ExamplesPanel {
-  constructor(parent) {
-    super(parent, "disturbances");
-    this.svg = this.find("svg");
-    this.other = this.find(".other");
-    this.other.addEventListener("click", () => this.change({ draw: this.settings.draw + 1 }));
+  at = { width: 0, height: 0 }; // the layout
+
+  setUp() {
     this.watchSize(this.find(".drawing"));
   }
 
@@ -25,42 +23,22 @@ class DisturbancesPanel extends ExamplesPanel {
 
   // Begins with the first example, and then shows one answer after the other.
   begin(data) {
-    if (!this.settings) {
-      this.asked = JSON.stringify(data.settings);
-      this.find(".sliders").replaceChildren(...data.sliders.map((slider) => this.slider(slider)), this.other);
-      super.begin(data);
-    }
-    const { kind, ...said } = data.said;
-    for (const [place, text] of Object.entries(said)) say(this.find(`.${place}`), text);
-    this.find(".verdict").className = `verdict ${kind}`;
-    this.schedule();
-  }
-
-  slider({ name, title, meaning, low, high, step }) {
-    const input = Object.assign(element("input"), { type: "range", name, min: low, max: high, step });
-    input.addEventListener("input", () => this.change({ [name]: Number(input.value) }));
-    described(input, { "aria-label": title, "aria-description": meaning });
-    return Object.assign(element("label", "", title, element("output"), input), { title: meaning });
+    if (this.settings) return;
+    this.asked = JSON.stringify(data.settings);
+    super.begin(data);
   }
 
   choose(example) {
-    this.change({ ...this.data.start, ...example.settings });
     super.choose(example);
+    this.change({ ...this.data.start, ...example.settings });
+    this.chosen = example.title;
   }
 
   change(settings) {
-    this.showExample(null);
+    this.chosen = null;
     this.settings = { ...this.settings, ...settings };
-    for (const { name, low, unit } of this.data.sliders) {
-      const input = this.find(`input[name=${name}]`);
-      const value = this.settings[name];
-      const said = `${low < 0 && value > 0 ? "+" : ""}${shortened(value, 0, unit)}`;
-      input.value = value;
-      input.setAttribute("aria-valuetext", said);
-      input.previousElementSibling.textContent = said;
-    }
-    this.find("input[name=period]").disabled = !this.settings.repetition;
     this.sending ??= setTimeout(() => this.ask(), EVERY_MS);
+    this.schedule();
   }
 
   // Sends the settings as they are now, however many changes there were since the last time.
@@ -72,8 +50,15 @@ class DisturbancesPanel extends ExamplesPanel {
     this.setState("settings", this.settings);
   }
 
+  told(name, low, unit) {
+    const value = this.settings[name];
+    return `${low < 0 && value > 0 ? "+" : ""}${shortened(value, 0, unit)}`;
+  }
+
   draw() {
-    if (this.svg.clientWidth) drawDisturbed(this.svg, this.data);
+    const width = this.find("svg").clientWidth;
+    if (width) this.at = laidOut(width, this.data);
+    this.render();
   }
 }
 
@@ -87,74 +72,54 @@ const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
 const CLOSE = 60; // lags to either side of the peak
 const MOST_AGREEMENT = 100;
 
-function drawDisturbed(svg, data) {
-  const { curve, ribbon, peak, lag, words } = data;
-  const right = svg.clientWidth - RIGHT;
+function laidOut(width, data) {
+  const { curve, ribbon, peak, words } = data;
+  const right = width - RIGHT;
   const { boxes, height } = stacked(HEIGHTS, NAME, (name) => BELOW[name]);
-  const add = sized(svg, svg.clientWidth, height);
-  for (const [name, { top }] of Object.entries(boxes)) add("text", { x: LEFT, y: top - 6, class: "name" }, words[name]);
-  drawLinedUp(add, right, boxes.recordings, data.recordings);
   const reach = (curve.length - 1) / 2;
-  const whole = strip(right, boxes.curve, { first: -reach, last: reach, low: Math.min(-0.12, ...curve), high: 1.05 });
-  drawCurve(add, whole, data);
-  add("path", { class: "true", d: `M${whole.x(lag)} ${boxes.curve.bottom + 1}l5 9h-10z` });
-  drawAxis(add, { ...whole, y: boxes.curve.bottom }, words.axis);
+  const whole = { first: -reach, last: reach, low: Math.min(-0.12, ...curve), high: 1.05 };
   const first = clamp(peak - CLOSE, -reach, reach - 2 * CLOSE);
-  const last = first + 2 * CLOSE;
-  const near = curve.slice(first + reach, last + reach + 1);
+  const near = curve.slice(first + reach, first + 2 * CLOSE + reach + 1);
   const band = ribbon ?? [0, 0];
   const [low, high] = [Math.min(1.2 * band[0], ...near), 1.15 * Math.max(band[1], ...near)];
-  const close = strip(right, boxes.close, { first, last, low, high });
-  drawCurve(add, close, data);
-  drawAxis(add, { ...close, y: boxes.close.bottom });
-  drawAgreement(add, right, boxes.agreement, data);
+  const close = { first, last: first + 2 * CLOSE, low, high };
+  return {
+    width, height, boxes, left: LEFT, right,
+    recordings: data.recordings.map((part) => linedUp(part, right, boxes.recordings)),
+    curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
+    agreement: agreementAt(right, data),
+  };
 }
 
-function strip(right, { height, bottom }, { first, last, low, high }) {
+function linedUp(part, right, { top, height }) {
+  const loudest = Math.max(...part.map(Math.abs));
+  const pitch = (right - LEFT) / part.length;
+  return line(part.map((value, i) => [LEFT + i * pitch, top + height / 2 - ((value / loudest) * height) / 2]));
+}
+
+// The curve between two lags and two values, in a box.
+function curveIn({ height, bottom }, right, { first, last, low, high }, { curve, ribbon, peak, rivals, verdict }, label = "") {
   const x = (lag) => LEFT + ((lag - first) / (last - first)) * (right - LEFT);
   const y = (value) => bottom - ((clamp(value, low, high) - low) / (high - low)) * height;
-  return { first, last, left: LEFT, right, x, ofValue: y };
-}
-
-function drawLinedUp(add, right, { top, height }, recordings) {
-  recordings.forEach((part, number) => {
-    const loudest = Math.max(...part.map(Math.abs));
-    const pitch = (right - LEFT) / part.length;
-    const points = part.map((value, i) => [LEFT + i * pitch, top + height / 2 - ((value / loudest) * height) / 2]);
-    add("path", { class: ["first", "second"][number], d: line(points) });
-  });
-}
-
-function drawCurve(add, { first, last, left, right, x, ofValue }, { curve, ribbon, peak, rivals, verdict, words }) {
   const valueAt = (lag) => curve[lag + (curve.length - 1) / 2];
-  const middle = ofValue(ribbon ? (ribbon[0] + ribbon[1]) / 2 : 0);
-  if (ribbon) {
-    const [low, high] = ribbon.map(ofValue);
-    add("rect", { class: "ribbon", x: left, width: right - left, y: high, height: low - high });
-    add("text", { x: right + 4, y: middle + 4, class: "small faint" }, words.chance);
-  }
-  add("path", { class: "zero", d: `M${left} ${ofValue(0)}H${right}` });
   const lags = Array.from({ length: last - first + 1 }, (_, at) => first + at);
-  const d = line(lags.map((lag) => [x(lag), ofValue(valueAt(lag))]));
-  add("path", { class: "curve", "stroke-width": last - first > right ? 1 : 2, d });
-  const mark = (kind, lag, r) => {
-    if (lag >= first && lag <= last) add("circle", { class: kind, cx: x(lag), cy: ofValue(valueAt(lag)), r });
+  const peaks = { kind: verdict === "nothing" ? "peak doubtful" : "peak", lag: peak, r: 7 };
+  const marks = [...rivals.map((lag) => ({ kind: "rival", lag, r: 5 })), peaks];
+  return {
+    x,
+    zero: y(0),
+    ribbon: ribbon?.map(y) ?? "",
+    middle: y(ribbon ? (ribbon[0] + ribbon[1]) / 2 : 0),
+    d: line(lags.map((lag) => [x(lag), y(valueAt(lag))])),
+    stroke: last - first > right ? 1 : 2,
+    marks: marks.filter(({ lag }) => lag >= first && lag <= last).map((mark) => ({ ...mark, x: x(mark.lag), y: y(valueAt(mark.lag)) })),
+    peak: { y: y(valueAt(peak)), value: valueAt(peak) },
+    axis: axis({ first, last, left: LEFT, right, y: bottom, x }, label),
   };
-  for (const rival of rivals) mark("rival", rival, 5);
-  mark(verdict === "nothing" ? "peak doubtful" : "peak", peak, 7);
-  const y = ofValue(valueAt(peak));
-  if (!ribbon || Math.abs(y - middle) > 12) add("text", { x: right + 4, y: y + 4, class: "small" }, shortened(valueAt(peak), 2));
 }
 
-// Standard deviations on a logarithmic scale, with marks for the level of chance and the convincing level.
-function drawAgreement(add, right, { top, height, bottom }, { evidence, chance, needed, words }) {
+// Standard deviations on a logarithmic scale: the level of chance, the convincing level, and what there is.
+function agreementAt(right, { evidence, chance, needed }) {
   const x = (deviations) => LEFT + (Math.log(clamp(deviations, 1, MOST_AGREEMENT)) / Math.log(MOST_AGREEMENT)) * (right - LEFT);
-  add("rect", { class: "tube", x: LEFT, y: top, width: right - LEFT, height, rx: 4 });
-  add("rect", { class: "ribbon", x: LEFT, y: top, width: x(chance) - LEFT, height });
-  const kind = evidence < needed ? "evidence short" : "evidence";
-  add("rect", { class: kind, x: LEFT, y: top + 3, width: x(evidence) - LEFT, height: height - 6, rx: 3 });
-  add("path", { class: "limit", d: `M${x(needed)} ${top - 2}V${bottom + 4}` });
-  add("text", { x: x(chance) - 6, y: bottom + 15, class: "small faint", "text-anchor": "end" }, words.chance);
-  add("text", { x: x(needed), y: bottom + 15, class: "small faint" }, `${shortened(needed, 1)} ${words.convinces}`);
-  add("text", { x: right + 4, y: bottom - 3, class: "small" }, shortened(evidence, 1));
+  return { chance: x(chance), needed: x(needed), evidence: x(evidence) };
 }

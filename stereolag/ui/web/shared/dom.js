@@ -1,5 +1,6 @@
 // Elements, SVG drawings and canvases.
 
+import { svg } from "./lit_html.js";
 import { shortened, ticks } from "./numbers.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -85,6 +86,20 @@ export function drawAxis(add, { first, last, left, right, y, x }, label = "") {
     add("text", { x: anchor === "start" ? left : place, y: y + 16, class: "small faint", "text-anchor": anchor }, shortened(tick));
   }
   if (label) add("text", { x: (left + right) / 2, y: y + 31, class: "small faint", "text-anchor": "middle" }, label);
+}
+
+// A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.
+export function axis({ first, last, left, right, y, x }, label = "") {
+  return svg`
+    <path class="zero" d="M${left} ${y}H${right}" />
+    ${ticks(first, last, (TICK_PX * (last - first)) / (x(last) - x(first))).map((tick) => {
+      const start = x(tick) < 24;
+      return svg`
+        <path class="zero" d="M${x(tick)} ${y}v4" />
+        <text class="small faint" x=${start ? left : x(tick)} y=${y + 16} text-anchor=${start ? "start" : "middle"}>
+          ${shortened(tick)}</text>`;
+    })}
+    ${label && svg`<text class="small faint" x=${(left + right) / 2} y=${y + 31} text-anchor="middle">${label}</text>`}`;
 }
 
 // The boxes of strips that lie below each other, each under its name, and the height of all.

@@ -59,7 +59,9 @@ export class Panel {
     /** @type {any} */
     this.data = data;
     this.begin(data);
-    if (this.view) this.draw();
+    if (!this.view) return;
+    this.render();
+    this.draw();
   }
 
   begin(_) {}
@@ -76,7 +78,11 @@ export class Panel {
   // What can be done only once there is markup.
   setUp() {}
 
-  // Sets colours as custom properties of the same names.
+  // Colours as custom properties of the same names.
+  colours() {
+    return Object.entries(this.data.colours).map(([name, colour]) => `--${name}: ${colour}`).join("; ");
+  }
+
   colour(colours) {
     for (const [name, colour] of Object.entries(colours)) this.root.style.setProperty(`--${name}`, colour);
   }

@@ -2,51 +2,48 @@
 // them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a `perfect` match, and
 // the places of the `peaks`, several if the highest value repeats.
 
-import { button, gapped, say, showPressed } from "./dom.js";
+import { gapped } from "./dom.js";
+import { svg } from "./lit_html.js";
 import { clamp } from "./numbers.js";
 import { Panel } from "./panel.js";
 
 const PLACES_A_SECOND = 50;
 
 export class ExamplesPanel extends Panel {
-  begin({ colours, examples }) {
-    this.colour(colours);
-    this.find(".examples").replaceChildren(...examples.map((example) => button(example.title, () => this.choose(example))));
+  begin({ examples }) {
     this.choose(examples[0]);
   }
 
   choose(example) {
     this.example = example;
-    this.showExample(example.title);
-    this.find(".try").textContent = example.try;
-  }
-
-  showExample(title) {
-    showPressed(this.find(".examples").children, (one) => one.textContent === title);
   }
 }
 
 export class VisitingPanel extends ExamplesPanel {
-  start = 0; // the place at which an example starts
   /** @type {any} */
   all;
+  option = false; // whether the measurement is the other one that the panel offers
+  start = 0; // the place at which an example starts
 
-  constructor(parent) {
-    super(parent, "panel");
-    this.find(".play").addEventListener("click", () => this.toggle());
-    this.find(".clear").addEventListener("click", () => this.clear());
+  setUp() {
     this.watchSize(this.root);
   }
 
   close() {
     super.close();
-    this.pause();
+    cancelAnimationFrame(this.playing);
   }
 
   choose(example) {
     super.choose(example);
-    this.prepare();
+    this.option = false;
     this.clear();
+  }
+
+  turn(option) {
+    this.option = option;
+    this.measure();
+    this.schedule();
   }
 
   clear() {
@@ -85,41 +82,33 @@ export class VisitingPanel extends ExamplesPanel {
       }
     };
     go(performance.now());
-    this.showState();
   }
 
   pause() {
     cancelAnimationFrame(this.playing);
     this.playing = undefined;
-    this.showState();
+    this.schedule();
   }
 
-  showState() {
-    this.find(".play").textContent = this.playing ? "❚❚ Pause" : "▶ Play";
+  // The example's lesson, once every place has been visited.
+  get said() {
+    return this.visited.every(Boolean) && !this.playing ? this.lesson() : "";
   }
-
-  // Shows the current place and, once every place has been visited, the example's lesson.
-  tell(where, lesson) {
-    this.find(".where").textContent = where;
-    say(this.find(".said"), this.visited.every(Boolean) && !this.playing ? lesson : "");
-  }
-
-  prepare() {}
 
   measure() {}
+
+  lesson() {}
 }
 
-// Draws what is known of a panel's curve: the level of a perfect match and its label, the values at the places visited, the
-// peaks once all have been, and the current place.
-export function drawVisited(add, { left, right, x, y, stroke }, { all, place, visited }, label, labelBelow) {
+// What is known of a panel's curve: the level of a perfect match and its label, the values at the places visited, the peaks
+// once all have been, and the current place.
+export function visitedCurve({ left, right, x, y, stroke }, { all, place, visited }, label, labelBelow) {
   const { values, perfect, peaks } = all;
-  add("path", { class: "perfect", d: `M${left} ${y(perfect)}H${right}` });
-  add("text", { x: right, y: y(perfect) + labelBelow, class: "small faint", "text-anchor": "end" }, label);
-  const d = gapped(visited.map((seen, at) => seen && `${x(at)} ${y(values[at])}`));
-  add("path", { class: "curve", "stroke-width": stroke, d });
-  if (visited.every(Boolean)) {
-    const kind = Math.max(...values) < perfect / 2 ? "peak doubtful" : "peak";
-    for (const top of peaks) add("circle", { class: kind, cx: x(top), cy: y(values[top]), r: 7 });
-  }
-  add("circle", { class: "now", cx: x(place), cy: y(values[place]), r: 5 });
+  const kind = Math.max(...values) < perfect / 2 ? "peak doubtful" : "peak";
+  return svg`
+    <path class="perfect" d="M${left} ${y(perfect)}H${right}" />
+    <text class="small faint" x=${right} y=${y(perfect) + labelBelow} text-anchor="end">${label}</text>
+    <path class="curve" stroke-width=${stroke} d=${gapped(visited.map((seen, at) => seen && `${x(at)} ${y(values[at])}`))} />
+    ${visited.every(Boolean) ? peaks.map((top) => svg`<circle class=${kind} cx=${x(top)} cy=${y(values[top])} r="7" />`) : ""}
+    <circle class="now" cx=${x(place)} cy=${y(values[place])} r="5" />`;
 }
