@@ -72,7 +72,7 @@ def measure(pair: RecordingPair) -> None:
         result = search_lag(pair, search) if search else None
         if search is None or result is None:
             return
-        LAG_ADDRESS.write(search, pair)
+        LAG_ADDRESS.write(pair, {"": search})
         show_verdict(pair, result, search)
         show_parts("lag.part", PARTS, pair, result, search)
 

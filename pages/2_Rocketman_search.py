@@ -94,7 +94,7 @@ def find(inputs: PictureAndTemplate) -> None:
     with result_place:
         if query is None:
             return
-        TEMPLATE_ADDRESS.write(query, inputs)
+        TEMPLATE_ADDRESS.write(inputs, {"": query})
         result = search(inputs, query)
         if result is None:
             return
@@ -110,7 +110,7 @@ def follow() -> None:
         query = ask(None)
     with result_place:
         if query is not None:
-            TEMPLATE_ADDRESS.write(query, None)
+            TEMPLATE_ADDRESS.write(None, {"": query})
             show_following(query)
 
 

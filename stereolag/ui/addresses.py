@@ -22,7 +22,7 @@ from stereolag.core.settings import KIND, Settings, SettingsError
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
-from stereolag.ui.controls import adopt_value, from_another_page
+from stereolag.ui.controls import from_another_page
 from stereolag.ui.uploads import OWN
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
@@ -177,40 +177,6 @@ def new_parameters(written: str) -> dict[str, str] | None:
     return found if found and found != seen else None
 
 
-def recall_choices(written: str, choices: Mapping[str, Choice]) -> dict[str, str] | None:
-    """Apply the choices that a new address names, and reset the others to their initial values.
-
-    They must not have been drawn yet. Returned, and kept until :func:`kept_settings` takes them, in this run or a later
-    one, are the other parameters; None if the address is not new.
-    """
-    found = new_parameters(written)
-    if found is None:
-        return None
-    for name, choice in choices.items():
-        value = found.pop(name, None)
-        if value in choice.allowed:
-            st.session_state[choice.key] = value
-            continue
-        if st.session_state.get(choice.key) in choice.allowed:
-            st.session_state[choice.key] = choice.allowed[0]
-        if value is not None:
-            warn_ignored(name, value, choice.allowed)
-    st.session_state[f"{written}.settings"] = found
-    return found
-
-
-def kept_settings(written: str) -> dict[str, str] | None:
-    """Return the kept parameters of settings and forget them; None if there are none."""
-    kept: dict[str, str] | None = st.session_state.pop(f"{written}.settings", None)
-    return kept
-
-
-def chosen(choices: Mapping[str, Choice]) -> dict[str, str]:
-    """Return the choices that differ from their initial values, as parameters."""
-    values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}
-    return {name: value for name, value in values.items() if value in choices[name].allowed[1:]}
-
-
 def write_parameters(written: str, parameters: dict[str, str]) -> None:
     """Write parameters into the address, replacing all others."""
     st.session_state[written] = parameters
@@ -227,8 +193,8 @@ def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class SettingsAddress(Generic[InputsT, SettingsT]):
-    """The address of a page with one choice of inputs and one settings object.
+class Address(Generic[InputsT]):
+    """The address of a page, with its choices and the settings that differ from the initial ones.
 
     Attributes
     ----------
@@ -237,40 +203,83 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     choices
         Returns the choices by their names in the address.
     first
-        Returns the initial settings for the given inputs.
-    key
-        Returns the key of the control of a setting, given its name and the inputs.
+        Returns the initial settings for the given inputs, by the prefix of their parameters.
+    set_controls
+        Sets the controls to some of these settings, given them and the inputs.
     check
         Raises :class:`~stereolag.core.settings.SettingsError` for values that the inputs do not allow.
     """
 
     written: str
     choices: Callable[[], Mapping[str, Choice]]
-    first: Callable[[InputsT], SettingsT]
-    key: Callable[[str, InputsT], str]
-    check: Callable[[SettingsT, InputsT], None] = lambda settings, inputs: None
+    first: Callable[[InputsT], Mapping[str, Settings]]
+    set_controls: Callable[[Any, InputsT], None]
+    check: Callable[[Any, InputsT], None] = lambda settings, inputs: None
 
-    def recalled(self, ask: Callable[[], InputsT]) -> InputsT:
-        """Apply the choices and settings of a new address, and return the inputs from `ask`.
+    def recall_choices(self) -> dict[str, str] | None:
+        """Apply the choices that a new address names, and reset the others to their initial values.
 
-        The controls of the settings must not have been drawn yet.
+        They must not have been drawn yet. Returned, and kept until :meth:`recall_settings` takes them, in this run or a
+        later one, are the other parameters; None if the address is not new.
         """
-        recall_choices(self.written, self.choices())
-        inputs = ask()
-        named = kept_settings(self.written)
-        if named is not None:
-            first = self.first(inputs)
-            recalled, ignored = recalled_settings(named, first, check=lambda settings: self.check(settings, inputs))
-            for name in type(first).model_fields:
-                adopt_value(self.key(name, inputs), getattr(recalled, name))
+        found = new_parameters(self.written)
+        if found is None:
+            return None
+        for name, choice in self.choices().items():
+            value = found.pop(name, None)
+            if value in choice.allowed:
+                st.session_state[choice.key] = value
+                continue
+            if st.session_state.get(choice.key) in choice.allowed:
+                st.session_state[choice.key] = choice.allowed[0]
+            if value is not None:
+                warn_ignored(name, value, choice.allowed)
+        st.session_state[f"{self.written}.settings"] = found
+        return found
+
+    def recall_settings(self, inputs: InputsT) -> None:
+        """Set the controls to the settings of a new address, which sets all others to their initial values.
+
+        They must not have been drawn yet.
+        """
+        found: dict[str, str] | None = st.session_state.pop(f"{self.written}.settings", None)
+        if found is None:
+            return
+        groups = self.first(inputs)
+        for prefix, first in groups.items():
+            of_others = tuple(one for one in groups if one != prefix and one.startswith(prefix))
+            own = [name for name in found if name.startswith(prefix) and not name.startswith(of_others)]
+            recalled, ignored = recalled_settings(
+                {name.removeprefix(prefix): found[name] for name in own},
+                first,
+                prefix=prefix,
+                check=lambda settings: self.check(settings, inputs),
+            )
+            self.set_controls(recalled, inputs)
             for sentence in ignored:
                 prose.warning(f"In the address, {sentence}")
+
+    def recalled(self, ask: Callable[[], InputsT]) -> InputsT:
+        """Apply the choices and settings of a new address, and return the inputs from `ask`."""
+        self.recall_choices()
+        inputs = ask()
+        self.recall_settings(inputs)
         return inputs
 
-    def write(self, settings: SettingsT, inputs: InputsT) -> None:
-        """Write the choices and settings that differ from their initial values into the address."""
-        write_parameters(self.written, chosen(self.choices()) | parameters_of(settings, self.first(inputs)))
+    def write(self, inputs: InputsT, settings: Mapping[str, Settings], **more: str) -> None:
+        """Write the choices that differ from their initial values, settings that do, by their prefix, and `more`."""
+        first = self.first(inputs)
+        parameters = self._chosen() | more
+        for prefix, now in settings.items():
+            parameters |= {prefix + name: text for name, text in parameters_of(now, first[prefix]).items()}
+        write_parameters(self.written, parameters)
 
     def write_choices(self) -> None:
         """Write the choices alone, while there are no inputs yet."""
-        write_parameters(self.written, chosen(self.choices()))
+        write_parameters(self.written, self._chosen())
+
+    def _chosen(self) -> dict[str, str]:
+        """Return the choices that differ from their initial values, as parameters."""
+        choices = self.choices()
+        values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}
+        return {name: value for name, value in values.items() if value in choices[name].allowed[1:]}

@@ -295,6 +295,12 @@ def adopt_value(key: str, value: Any) -> None:
     memory.untouched.clear()
 
 
+def adopt_values(settings: Settings, key: Callable[[str], str]) -> None:
+    """Set the controls of all fields to these settings; `key` returns that of the control of a field."""
+    for name in type(settings).model_fields:
+        adopt_value(key(name), getattr(settings, name))
+
+
 def last_valid(make: Callable[[], T], key: str) -> T | None:
     """Return the result of `make`; if it refuses the settings, show why and return the last valid ones."""
     with refusals_shown():

@@ -16,18 +16,7 @@ from stereolag.io.sessions import Colours, Session
 from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui import prose
-from stereolag.ui.addresses import (
-    Choice,
-    chosen,
-    example_choice,
-    kept_settings,
-    parameters_of,
-    recall_choices,
-    recalled_settings,
-    warn_ignored,
-    write_parameters,
-)
+from stereolag.ui.addresses import Address, Choice, example_choice, warn_ignored
 from stereolag.ui.depth.maps import (
     FIRST_PALETTE,
     INVERTED,
@@ -46,9 +35,6 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.elements import show_refused
 from stereolag.ui.matcher_controls import default_settings, matchers_in_use, set_controls
 
-WRITTEN_KEY = "depth.address"
-"""Session-state key of the parameters that this page wrote last."""
-
 MAPS = "maps"
 """The parameter that names the maps shown."""
 
@@ -62,9 +48,27 @@ RESTORED = "depth.restore"
 # The address
 
 
+@functools.cache  # listing the examples reads their folder, and every run of the page asks
+def _choices() -> dict[str, Choice]:
+    """Return the choices that an address can name, by parameter."""
+    return {"pair": example_choice(PAIR, samples.stereo_pairs()), "size": Choice(SIZE, [*SIZES])}
+
+
+def _prefix(kind: type[StereoMatcher]) -> str:
+    """Return the parameter prefix of a method's settings; empty for the first method."""
+    return "" if kind is METHODS[0] else f"{kind.short_name}."
+
+
+def _first_settings(pair: Pair) -> dict[str, StereoMatcher]:
+    return {_prefix(kind): default_settings(kind, pair) for kind in METHODS}
+
+
+DEPTH_ADDRESS: Address[Pair] = Address("depth.address", _choices, _first_settings, set_controls)
+
+
 def recall_pair_and_maps() -> None:
     """Apply the example, size and maps that a new address names, and keep its settings for later."""
-    found = recall_choices(WRITTEN_KEY, _choices())
+    found = DEPTH_ADDRESS.recall_choices()
     if found is not None:
         _recall_maps(found.pop(MAPS, None))
 
@@ -85,25 +89,9 @@ def _recall_maps(value: str | None) -> None:
 
 def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
     """Write the choices and settings that differ from their initial values into the address."""
-    parameters = chosen(_choices())
     shown = [method.short_name for method in shown_methods()]
-    if shown and shown != SHOWN_AT_FIRST:
-        parameters[MAPS] = ",".join(shown)
-    for matcher in filter(None, matchers):
-        found = parameters_of(matcher, default_settings(type(matcher), pair))
-        parameters |= {_prefix(type(matcher)) + name: text for name, text in found.items()}
-    write_parameters(WRITTEN_KEY, parameters)
-
-
-@functools.cache  # listing the examples reads their folder, and every run of the page asks
-def _choices() -> dict[str, Choice]:
-    """Return the choices that an address can name, by parameter."""
-    return {"pair": example_choice(PAIR, samples.stereo_pairs()), "size": Choice(SIZE, [*SIZES])}
-
-
-def _prefix(kind: type[StereoMatcher]) -> str:
-    """Return the parameter prefix of a method's settings; empty for the first method."""
-    return "" if kind is METHODS[0] else f"{kind.short_name}."
+    maps = {MAPS: ",".join(shown)} if shown and shown != SHOWN_AT_FIRST else {}
+    DEPTH_ADDRESS.write(pair, {_prefix(type(one)): one for one in filter(None, matchers)}, **maps)
 
 
 # A session, and settings handed over
@@ -174,9 +162,7 @@ def recall_settings(pair: Pair) -> None:
     They come from a new address, which sets all others to their initial values, from :func:`adopt`, or from
     :func:`restore`.
     """
-    parameters = kept_settings(WRITTEN_KEY)
-    if parameters is not None:
-        _set_to_address(parameters, pair)
+    DEPTH_ADDRESS.recall_settings(pair)
     adopted: StereoMatcher | None = st.session_state.pop(ADOPTED, None)
     if adopted is not None:
         set_controls(adopted, pair)
@@ -184,19 +170,6 @@ def recall_settings(pair: Pair) -> None:
         show_method(type(adopted))
     if RESTORED in st.session_state:
         _set_to_session(pair, *st.session_state.pop(RESTORED))
-
-
-def _set_to_address(parameters: dict[str, str], pair: Pair) -> None:
-    of_others = tuple(_prefix(kind) for kind in METHODS[1:])
-    for kind in METHODS:
-        prefix = _prefix(kind)
-        own = [one for one in parameters if one.startswith(prefix) and (prefix or not one.startswith(of_others))]
-        recalled, ignored = recalled_settings(
-            {name.removeprefix(prefix): parameters[name] for name in own}, default_settings(kind, pair), prefix=prefix
-        )
-        set_controls(recalled, pair)
-        for sentence in ignored:
-            prose.warning(f"In the address, {sentence}")
 
 
 def _set_to_session(pair: Pair, width: int, matchers: Iterable[StereoMatcher], colours: Colours) -> None:

@@ -21,9 +21,9 @@ from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.io.recordings import read_signal
 from stereolag.signals.listening import Heard, Listening
-from stereolag.ui.addresses import SettingsAddress, example_choice
+from stereolag.ui.addresses import Address, example_choice
 from stereolag.ui.components import component, packed_item
-from stereolag.ui.controls import control
+from stereolag.ui.controls import adopt_values, control
 from stereolag.ui.lag.sentences import (
     COLOURS,
     LISTENING_WORDS,
@@ -280,9 +280,13 @@ LARGEST = 10**12
 """Largest sampling rate, samples per second, and largest speed, metres per second."""
 
 
-def _first_search(pair: RecordingPair) -> LagSearch:
+def _first_search(pair: RecordingPair) -> dict[str, LagSearch]:
     known = {"sampling_rate": pair.sampling_rate, "speed": pair.speed}
-    return LagSearch(**{name: value for name, value in known.items() if value is not None})
+    return {"": LagSearch(**{name: value for name, value in known.items() if value is not None})}
+
+
+def _set_controls(search: LagSearch, pair: RecordingPair) -> None:
+    adopt_values(search, partial(lag_key, pair=pair))
 
 
 def lag_key(name: str, pair: RecordingPair) -> str:
@@ -302,10 +306,10 @@ def _check_search(search: LagSearch, pair: RecordingPair) -> None:
             raise SettingsError((Problem(name, sentence),))
 
 
-LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(
+LAG_ADDRESS: Address[RecordingPair] = Address(
     "lag.address",
     lambda: {"recordings": example_choice(RECORDINGS, samples.recordings(), LIVE)},
     _first_search,
-    lag_key,
+    _set_controls,
     _check_search,
 )

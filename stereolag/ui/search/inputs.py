@@ -26,9 +26,9 @@ from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
 from stereolag.io.images import read_image
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.ui import prose
-from stereolag.ui.addresses import SettingsAddress, example_choice
+from stereolag.ui.addresses import Address, example_choice
 from stereolag.ui.components import component, deliver, packed_item
-from stereolag.ui.controls import persistent
+from stereolag.ui.controls import adopt_values, persistent
 from stereolag.ui.elements import in_columns, show_refused
 from stereolag.ui.navigation import head, show_try_first
 from stereolag.ui.results import remembered
@@ -217,11 +217,11 @@ def _fitting_mask(mask: Image, template: Image) -> Image:
     return mask
 
 
-TEMPLATE_ADDRESS: SettingsAddress[PictureAndTemplate | None, TemplateQuery] = SettingsAddress(
+TEMPLATE_ADDRESS: Address[PictureAndTemplate | None] = Address(
     "template.address",
     lambda: {"picture": example_choice(PICTURES, samples.mazes(), LIVE)},
-    lambda inputs: TemplateQuery(),
-    lambda name, inputs: f"template.{name}",
+    lambda inputs: {"": TemplateQuery()},
+    lambda query, inputs: adopt_values(query, "template.{}".format),
 )
 
 
