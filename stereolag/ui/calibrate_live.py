@@ -77,7 +77,6 @@ NEXT = {
     Missing.MORE: "A few more, each held in another way.",
 }
 
-_boards = component("boards")
 
 Places: TypeAlias = list[list[float]]
 """Places in a picture: column and row, as shares of its sides."""
@@ -239,7 +238,7 @@ def show_live() -> None:
     with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
     with result_place:
-        _boards(
+        component("boards")(
             key=f"{KEY}.boards",
             data={
                 **connected(stream, LIVE_CAMERA_WORDS | LIVE_WORDS),

@@ -40,11 +40,13 @@ VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened,
 """The markup of a component as a function in its module: a template of lit-html."""
 
 
+@cache
 def component(name: str) -> ComponentRenderer:
     """Return the component whose module is ``web/<name>/<name>.js``, with its markup and styles beside it, if any.
 
-    The markup is a template that `Panel` of ``web/shared/panel.js`` draws, with expressions in ``${…}``. It becomes a
-    part of the script, since a page may forbid to make code from text.
+    It is read and declared where it is first shown. Its markup is a template that `Panel` of ``web/shared/panel.js``
+    draws, with expressions in ``${…}``; it becomes a part of the script, since a page may forbid to make code from
+    text.
     """
     files = {suffix: WEB / name / f"{name}.{suffix}" for suffix in ("html", "css", "js")}
     markup = files["html"].read_text(encoding="utf-8").strip() if files["html"].exists() else None
@@ -105,9 +107,6 @@ def joined(path: Path) -> str:
     return "".join(scopes) + body
 
 
-_delivery = component("delivery")
-
-
 def deliver(item: bytes, *, key: str) -> None:
     """Send an item of :func:`packed_item` to the components of the page that need it.
 
@@ -121,7 +120,7 @@ def deliver(item: bytes, *, key: str) -> None:
     key
         Key of the delivery on the page.
     """
-    _delivery(key=key, data=item)
+    component("delivery")(key=key, data=item)
 
 
 # Items for the browser

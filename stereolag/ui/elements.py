@@ -144,12 +144,9 @@ def refusals_shown(said: str = "{}") -> Iterator[None]:
         show_refused(said.format(error))
 
 
-_region = component("announcement")
-
-
 def announce(headline: str) -> None:
     """Announce a headline, plain or Markdown, through a polite live region once it has been stable for a moment.
 
     Call it once per page: this is the only live region for results. Streamlit announces refusals and failures itself.
     """
-    _region(key="announced", data=typeset(headline.replace("**", "")))
+    component("announcement")(key="announced", data=typeset(headline.replace("**", "")))

@@ -268,9 +268,6 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     }
 
 
-_viewer = component("linked_pictures")
-
-
 def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
     """Send the pixels and readings of one picture of :func:`linked_pictures`, ahead of everything else about it.
 
@@ -334,4 +331,5 @@ def linked_pictures(
             pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint, marks=marks
         )
         deliver(packed_item(description).data, key=f"{key}.description")
-        _viewer(key=key, data=key, on_picked_change=picked)  # the same in every run: its script is sent once
+        # The same in every run: its script is sent once.
+        component("linked_pictures")(key=key, data=key, on_picked_change=picked)

@@ -192,9 +192,6 @@ def close_stream(name: str) -> None:
     st.session_state.pop(f"live.{name}", None)
 
 
-_carrier = component("carrier")
-
-
 def connected(stream: Stream, words: Mapping[str, str]) -> dict[str, Any]:
     """Return the part of a component's data that ``web/shared/live.js`` needs to send messages to a stream.
 
@@ -219,7 +216,7 @@ def _mount_carrier(stream: Stream) -> None:
     def take() -> None:
         stream.carrier.take(stream, st.session_state[key].message)
 
-    _carrier(key=key, data=stream.carrier.item, on_message_change=take)
+    component("carrier")(key=key, data=stream.carrier.item, on_message_change=take)
 
 
 def _not_ready(message: Message) -> bytes:

@@ -67,8 +67,6 @@ from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.sentences import REASONS_EXPLAINED, percent
 
-_hovered_match = component("hovered_match")
-
 INSPECTION, BLANKS = "depth.inspection", "depth.blanks"
 ROWS_AROUND = 8
 SAME_PX = 1e-4
@@ -183,7 +181,7 @@ def hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int
     with st.container(gap=None):
         grey = packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest)
         deliver(grey, key=f"{pictures}.pair")
-        _hovered_match(
+        component("hovered_match")(
             key=f"{pictures}.hovered",
             data={
                 **browser_settings(matcher, pair.left, pair.right),

@@ -108,9 +108,6 @@ def ask_layout(key: str) -> Layout | None:
     return chosen
 
 
-_stereo_camera = component("stereo_camera")
-
-
 def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
     """Draw the component of a stereo camera, which sends its frames to a stream: all of them, or those it records."""
     data = {
@@ -120,7 +117,7 @@ def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = Fa
         "crossed": camera.crossed,
         "record": record,
     }
-    _stereo_camera(key=key, data=data, **callbacks)
+    component("stereo_camera")(key=key, data=data, **callbacks)
 
 
 @dataclass(frozen=True)
@@ -286,13 +283,10 @@ class MovedSlider(Message):
     whole: bool
 
 
-_sliders = component("sliders")
-
-
 def follow_sliders(pair: Pair) -> None:
     """Show the map of a slider as soon as it is moved; the run of the page brings the same map, and all else."""
     stream = open_stream("sliders", MovedSlider, in_this_session(partial(moved_map, pair)), brief=True)
-    _sliders(key="depth.sliders", data=address_of(stream))
+    component("sliders")(key="depth.sliders", data=address_of(stream))
 
 
 def moved_map(pair: Pair, moved: MovedSlider) -> bytes:

@@ -155,8 +155,6 @@ def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
 
 # The player
 
-_player = component("player")
-
 
 class Chart(NamedTuple):
     """One chart of the timeline: a figure plotted over the frames."""
@@ -212,7 +210,7 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
             name = f"{work.video_name} {number}"
             item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
             deliver(item.data, key=f"{key}.piece.{number}")
-        _player(
+        component("player")(
             key=key, data=data, on_opened_change=lambda: st.session_state.update({OPENED: st.session_state[key].opened})
         )
 

@@ -183,7 +183,6 @@ def _pair(
 
 # Microphones heard live
 
-_listening = component("listening")
 
 SETTING_WIDTH = 170
 """Width of a setting below the panel, px: its title fits into one line, and both into the width of a phone."""
@@ -237,7 +236,7 @@ def _panel() -> None:
     stream = open_stream("lag", Piece)
     stream.answer = partial(answer, stream.kept, speed=speed, max_lag=max_lag)
     with panel:
-        found = _listening(
+        found = component("listening")(
             key="lag.live",
             data={**connected(stream, LISTENING_WORDS), "colours": COLOURS},
             on_freeze_change=lambda: None,

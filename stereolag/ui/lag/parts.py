@@ -297,7 +297,6 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
 
 # Panels
 
-_sliding, _disturbances, _phasors, _plan = map(component, ("sliding", "disturbances", "phasors", "plan"))
 
 # Slide it
 
@@ -325,7 +324,7 @@ def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False
         shared=pair.shared,
     )
     examples = json.loads(own) + ([] if small else _slides())
-    _sliding(
+    component("sliding")(
         key="lag.sliding",
         data={"examples": examples, "colours": COLOURS, "words": SLIDING_WORDS, "small": small},
     )
@@ -385,7 +384,7 @@ def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
         asked = by_hand.Disturbances.model_validate(dict(st.session_state.get(key) or {}).get("settings") or {})
     except ValueError:
         asked = by_hand.Disturbances()
-    _disturbances(
+    component("disturbances")(
         key=key,
         data={
             "sliders": SLIDERS,
@@ -426,7 +425,7 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
 def show_phasors(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the arrows of the examples, and of the visitor's own recordings if a lag was found."""
     prose.markdown(PHASOR_INTRODUCTION)
-    _phasors(
+    component("phasors")(
         key="lag.phasors",
         data={
             "examples": [*_own_phasors(pair, result), *_example_phasors()],
@@ -488,7 +487,7 @@ def show_plan(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None
     """Show the source positions that give the measured lag, if it is sure."""
     prose.markdown(PLAN_INTRODUCTION)
     measured = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
-    _plan(
+    component("plan")(
         key="lag.plan",
         data={"difference": measured, "example": EXAMPLE_M, "speed": search.speed, "colours": COLOURS},
     )

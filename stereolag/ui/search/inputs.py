@@ -293,8 +293,6 @@ SENT_WIDTH: Final = 1200
 LARGEST_PIXELS: Final = 1_000_000
 """Largest template that can be painted on; a larger one needs a mask from a file."""
 
-_box, _brush = map(component, ("box", "brush"))
-
 
 def _send_picture(name: str, data: bytes, *, key: str) -> None:
     """Send a PNG or JPEG as the background of the component given the same name."""
@@ -339,7 +337,7 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
     data = remembered("hand picture", make, inputs=digest, settings="", shared=shared)
     with st.container(gap=None):
         _send_picture(digest, data, key=f"{key}.picture")
-        _box(
+        component("box")(
             key=key,
             data={
                 "name": digest,
@@ -399,7 +397,7 @@ def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str)
     prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
     with st.container(gap=None):
         _send_picture(f"{digest} template", png(as_rgb(template)), key=f"{key}.picture")
-        _brush(
+        component("brush")(
             key=key,
             data={
                 "name": f"{digest} template",

@@ -148,7 +148,7 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             drawn = figures.score_map_png(score_map, marked)
             return packed_score_map(drawn, score_map, name=NAME, words=SCORE_MAP_WORDS)
 
-        _score_map(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
+        component("score_map")(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
     legend.plotly_chart(
         figures.score_legend(),
         key="score_legend",
@@ -216,8 +216,6 @@ def _inputs(inputs: PictureAndTemplate) -> list[File]:
 NAME = "template"
 """Name of the search in the browser: a place clicked on the score map is sent to it."""
 
-_score_map, _template, _funnel, _following = map(component, ("score_map", "template_by_hand", "funnel", "following"))
-
 
 def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the picture, with the template to drag over it and the places found framed, and the score of every place.
@@ -243,7 +241,7 @@ def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQ
     except ValueError:
         prose.caption("Too little is left of this template when it is reduced for the browser.")
     else:
-        _template(key="template.by_hand", data=data)
+        component("template_by_hand")(key="template.by_hand", data=data)
     show_scores(inputs, result, query)
 
 
@@ -267,7 +265,7 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     except ValueError as error:
         prose.caption(f"“Sampled” cannot search here: {error}")
         return
-    _funnel(key="template.funnel", data=json.loads(shown))
+    component("funnel")(key="template.funnel", data=json.loads(shown))
 
 
 def _funnel_data(inputs: PictureAndTemplate) -> bytes:
@@ -440,7 +438,7 @@ def show_following(query: TemplateQuery) -> None:
         st.rerun()
     stream = open_stream("search", Frame)
     stream.answer = partial(answer, stream.kept, query)
-    _following(
+    component("following")(
         key=FOLLOWING,
         data={**connected(stream, {}), "told": FOLLOWING_WORDS, "least": LEAST_SIDE},
         on_frozen_change=partial(_freeze, stream),
