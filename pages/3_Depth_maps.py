@@ -11,7 +11,6 @@ from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.comparing import show_all_pairs, show_comparison, show_scoreboard
 from stereolag.ui.depth.distances import show_readout, show_space
-from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
@@ -29,6 +28,7 @@ from stereolag.ui.depth.maps import (
     show_presets,
     shown_methods,
 )
+from stereolag.ui.depth.preparing import show_doctor
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.matcher_controls import matcher_as_set

@@ -44,7 +44,7 @@ from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
-from stereolag.ui.depth.calibration import take_to_depth_page
+from stereolag.ui.depth.preparing import take_to_depth_page
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import (
     Number,

@@ -13,8 +13,8 @@ from streamlit.testing.v1.element_tree import NumberInput
 from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui import calibrate
-from stereolag.ui.depth.calibration import KEPT
 from stereolag.ui.depth.maps import HANDED
+from stereolag.ui.depth.preparing import KEPT
 from tests.app import uploads
 from tests.app.driving import zipped_frames
 from tests.app.pages import CALIBRATE, DEPTH, OpenPage, finished, linked, numbers

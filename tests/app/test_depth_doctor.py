@@ -15,7 +15,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.pair import Pair, PairId, example_pair, resized
 from stereolag.samples import stereo_pairs
-from stereolag.ui.depth.doctor import HEALTHY
+from stereolag.ui.depth.preparing import HEALTHY
 from tests.app import keys
 from tests.app.pages import DEPTH, OpenPage, finished
 
@@ -28,9 +28,8 @@ def panel() -> None:
     from stereolag.figures.legends import Colours
     from stereolag.pair import Preparation
     from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.depth.calibration import prepared
-    from stereolag.ui.depth.doctor import chosen_remedies, show_doctor
     from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.depth.preparing import chosen_remedies, prepared, show_doctor
     from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 
     pair = st.session_state["pair"]

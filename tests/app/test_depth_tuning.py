@@ -25,8 +25,8 @@ from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.ui.depth.calibration import rows_key
 from stereolag.ui.depth.maps import PAIR, SIZE, DepthView
+from stereolag.ui.depth.preparing import rows_key
 from stereolag.ui.depth.state import ADOPTED
 from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
 from stereolag.ui.results import Job

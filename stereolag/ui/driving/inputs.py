@@ -40,14 +40,14 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
 from stereolag.ui.components import packed_item
 from stereolag.ui.controls import persistent
-from stereolag.ui.depth.calibration import (
+from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
+from stereolag.ui.depth.preparing import (
     ask_calibration,
     ask_rectification,
     chosen_preparation,
     prepared,
     show_decision,
 )
-from stereolag.ui.depth.live import ask_camera, ask_layout, stereo_camera
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_remedy
 from stereolag.ui.matcher_controls import matchers_in_use
