@@ -30,7 +30,7 @@ from stereolag.ui import prose
 from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, choose_map, kept_for, settings_key
-from stereolag.ui.depth.state import adopt, for_size, saved_state
+from stereolag.ui.depth.state import adopt, at_size, for_size, saved_state
 from stereolag.ui.downloads import (
     File,
     download_button,
@@ -41,7 +41,7 @@ from stereolag.ui.downloads import (
     show_zip_button,
 )
 from stereolag.ui.downloads import archive as zip_of
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import refusals_shown
 from stereolag.ui.results import computed_in_turn, is_heavy
 from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import upload
@@ -144,11 +144,8 @@ def _load_settings(factor: float) -> None:
     digest, before = loaded.digest if loaded else None, st.session_state.get(f"{KEY}.loaded")
     st.session_state[f"{KEY}.loaded"] = digest
     if loaded is not None and digest != before:
-        settings, refusal = for_size(loaded.content, factor)
-        if settings is None:
-            show_refused(f"The settings could not be scaled with the images. {refusal}")
-        else:
-            adopt(settings)
+        with refusals_shown("The settings could not be scaled with the images. {}"):
+            adopt(at_size(loaded.content, factor))
 
 
 # The data

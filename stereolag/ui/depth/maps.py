@@ -28,7 +28,7 @@ from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.elements import Number as Figure
-from stereolag.ui.elements import announce, in_columns, show_picture, show_refused
+from stereolag.ui.elements import announce, in_columns, refusals_shown, show_picture, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
     PackedPicture,
@@ -318,17 +318,14 @@ def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | Non
     """
     if matcher is None:
         return {}
-    try:
+    last, result = f"{KEY}.last.{matcher.short_name}", None
+    with refusals_shown(f"{matcher.title}: {{}}"):
         with waiting or nullcontext():
             result = computed_in_turn(**computation(pair, matcher), label=f"{matcher.title} …")
-    except ValueError as error:
-        show_refused(f"{matcher.title}: {error}")
-        return {}
-    last = f"{KEY}.last.{matcher.short_name}"
-    if result is not None:
-        st.session_state[last] = kept_for(pair, matcher.model_dump_json())
-    elif (before := st.session_state.get(last)) and before["inputs"] == pair.digest:
-        result = computed_before(map_task(matcher), **before)
+        if result is not None:
+            st.session_state[last] = kept_for(pair, matcher.model_dump_json())
+        elif (before := st.session_state.get(last)) and before["inputs"] == pair.digest:
+            result = computed_before(map_task(matcher), **before)
     return {} if result is None else {matcher.title: result}
 
 

@@ -32,7 +32,7 @@ from stereolag.ui.depth.maps import (
     show_method,
     shown_methods,
 )
-from stereolag.ui.elements import show_refused
+from stereolag.ui.elements import refusals_shown
 from stereolag.ui.matcher_controls import default_settings, matchers_in_use, set_controls
 
 MAPS = "maps"
@@ -125,10 +125,15 @@ def saved_state(view: DepthView, factor: float) -> dict[str, Any]:
     }
 
 
+def at_size(settings: StereoMatcher, factor: float) -> StereoMatcher:
+    """Return settings for images enlarged by `factor`; ValueError if they are not allowed there."""
+    return settings if factor == 1 else scaled_settings(settings, factor)
+
+
 def for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
     """Return settings for images enlarged by `factor`, or None and why they are not allowed."""
     try:
-        return settings if factor == 1 else scaled_settings(settings, factor), ""
+        return at_size(settings, factor), ""
     except ValueError as error:
         return None, str(error)
 
@@ -175,10 +180,7 @@ def recall_settings(pair: Pair) -> None:
 def _set_to_session(pair: Pair, width: int, matchers: Iterable[StereoMatcher], colours: Colours) -> None:
     factor = pair.left.shape[1] / width
     for matcher in matchers:
-        scaled, refusal = for_size(matcher, factor)
-        if scaled is not None:
-            set_controls(scaled, pair)
-        else:
-            show_refused(f"The settings of {matcher.title} could not be scaled with the images. {refusal}")
+        with refusals_shown(f"The settings of {matcher.title} could not be scaled with the images. {{}}"):
+            set_controls(at_size(matcher, factor), pair)
     if colours.low is not None and colours.high is not None:
         st.session_state[range_key(pair.digest)] = colours.low * factor, colours.high * factor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -263,12 +263,12 @@ class Recorded(Message):
     at: float
 
 
+@dataclass(eq=False)
 class Recording:
     """The frames that a live camera has recorded, each as the JPEGs of both views, within the limits of an upload."""
 
-    def __init__(self) -> None:
-        self._frames: list[Recorded] = []
-        self._size = 0
+    frames: list[Recorded] = field(default_factory=list)
+    size: int = 0
 
     def add(self, message: Recorded) -> bytes:
         """Add a frame.
@@ -280,27 +280,27 @@ class Recording:
         """
         for view in message.parts:
             frame(view, grey=True)
-        size = self._size + sum(map(len, message.parts))
-        if size > st.get_option("server.maxUploadSize") * 2**20 or len(self._frames) >= limits().max_frames:
+        size = self.size + sum(map(len, message.parts))
+        if size > st.get_option("server.maxUploadSize") * 2**20 or len(self.frames) >= limits().max_frames:
             raise ValueError("The recording is as large as a file may be here. Finish it.")
-        self._frames.append(message)
-        self._size = size
-        return packed_item({"count": len(self._frames)}).data
+        self.frames.append(message)
+        self.size = size
+        return packed_item({"count": len(self.frames)}).data
 
     def finished(self) -> Upload[_Frames] | None:
         """Return the drive that was recorded, None if it has no frame."""
-        if not self._frames:
+        if not self.frames:
             return None
         packed = bundle(
             {
                 f"{number:06d}_{side}.jpg": view
-                for number, message in enumerate(self._frames)
+                for number, message in enumerate(self.frames)
                 for side, view in zip(("left", "right"), message.parts, strict=True)
             }
         )
         sequence, first = _opened(packed)
-        lasted_s = (self._frames[-1].at - self._frames[0].at) / 1000
-        rate = (len(self._frames) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
+        lasted_s = (self.frames[-1].at - self.frames[0].at) / 1000
+        rate = (len(self.frames) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
         return Upload(f"recorded {time.time_ns()}", (replace(sequence, frame_rate=rate), first))
 
 
@@ -355,12 +355,13 @@ TURN_FRAMES = "Turn all frames to match them (distances become relative)"
 
 # The settings
 
-OFFERED = {
-    "fast": "Convolution, fast",
-    "accurate": "Semi-global, accurate",
-    "bm": "StereoBM",
-    "sgbm": "StereoSGBM",
+OFFERED: dict[str, tuple[str, StereoMatcher]] = {
+    "fast": ("Convolution, fast", preset("fast")),
+    "accurate": ("Semi-global, accurate", preset("accurate")),
+    "bm": ("StereoBM", StereoBM()),
+    "sgbm": ("StereoSGBM", StereoSGBM()),
 }
+"""The titles and the settings of the methods, but for their range."""
 TRUTH_TITLE = "True disparity"
 MOTION_TITLE = "Optical flow"
 NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
@@ -383,27 +384,20 @@ class DriveSettings(NamedTuple):
 
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
-    own = {f"own_{one.short_name}": one for one in matchers_in_use()}
+    own = {f"own_{one.short_name}": (f"{one.title}, as on the depth page", one) for one in matchers_in_use()}
     lowest, needed = drive.range or (0, USUAL_DISPARITIES)
-    titles = OFFERED | {name: f"{one.title}, as on the depth page" for name, one in own.items()}
+    offered = OFFERED | own
     chosen = st.pills(
         "Methods",
-        [*titles],
+        [*offered],
         selection_mode="multi",
         default=("fast", "bm"),
-        format_func=titles.__getitem__,
+        format_func=lambda name: offered[name][0],
         **persistent(f"{KEY}.methods"),
         wrap=True,
     )
     with st.container(horizontal=True, gap="small"):
         first, count = _ask_range(drive.first.digest, lowest, needed)
-    made: dict[str, StereoMatcher] = {
-        "fast": preset("fast"),
-        "accurate": preset("accurate"),
-        "bm": StereoBM(),
-        "sgbm": StereoSGBM(),
-        **own,
-    }
     if lowest < 0:
         prose.warning(
             f"In these frames disparities reach down to about {lowest} px; the maps of a drive begin at 0 px. "
@@ -417,8 +411,9 @@ def ask_methods(drive: Drive) -> DriveSettings:
         )
     found = {}
     for name in chosen:
-        with refusals_shown(f"{titles[name]}: {{}}"):
-            found[name] = made[name].with_search_range(first, count)
+        title, matcher = offered[name]
+        with refusals_shown(f"{title}: {{}}"):
+            found[name] = matcher.with_search_range(first, count)
     motion = _ask_motion(drive)
     truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
     field = SequenceSettings.model_fields["steadiness"]
@@ -485,5 +480,5 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
 
 def title_of(name: str) -> str:
     """Return the title of a method, shown above its maps."""
-    by_name = {method.short_name: method.title for method in METHODS}
-    return OFFERED.get(name) or by_name[name.removeprefix("own_")]
+    titles = {f"own_{method.short_name}": method.title for method in METHODS}
+    return titles[name] if name in titles else OFFERED[name][0]
