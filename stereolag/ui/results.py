@@ -117,7 +117,7 @@ def is_heavy(estimate: Estimate) -> bool:
 
 
 class Limiter:
-    """Admits jobs in order of arrival while memory and cores suffice for one more.
+    """Admits jobs, or streams, in order of arrival while memory and places suffice for one more.
 
     Parameters
     ----------
@@ -134,10 +134,37 @@ class Limiter:
         self._waiting: dict[object, int] = {}
         self._changed = threading.Condition()
 
-    def ahead(self, job: object) -> int:
-        """Return the number of jobs ahead of one that is waiting; 0 if it is not."""
+    def admit(self, job: object, memory: int = 0) -> bool:
+        """Return whether a job that needs `memory` bytes is admitted; if not, it waits for its turn from now on."""
         with self._changed:
-            return len(self._admitted) + [*self._waiting].index(job) if job in self._waiting else 0
+            if job not in self._admitted:
+                self._waiting.setdefault(job, memory)
+                if not self._fits(job, memory):
+                    return False
+                self._admitted[job] = self._waiting.pop(job)
+                self._changed.notify_all()
+            return True
+
+    def release(self, job: object) -> None:
+        """Let a job go that was admitted, or waits."""
+        with self._changed:
+            self._waiting.pop(job, None)
+            self._admitted.pop(job, None)
+            self._changed.notify_all()
+
+    def holds(self, job: object) -> bool:
+        """Return whether a job is admitted."""
+        return job in self._admitted
+
+    def turn(self, job: object) -> int:
+        """Return the number of a job among those that wait, from 1; 0 if it does not."""
+        with self._changed:
+            return [*self._waiting].index(job) + 1 if job in self._waiting else 0
+
+    def ahead(self, job: object) -> int:
+        """Return the number of jobs ahead of one that is waiting, admitted ones too; 0 if it is not."""
+        turn = self.turn(job)
+        return len(self._admitted) + turn - 1 if turn else 0
 
     @contextmanager
     def admitted(self, job: object, memory: int, cancelled: Callable[[], bool] = lambda: False) -> Iterator[None]:
@@ -150,25 +177,19 @@ class Limiter:
         """
         try:
             with self._changed:
-                self._waiting[job] = memory
-                while not self._fits(job, memory):
+                while not self.admit(job, memory):
                     if cancelled():
                         raise CancelledError
                     self._changed.wait(LOOKS_S)
-                self._admitted[job] = self._waiting.pop(job)
-                self._changed.notify_all()
             yield
         finally:
-            with self._changed:
-                self._waiting.pop(job, None)
-                self._admitted.pop(job, None)
-                self._changed.notify_all()
+            self.release(job)
 
     def _fits(self, job: object, memory: int) -> bool:
         is_next = next(iter(self._waiting)) is job
-        cores_suffice = len(self._admitted) < self._at_once
+        places_suffice = len(self._admitted) < self._at_once
         memory_suffices = sum(self._admitted.values()) + memory <= self._memory
-        return is_next and (not self._admitted or (cores_suffice and memory_suffices))
+        return is_next and (not self._admitted or (places_suffice and memory_suffices))
 
 
 @functools.cache

@@ -17,11 +17,10 @@ import secrets
 import threading
 import time
 import weakref
-from collections import deque
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -38,6 +37,7 @@ from stereolag.io.images import read_camera_frame
 from stereolag.loops.bands import available_cores
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.navigation import fragment
+from stereolag.ui.results import LOOKS_S, Limiter
 from stereolag.ui.sentences import LIVE_WORDS
 
 PATH = "/live"
@@ -142,6 +142,7 @@ class Carrier:
         self._token = token
         self._number = 0
         self._began = self._last = -math.inf
+        self._leaving = threading.Timer(0.0, lambda: None)
         self.item = self._packed()
 
     def _packed(self, *parts: bytes, **more: int) -> bytes:
@@ -163,14 +164,24 @@ class Carrier:
             message = parse_message(carried.data, stream.kind)
             if now - self._began > SECONDS_PER_MINUTE * most.max_live_minutes:
                 raise _Closed(TOO_LONG)
-            if not _places().hold(self._token):
-                raise _Closed(FULL)
+            self._keep_place()
             self.item = self._packed(stream.answered(message))
         except ValueError:
             self.item = self._packed(end=MALFORMED)
         except _Closed as closed:
             self.item = self._packed(end=closed.code)
             self._last = -math.inf  # the next message begins a stream of its own
+
+    def _keep_place(self) -> None:
+        """Take a place of a running stream, or keep it, for ``IDLE_S`` from now; end the stream if there is none."""
+        places = _places()
+        self._leaving.cancel()
+        if not places.admit(self._token):
+            places.release(self._token)
+            raise _Closed(FULL)
+        self._leaving = threading.Timer(IDLE_S, places.release, (self._token,))
+        self._leaving.daemon = True
+        self._leaving.start()
 
 
 _streams: weakref.WeakValueDictionary[str, Stream] = weakref.WeakValueDictionary()
@@ -240,82 +251,10 @@ def frame(jpeg: bytes, *, grey: bool = False) -> Image:
     return guarded(read_camera_frame)(jpeg, limits().max_live_megapixels * 1_000_000, grey=grey)
 
 
-class Places:
-    """The places of running streams, given in order of arrival.
-
-    Parameters
-    ----------
-    count
-        Number of places.
-    """
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._running = 0
-        self._held: dict[str, float] = {}
-        self._lock = threading.Lock()
-        self._waiting: deque[asyncio.Future[None]] = deque()
-
-    @property
-    def waiting(self) -> int:
-        """Return the number of streams that wait for a place."""
-        return len(self._waiting)
-
-    def _free(self) -> int:
-        since = time.monotonic() - IDLE_S
-        self._held = {token: at for token, at in self._held.items() if at > since}
-        return self._count - self._running - len(self._held)
-
-    def hold(self, token: str) -> bool:
-        """Take a place, or keep it, for ``IDLE_S`` from now; return whether there is one. Of any thread."""
-        with self._lock:
-            if token not in self._held and (self._waiting or self._free() < 1):
-                return False
-            self._held[token] = time.monotonic()
-            return True
-
-    def _take_free(self) -> bool:
-        with self._lock:
-            taken = self._free() > 0
-            self._running += taken
-            return taken
-
-    async def take(self, tell: Callable[[int], Any]) -> None:
-        """Wait for a place; `tell` is awaited with the number of streams ahead, at first and whenever it changes."""
-        if not self._waiting and self._take_free():
-            return
-        turn = asyncio.get_running_loop().create_future()
-        self._waiting.append(turn)
-        ahead = 0
-        try:
-            while not turn.done():
-                now = self._waiting.index(turn) + 1
-                if now != ahead:
-                    ahead = now
-                    await tell(ahead)
-                await asyncio.wait([turn], timeout=0.5)
-                if not turn.done() and self._waiting[0] is turn and self._take_free():
-                    self._waiting.popleft()
-                    return
-        except BaseException:
-            if turn.done():
-                self.give()
-            else:
-                self._waiting.remove(turn)
-            raise
-
-    def give(self) -> None:
-        """Give a place back: to the one that has waited for longest, if any."""
-        if self._waiting:
-            self._waiting.popleft().set_result(None)
-        else:
-            with self._lock:
-                self._running -= 1
-
-
 @cache
-def _places() -> Places:
-    return Places(limits().max_live_streams)
+def _places() -> Limiter:
+    """Return the places of running streams."""
+    return Limiter(0, limits().max_live_streams)
 
 
 @cache
@@ -401,24 +340,19 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
     stream.connection = connection = object()  # a later connection of the same stream ends this one
     arrived: asyncio.Queue[Message] = asyncio.Queue(2 * IN_FLIGHT)
     receiving = asyncio.create_task(_receive(socket, stream, arrived))
-    places, has_place = _places(), False
+    places = _places()
     end = time.monotonic() + SECONDS_PER_MINUTE * most.max_live_minutes
     try:
         while (left := end - time.monotonic()) > 0:
             try:
-                message = await _unless_over(receiving, arrived.get(), min(IDLE_S, left) if has_place else left)
+                message = await _unless_over(receiving, arrived.get(), min(IDLE_S, left))
             except TimeoutError:
-                if has_place:
-                    places.give()
-                    has_place = False
+                places.release(connection)
                 continue
             if stream.connection is not connection:
                 raise _Closed(WRONG_TOKEN)
-            if not (has_place or stream.brief):
-                if places.waiting >= QUEUE_PER_PLACE * most.max_live_streams:
-                    raise _Closed(FULL)
-                await _unless_over(receiving, places.take(partial(_say, socket, "waiting")), left)
-                has_place = True
+            if not (stream.brief or places.holds(connection)):
+                await _unless_over(receiving, _wait_for_place(socket, connection), left)
                 await _say(socket, "running", 0)
             started = time.monotonic()
             answer = await asyncio.get_running_loop().run_in_executor(_pool(), stream.answered, message)
@@ -427,8 +361,20 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
         raise _Closed(TOO_LONG)
     finally:
         receiving.cancel()
-        if has_place:
-            places.give()
+        places.release(connection)
+
+
+async def _wait_for_place(socket: WebSocket, connection: object) -> None:
+    """Wait for a place; tell the browser how many streams are ahead, at first and whenever that changes."""
+    places, told = _places(), 0
+    while not places.admit(connection):
+        ahead = places.turn(connection)
+        if ahead > QUEUE_PER_PLACE * limits().max_live_streams:
+            raise _Closed(FULL)
+        if ahead != told:
+            await _say(socket, "waiting", ahead)
+            told = ahead
+        await asyncio.sleep(LOOKS_S)
 
 
 async def _unless_over(receiving: asyncio.Task[None], waiting: Coroutine[Any, Any, T], timeout: float) -> T:
