@@ -27,8 +27,16 @@ from stereolag.commands.pairs import (
 )
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.depths import DEPTH_FORMATS, FARTHEST_M, depth_png, depth_tiff, too_far
-from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
+from stereolag.io.disparities import (
+    DEPTH_FORMATS,
+    FARTHEST_M,
+    depth_png,
+    depth_tiff,
+    kitti_png,
+    pfm,
+    read_stored_disparity,
+    too_far,
+)
 from stereolag.io.images import image_file
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stereolag as sl
-from stereolag.io.depths import too_far
+from stereolag.io.disparities import too_far
 from stereolag.io.images import image_png
 
 CAMERA = sl.Calibration(focal_px=700.0, baseline_m=0.12, doffs_px=-2.0)
