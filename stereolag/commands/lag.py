@@ -68,7 +68,7 @@ def run(arguments: Sequence[str]) -> int:
         words += f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first."
     tell(figures, words, as_json=options.json)
     if options.aligned:
-        from stereolag.io.alignment import write_aligned
+        from stereolag.io.recordings import write_aligned
 
         write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, rate)
     return DONE

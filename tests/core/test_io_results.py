@@ -20,9 +20,9 @@ from pydantic import Field
 import stereolag as sl
 from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.io.alignment import aligned_file, check_wav, write_aligned
 from stereolag.io.images import image_png
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
+from stereolag.io.recordings import aligned_file, check_wav, write_aligned
 from stereolag.io.results import (
     curve_csv,
     lag_json,

@@ -22,8 +22,8 @@ from stereolag.core.settings import Bounds
 from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
 from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
-from stereolag.io.alignment import aligned_file, check_wav
 from stereolag.io.programs import lag_command, lag_script
+from stereolag.io.recordings import aligned_file, check_wav
 from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag, by_hand, estimate_lag, phasors, signal_lag
