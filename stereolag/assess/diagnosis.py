@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.arrangement import find_views, mirrored_matches, repetition
 from stereolag.assess.features import FEWEST_MATCHES, Correspondences
 from stereolag.assess.findings import (
     BENT_PX,
@@ -34,7 +33,7 @@ from stereolag.assess.findings import (
     judge_texture,
     judged,
 )
-from stereolag.assess.layout import Anaglyph, likely_layout
+from stereolag.assess.layout import Anaglyph, find_views, likely_layout, mirrored_matches, repetition
 from stereolag.assess.orientation import (
     LENS_LEFT,
     bend_of,

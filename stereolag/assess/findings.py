@@ -9,9 +9,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
-from stereolag.assess.arrangement import Epipole
 from stereolag.assess.features import FEWEST_MATCHES
-from stereolag.assess.layout import Layout
+from stereolag.assess.layout import Epipole, Layout
 from stereolag.assess.orientation import LENS_LEFT
 
 ROW_OFFSET_PX = 0.75

@@ -13,7 +13,6 @@ import numpy as np
 from pairs import shifted_pair
 
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
-from stereolag.assess.arrangement import Epipole
 from stereolag.assess.diagnosis import Diagnosis, judge_range
 from stereolag.assess.explaining import ExampleKind, MatchExplanation, MatchKind, explain_match
 from stereolag.assess.findings import (
@@ -36,7 +35,7 @@ from stereolag.assess.findings import (
     judge_texture,
 )
 from stereolag.assess.judging import Criterion, Unjudged
-from stereolag.assess.layout import Layout
+from stereolag.assess.layout import Epipole, Layout
 from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.suggestion import Outcome, Suggestion
