@@ -90,11 +90,17 @@ class Entry(NamedTuple):
 
 
 class Entries(dict[str, Entry]):
-    """The entries of a calibration file by their names, which remember which of them were looked up."""
+    """The entries of a calibration by their names, which remember which of them were looked up.
 
-    def __init__(self, *entries: Any) -> None:
-        super().__init__(*entries)
-        self.used: set[str] = set()
+    It may consist of several `files`, each with entries of its own; of two with the same name, the last counts.
+    """
+
+    def __init__(self, *files: Mapping[str, Entry]) -> None:
+        super().__init__({name: entry for one in files for name, entry in one.items()})
+        self.files = [one for one in files if isinstance(one, Entries)]
+        self.used: set[str] = self.files[0].used if self.files else set()
+        for one in self.files:
+            one.used = self.used
 
     def find(self, names: str) -> Entry | None:
         """Return the entry of the first of some names, divided by ``|``, whatever their case; None if there is none."""

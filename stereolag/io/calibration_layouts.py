@@ -23,8 +23,8 @@ only camera in a file: M, D, R, P, and in the same way size, width and height. R
 pair: focal (or M1) and baseline (or product, that of both), and if known doffs, cx, cx2, cy. Besides: lens,
 unit, and most, the number of disparities."""
 
-Reader: TypeAlias = Callable[[Sequence[Entries]], list[Parts]]
-"""Returns the parts for each size of pictures that the files of one calibration are for."""
+Reader: TypeAlias = Callable[[Entries], list[Parts]]
+"""Returns the parts for each size of pictures that the entries of one calibration are for."""
 
 
 class Layout(NamedTuple):
@@ -54,20 +54,12 @@ class Layout(NamedTuple):
     ignored: str = ""
 
 
-def together(files: Sequence[Entries]) -> Entries:
-    """Return the entries of all files; of two with the same name the last."""
-    every = Entries({name: entry for one in files for name, entry in one.items()})
-    every.used = files[0].used
-    return every
-
-
-def layout_of(files: Sequence[Entries]) -> Layout:
-    """Return the first layout whose marks the files bear."""
-    names = [name for one in files for name in one]
+def layout_of(entries: Entries) -> Layout:
+    """Return the first layout whose marks the entries bear."""
     return next(
         layout
         for layout in LAYOUTS
-        if all(any(re.fullmatch(mark, name, re.IGNORECASE) for name in names) for mark in layout.marks)
+        if all(any(re.fullmatch(mark, name, re.IGNORECASE) for name in entries) for mark in layout.marks)
     )
 
 
@@ -80,8 +72,7 @@ MOST = "num_disparities|max_disparity|ndisp"
 def named(**names: str) -> Reader:
     """Return a reader of parts that have these names; several for one part are divided by ``|``."""
 
-    def read(files: Sequence[Entries]) -> list[Parts]:
-        entries = together(files)
+    def read(entries: Entries) -> list[Parts]:
         if not entries.keys() & {name for name in names.get("product", "").split("|")}:
             for part in ("focal", "M1", "baseline"):
                 if part in names:
@@ -146,9 +137,8 @@ ZED_SIZES = {
 """Sizes of pictures by the names that Stereolabs gives them."""
 
 
-def _zed(files: Sequence[Entries]) -> list[Parts]:
+def _zed(entries: Entries) -> list[Parts]:
     """Read a pair of cameras for each size; the right one stands at (Baseline, TY, TZ), turned by the vector R."""
-    entries = together(files)
     found = []
     for mode, size in ZED_SIZES.items():
         left, right = f"LEFT_CAM_{mode}", f"RIGHT_CAM_{mode}"
@@ -164,9 +154,8 @@ def _zed(files: Sequence[Entries]) -> list[Parts]:
     return found
 
 
-def _depthai(files: Sequence[Entries]) -> list[Parts]:
+def _depthai(entries: Entries) -> list[Parts]:
     """Read the cameras on the left and the right socket, whose poses lead from socket to socket."""
-    entries = together(files)
     sockets: dict[int, str] = {}
     while (socket := entries.number(f"cameraData.{len(sockets)}.0")) is not None:
         sockets[int(socket)] = f"cameraData.{len(sockets)}.1"
@@ -214,9 +203,8 @@ def _depthai(files: Sequence[Entries]) -> list[Parts]:
     return [parts | between("extrinsics", left, right)]
 
 
-def _realsense(files: Sequence[Entries]) -> list[Parts]:
+def _realsense(entries: Entries) -> list[Parts]:
     """Read a rectified pair for each size; the baseline is negative: the left camera's place seen from the right."""
-    entries = together(files)
     baseline = numbers("baseline", np.abs(entries.required("baseline").numbers(1)))
     names = {"cx": "ppx", "cy": "ppy", "width0": "width", "height0": "height"}
     found, number = [], 0
@@ -228,10 +216,10 @@ def _realsense(files: Sequence[Entries]) -> list[Parts]:
     return found
 
 
-def _ros_ini(files: Sequence[Entries]) -> list[Parts]:
+def _ros_ini(entries: Entries) -> list[Parts]:
     """Read cameras below headings with their names, as in the YAML of ROS."""
     cameras = []
-    for one in files:
+    for one in entries.files:
         for name in filter(re.compile(r".*\.camera matrix", re.IGNORECASE).fullmatch, one):
             title = name.rpartition(".")[0]
             own = {"camera_name": Entry("camera_name", title)}
@@ -240,12 +228,11 @@ def _ros_ini(files: Sequence[Entries]) -> list[Parts]:
                 if entry is not None:
                     own[part.replace(" ", "_").replace(".", "_")] = entry
             cameras.append(Entries(own))
-    return by_meaning(cameras)
+    return by_meaning(Entries(*cameras))
 
 
-def _matlab(files: Sequence[Entries]) -> list[Parts]:
+def _matlab(entries: Entries) -> list[Parts]:
     """Read ``toStruct(stereoParams)``: pixels count from 1, sizes are rows and columns, older matrices transposed."""
-    entries = together(files)
     first = next(name for name in entries if "CameraParameters1." in name)
     before = first[: first.index("CameraParameters1.")]
     parts: Parts = {}
@@ -271,9 +258,8 @@ def _matlab(files: Sequence[Entries]) -> list[Parts]:
     return [parts | pose(whole.name, whole.matrix(3, 3), place_of.numbers(3))]
 
 
-def _matlab_for_opencv(files: Sequence[Entries]) -> list[Parts]:
+def _matlab_for_opencv(entries: Entries) -> list[Parts]:
     """Read the results of ``stereoParametersToOpenCV`` under their own names; the size is rows and columns."""
-    entries = together(files)
     parts = {"R": entries.required("rotationOfCamera2"), "T": entries.required("translationOfCamera2")}
     for side in "12":
         parts[f"M{side}"] = entries.required(f"intrinsicMatrix{side}")
@@ -283,9 +269,8 @@ def _matlab_for_opencv(files: Sequence[Entries]) -> list[Parts]:
     return [parts]
 
 
-def _bouguet(files: Sequence[Entries]) -> list[Parts]:
+def _bouguet(entries: Entries) -> list[Parts]:
     """Read ``Calib_Results_stereo`` of the toolbox for MATLAB: focal lengths fc, centre cc, lens kc; om turns."""
-    entries = together(files)
     parts = {"R": entries.required("om|R"), "T": entries.required("T")}
     for side, name in (("1", "left"), ("2", "right")):
         (fx, fy), (cx, cy) = (entries.required(f"{part}_{name}").numbers(2) for part in ("fc", "cc"))
@@ -295,9 +280,8 @@ def _bouguet(files: Sequence[Entries]) -> list[Parts]:
     return [parts | entries.found({"width0": "nx", "height0": "ny"})]
 
 
-def _drivingstereo(files: Sequence[Entries]) -> list[Parts]:
+def _drivingstereo(entries: Entries) -> list[Parts]:
     """Read the rectified pair; at half size the projections still hold the baseline of the full one, T the true one."""
-    entries = together(files)
     left, right = (entries.required(f"P_rect_{number}").projection() for number in (101, 103))
     return [
         {
@@ -315,8 +299,7 @@ _ACROSS = np.array([[1.0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
 def kitti(left: int, right: int) -> Reader:
     """Return a reader of two cameras of KITTI: rectified, and where the file has both, as taken."""
 
-    def read(files: Sequence[Entries]) -> list[Parts]:
-        entries = together(files)
+    def read(entries: Entries) -> list[Parts]:
         straight, raw = {}, {}
         for side, number in (("1", left), ("2", right)):
 
@@ -336,14 +319,13 @@ def kitti(left: int, right: int) -> Reader:
     return read
 
 
-def _rows(files: Sequence[Entries]) -> list[Parts]:
+def _rows(entries: Entries) -> list[Parts]:
     """Read rows of numbers alone: two projections, or a camera matrix and a baseline (the learned matchers' K.txt)."""
-    every = together(files)
-    every.used.update(every)
-    values = np.concatenate([entry.numbers() for entry in every.values()])
+    entries.used.update(entries)
+    values = np.concatenate([entry.numbers() for entry in entries.values()])
     if values.size == 10:
         return [{"M1": numbers("the first row", values[:9].reshape(3, 3)), "baseline": numbers("the last", values[9:])}]
-    if values.size >= 24 and every["row0"].numbers().size in (4, 12):
+    if values.size >= 24 and entries["row0"].numbers().size in (4, 12):
         halves = values[:24].reshape(2, 3, 4)
         return [{f"P{side}": numbers(f"row{side}", one) for side, one in enumerate(halves, 1)}]
     raise ValueError(
@@ -352,18 +334,16 @@ def _rows(files: Sequence[Entries]) -> list[Parts]:
     )
 
 
-def _orb_slam(files: Sequence[Entries]) -> list[Parts]:
+def _orb_slam(entries: Entries) -> list[Parts]:
     """Read cameras as taken with their rectification (ORB-SLAM2) or pose (3), else a rectified pair."""
-    entries = together(files)
     if entries.find("LEFT.K"):
-        return by_meaning(
-            [Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})]
-        )
+        own = Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})
+        return by_meaning(Entries(own))
     size = entries.found(SIZE)
     first = "Camera1" if entries.find("Camera1.fx") else "Camera"
     way = entries.find("Stereo.T_c1_c2|Tlr")
     if entries.find("Camera2.fx") and way is not None:
-        names = {"coefficients": ("k1", "k2", "k3", "k4")} if lens_of(files) == FISHEYE else {}
+        names = {"coefficients": ("k1", "k2", "k3", "k4")} if lens_of(entries) == FISHEYE else {}
         cameras = camera(entries, "1", first, first, **names) | camera(entries, "2", "Camera2", "Camera2", **names)
         back = way.numbers().reshape(-1, 4) if way.numbers().size in (12, 16) else way.matrix(4, 4)
         return [cameras | size | between(way.name, np.eye(4), inverted(back))]
@@ -372,10 +352,10 @@ def _orb_slam(files: Sequence[Entries]) -> list[Parts]:
     return [parts | size | ({} if "baseline" in parts else {"product": entries.required("Camera.bf")})]
 
 
-def _vins(files: Sequence[Entries]) -> list[Parts]:
+def _vins(entries: Entries) -> list[Parts]:
     """Read the two cameras of VINS-Fusion, each in its file, and the file with their poses."""
-    cameras = [one for one in files if one.match(r"projection_parameters\.(fx|mu)")]
-    wide = lens_of(files) == FISHEYE
+    cameras = [one for one in entries.files if one.match(r"projection_parameters\.(fx|mu)")]
+    wide = lens_of(entries) == FISHEYE
     if len(cameras) != 2:
         raise ValueError(
             f"The calibration (VINS) is of {len(cameras)} camera{'s' * (len(cameras) != 1)}; give the files of both "
@@ -389,15 +369,15 @@ def _vins(files: Sequence[Entries]) -> list[Parts]:
         else:
             parts |= camera(one, side, "projection_parameters", "distortion_parameters")
         parts |= {f"{part[:-1]}{side}": one.required(name) for part, name in SIZE.items()}
-    found = _pose_in_common(together(files))
+    found = _pose_in_common(entries)
     if found is None:
         raise ValueError("The calibration (VINS) lacks body_T_cam0 and body_T_cam1; give the file that has them too.")
     return [parts | found]
 
 
-def _cityscapes(files: Sequence[Entries]) -> list[Parts]:
+def _cityscapes(entries: Entries) -> list[Parts]:
     """Read the rectified pair; the data set's pictures, whose size is not stated, have 2048 × 1024 pixels."""
-    (parts,) = named(focal="intrinsic.fx", baseline="extrinsic.baseline", cx="intrinsic.u0", cy="intrinsic.v0")(files)
+    (parts,) = named(focal="intrinsic.fx", baseline="extrinsic.baseline", cx="intrinsic.u0", cy="intrinsic.v0")(entries)
     centre = [parts[name].numbers(1)[0] for name in ("cx", "cy") if name in parts]
     if len(centre) == 2 and np.abs(np.array(centre) / (1024, 512) - 1).max() < 0.1:
         parts["size0"] = numbers("size", (2048, 1024))
@@ -462,8 +442,8 @@ def _last_words(name: str) -> str:
     return _plain(before[-1] + last if before and last.lower() == "type" else last)
 
 
-def lens_of(files: Sequence[Entries]) -> str:
-    """Return the model of both lenses that files declare: "pinhole", :data:`FISHEYE`, or "" for none.
+def lens_of(entries: Entries) -> str:
+    """Return the model of both lenses that the files declare: "pinhole", :data:`FISHEYE`, or "" for none.
 
     Raises
     ------
@@ -471,7 +451,7 @@ def lens_of(files: Sequence[Entries]) -> str:
         Another model, which is named, or two of them.
     """
     found: dict[str, str] = {}
-    for one in files:
+    for one in entries.files:
         for name, entry in one.items():
             key, value = _last_words(name), _plain(entry.text())
             stated = key in _LENS_STATED
@@ -554,13 +534,14 @@ def _meaning(name: str) -> tuple[str, str] | None:
     return (_ONE[rest], "lone") if rest in _ONE else None
 
 
-def by_meaning(files: Sequence[Entries]) -> list[Parts]:
+def by_meaning(entries: Entries) -> list[Parts]:
     """Return the combined parts of files that belong together, by what their names mean.
 
     Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
     in the given order. ROS and whoever gives poses as transforms write metres.
     """
-    found = [_parts_of(entries) | _single_numbers(entries) for entries in files]
+    files = entries.files
+    found = [_parts_of(one) | _single_numbers(one) for one in files]
     lone = [n for n, parts in enumerate(found) if {"M0", "P0"} & set(parts) and not {"M1", "M2"} & set(parts)]
     if len(lone) > 2:
         raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
@@ -570,7 +551,7 @@ def by_meaning(files: Sequence[Entries]) -> list[Parts]:
     right_first = title is not None and "right" in title.text().lower()
     if len(shifts) == 1 or len(set(shifts)) == 2:
         right_first = shifts[0] < (0, *shifts[1:])[-1]
-    poses: Entries = together(files)
+    poses = Entries(*files)
     for n, side in zip(lone, "21" if right_first else "12", strict=False):
         found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
         if body := files[n].find("T_BS"):
@@ -583,12 +564,11 @@ def by_meaning(files: Sequence[Entries]) -> list[Parts]:
         metric = True
     if len(lone) == 1:
         _complete_projections(parts, files[lone[0]])
-    every = together(files)
     if metric:
         parts["unit"] = Entry("unit", "m")
-    elif unit := every.find("length_unit|world_units|unit|units"):
+    elif unit := entries.find("length_unit|world_units|unit|units"):
         parts["unit"] = unit
-    if most := every.find(MOST):
+    if most := entries.find(MOST):
         parts["most"] = most
     return [parts]
 
@@ -625,13 +605,13 @@ MOST_COMPARED = 100
 """Most names without effect that are compared with the known ones: a file of nothing but such takes seconds."""
 
 
-def unused(layout: Layout, files: Sequence[Entries]) -> list[str]:
-    """Return the names in files that have no effect although nothing says so, the likely misspelt ones first."""
+def unused(layout: Layout, entries: Entries) -> list[str]:
+    """Return the names that have no effect although nothing says so, the likely misspelt ones first."""
     known = [*_ONE, *_BOTH]
     left = [
         name
-        for name in together(files)
-        if name not in files[0].used
+        for name in entries
+        if name not in entries.used
         and _last_words(name) not in _WITHOUT_EFFECT.split()
         and not re.fullmatch(layout.ignored, name, re.IGNORECASE)
     ]

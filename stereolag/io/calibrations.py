@@ -17,7 +17,7 @@ import numpy as np
 from stereolag.geometry.calibration import UNITS, Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
-from stereolag.io.calibration_layouts import FISHEYE, Layout, Parts, layout_of, lens_of, together, unused
+from stereolag.io.calibration_layouts import FISHEYE, Layout, Parts, layout_of, lens_of, unused
 from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 
@@ -74,17 +74,15 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
         raise ValueError("No calibration was given; at least one file is needed.")
     if length_unit_m is not None and not (length_unit_m > 0 and math.isfinite(length_unit_m)):
         raise ValueError(f"length_unit_m is {length_unit_m}; allowed are numbers above 0.")
-    files = [parse_entries(read_bytes(source, "calibration")) for source in sources]
-    for one in files[1:]:
-        one.used = files[0].used
-    layout = layout_of(files)
-    lens = lens_of(files)
-    every = layout.read(files)
-    idle = unused(layout, files)
+    entries = Entries(*(parse_entries(read_bytes(source, "calibration")) for source in sources))
+    layout = layout_of(entries)
+    lens = lens_of(entries)
+    every = layout.read(entries)
+    idle = unused(layout, entries)
     modes, problem = [], None
     for parts in every:
         try:
-            modes.append(_calibration(layout, files, parts, lens, idle, length_unit_m))
+            modes.append(_calibration(layout, entries, parts, lens, idle, length_unit_m))
         except ValueError as error:
             problem = problem or error
     if problem is not None and not modes:
@@ -99,7 +97,7 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
 
 def _calibration(
     layout: Layout,
-    files: Sequence[Entries],
+    entries: Entries,
     parts: Parts,
     lens: str,
     idle: Sequence[str],
@@ -118,7 +116,7 @@ def _calibration(
             notes.append("The file has neither doffs nor cam1: the principal points are taken to be the same.")
         found = _straight(parts, unit)
     else:
-        found = _from_cameras(files, parts, lens or parts.get("lens", Entry("", "")).text(), unit, idle, notes)
+        found = _from_cameras(entries, parts, lens or parts.get("lens", Entry("", "")).text(), unit, idle, notes)
     most = parts["most"].counts(1)[0] if "most" in parts else None
     return replace(found, num_disparities=most, notes=tuple(notes), unit_stated=stated is not None)
 
@@ -173,7 +171,7 @@ def _from_projections(parts: Parts, unit_m: float) -> Calibration:
 
 
 def _from_cameras(
-    files: Sequence[Entries], parts: Parts, lens: str, unit_m: float, idle: Sequence[str], notes: list[str]
+    entries: Entries, parts: Parts, lens: str, unit_m: float, idle: Sequence[str], notes: list[str]
 ) -> Calibration:
     """Return the calibration from the cameras' matrices, before or after rectification."""
     how = _rectification(parts, unit_m)
@@ -195,7 +193,7 @@ def _from_cameras(
         width, height = _image_size(parts)
         focal, back, doffs, cx, cy = _reprojected(parts["Q"])
         return Calibration(focal, unit_m / back, doffs / back, cx, cy, width=width, height=height)
-    names = dict.fromkeys([*(entry.name for entry in parts.values()), *together(files)])
+    names = dict.fromkeys([*(entry.name for entry in parts.values()), *entries])
     of_makers = (
         "OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, or JSON with focal_px and"
     )
