@@ -2,33 +2,28 @@
 
 import { DrawingPanel } from "../shared/drawing.js";
 import { clamp } from "../shared/numbers.js";
-import { arrows, onDrag, onKey, show } from "../shared/panel.js";
+import { arrows, show } from "../shared/panel.js";
 
 const REST_MS = 400;
 const HIGHEST = 0.7; // of the window's height
 
-export default (component) => show(BoxPanel, component);
+export default (component) => show(BoxPanel, component, view);
 
 class BoxPanel extends DrawingPanel {
-  constructor(parent) {
-    super(parent, "cutting");
-    this.inputs = this.findAll("input");
-    onDrag(this.stage, (event) => this.grab(event));
-    onKey(this.stage, (event) => this.actions(event));
-    for (const input of this.inputs) input.addEventListener("change", () => this.take());
-  }
-
   close() {
     super.close();
     clearTimeout(this.resting);
   }
 
-  begin({ name, box }) {
-    this.showPicture(name);
-    const told = JSON.stringify(box);
-    if (told !== this.sent) this.box = { ...box }; // its own comes back: one that is being dragged stays
+  begin(data) {
+    super.begin(data);
+    const told = JSON.stringify(data.box);
+    if (told !== this.sent) this.box = { ...data.box }; // its own comes back: one that is being dragged stays
     this.sent = told;
-    this.draw();
+  }
+
+  room() {
+    return [this.root.clientWidth, window.innerHeight * HIGHEST];
   }
 
   // Moves or resizes the box, as far as the picture and the least side allow.
@@ -38,7 +33,7 @@ class BoxPanel extends DrawingPanel {
     this.box.width = clamp(Math.round(width), Math.min(least, cols), cols);
     this.box.row = clamp(Math.round(row), 0, rows - this.box.height);
     this.box.col = clamp(Math.round(col), 0, cols - this.box.width);
-    this.draw();
+    this.render();
   }
 
   /**
@@ -108,9 +103,9 @@ class BoxPanel extends DrawingPanel {
     };
   }
 
-  take() {
-    const typed = this.inputs.filter((input) => Number.isFinite(input.valueAsNumber));
-    this.fit({ ...this.box, ...Object.fromEntries(typed.map((input) => [input.name, input.valueAsNumber])) });
+  take(name, number) {
+    if (Number.isFinite(number)) this.fit({ ...this.box, [name]: number });
+    else this.render();
     this.send();
   }
 
@@ -120,13 +115,5 @@ class BoxPanel extends DrawingPanel {
     if (box === this.sent) return;
     this.sent = box;
     this.trigger("box", { ...this.box });
-  }
-
-  draw() {
-    if (!this.box || !this.fitStage(this.root.clientWidth, window.innerHeight * HIGHEST)) return;
-    const px = (value) => `${value * this.scale}px`;
-    const { row, col, height, width } = this.box;
-    Object.assign(this.find(".box").style, { left: px(col), top: px(row), width: px(width), height: px(height) });
-    for (const input of this.inputs) input.value = this.box[input.name];
   }
 }

@@ -1,43 +1,33 @@
 // A brush over the template. Nothing is sent until "Use this mask" is pressed.
 
-import { showPressed } from "../shared/dom.js";
 import { DrawingPanel } from "../shared/drawing.js";
-import { clamp, shortened } from "../shared/numbers.js";
-import { arrows, onDrag, onKey, show } from "../shared/panel.js";
+import { clamp, total } from "../shared/numbers.js";
+import { arrows, show } from "../shared/panel.js";
 
 const WIDEST = 420;
 const INK = [255, 0, 160];
 
-export default (component) => show(BrushPanel, component);
+export default (component) => show(BrushPanel, component, view);
 
 class BrushPanel extends DrawingPanel {
-  constructor(parent) {
-    super(parent, "painting");
-    this.canvas = this.find("canvas");
-    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
-    this.size = this.find("input");
-    for (const one of this.findAll("[data-mode]")) one.addEventListener("click", () => this.choose(one.dataset.mode));
-    this.size.addEventListener("input", () => this.showBrush());
-    this.find(".own").addEventListener("click", () => this.paintAll(this.data.own));
-    this.find(".use").addEventListener("click", () => this.use());
-    this.stage.addEventListener("pointermove", (event) => this.showBrush(this.placeOf(event)));
-    this.stage.addEventListener("focus", () => this.showBrush());
-    const hide = () => (this.find(".brush").style.display = "none");
-    for (const type of ["pointerleave", "blur"]) this.stage.addEventListener(type, hide);
-    onDrag(this.stage, (event) => this.press(event));
-    onKey(this.stage, (event) => this.actions(event));
-    this.choose("paint");
-  }
+  canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
+  context = this.canvas.getContext("2d", { willReadFrequently: true });
+  mode = "Paint";
+  shown = false; // whether the brush is
 
-  begin({ name, rows, cols, used }) {
-    this.showPicture(name);
+  begin(data) {
+    super.begin(data);
+    const { rows, cols, used } = data;
     Object.assign(this.canvas, { width: cols, height: rows });
     const side = Math.max(rows, cols);
-    this.size.max = Math.max(2, Math.round(side / 2));
-    this.size.value = Math.max(1, Math.round(side / 10));
+    this.widest = Math.max(2, Math.round(side / 2));
+    this.size = Math.max(1, Math.round(side / 10));
     this.at = [rows / 2, cols / 2];
-    this.draw();
     this.paintAll(used);
+  }
+
+  room() {
+    return [Math.min(this.root.clientWidth, WIDEST), WIDEST];
   }
 
   paintAll(mask) {
@@ -49,33 +39,30 @@ class BrushPanel extends DrawingPanel {
   }
 
   // The brush has soft edges; a pixel counts as painted over if most of it is.
-  painted() {
+  count() {
     const { rows, cols } = this.data;
     const { data } = this.context.getImageData(0, 0, cols, rows);
-    return Uint8Array.from({ length: rows * cols }, (_, at) => (data[4 * at + 3] >= 128 ? 1 : 0));
-  }
-
-  count() {
-    const painted = this.painted();
-    const left = painted.length - painted.reduce((sum, one) => sum + one, 0);
+    const painted = Uint8Array.from({ length: rows * cols }, (_, at) => (data[4 * at + 3] >= 128 ? 1 : 0));
+    this.left = painted.length - total(painted);
     this.mask = packed(painted);
-    this.find(".counts").textContent = `${shortened(left)} of ${shortened(painted.length)} pixels count`;
-    this.find(".use").disabled = left < 2 || this.mask === this.data.used;
+    this.sent = false;
+    this.schedule();
   }
 
   use() {
-    this.find(".use").disabled = true;
+    this.sent = true;
     this.trigger("mask", this.mask);
+    this.schedule();
   }
 
   choose(mode) {
     this.mode = mode;
-    showPressed(this.findAll("[data-mode]"), (one) => one.dataset.mode === mode);
+    this.schedule();
   }
 
-  draw() {
-    if (!this.data || !this.fitStage(Math.min(this.root.clientWidth, WIDEST), WIDEST)) return;
-    this.find("output").textContent = `${this.size.value} px`;
+  resize(size) {
+    this.size = size;
+    this.showBrush();
   }
 
   press(event) {
@@ -94,7 +81,7 @@ class BrushPanel extends DrawingPanel {
   stroke([row, col]) {
     const { context } = this;
     const [toRow, toCol] = this.at;
-    const width = Number(this.size.value);
+    const width = this.size;
     context.globalCompositeOperation = this.mode === "erase" ? "destination-out" : "source-over";
     Object.assign(context, { strokeStyle: `rgb(${INK})`, fillStyle: `rgb(${INK})`, lineWidth: width, lineCap: "round" });
     context.beginPath();
@@ -123,10 +110,17 @@ class BrushPanel extends DrawingPanel {
 
   showBrush(at = this.at) {
     this.at = at;
-    this.find("output").textContent = `${this.size.value} px`;
-    const side = `${Number(this.size.value) * this.scale}px`;
-    const [top, left] = at.map((value) => `${value * this.scale}px`);
-    Object.assign(this.find(".brush").style, { display: "block", width: side, height: side, top, left });
+    this.shown = true;
+    this.schedule();
+  }
+
+  hideBrush() {
+    this.shown = false;
+    this.schedule();
+  }
+
+  get disc() {
+    return { width: this.size, height: this.size, top: this.at[0], left: this.at[1] };
   }
 }
 

@@ -6,40 +6,51 @@ import { Panel } from "./panel.js";
 const KIND = "drawn-on";
 
 export class DrawingPanel extends Panel {
-  constructor(parent, name) {
-    super(parent, name);
-    this.image = this.find("img");
-    this.listen(eventOf(KIND), () => this.showPicture());
+  scale = 0; // px of the screen per px of the picture, 0 while there is no room
+
+  setUp() {
+    this.listen(eventOf(KIND), () => this.takePicture());
     this.watchSize(this.root);
   }
 
   close() {
     super.close();
-    URL.revokeObjectURL(this.image.src);
+    URL.revokeObjectURL(this.source);
   }
 
-  // Shows the picture of this name, now or as soon as it has arrived.
-  showPicture(name = this.name) {
-    this.name = name;
-    const picture = received(KIND, name);
+  begin(_) {
+    this.takePicture();
+  }
+
+  // Shows the picture, now or as soon as it has arrived.
+  takePicture() {
+    const picture = received(KIND, this.data.name);
     if (!picture || picture === this.picture) return;
     this.picture = picture;
-    URL.revokeObjectURL(this.image.src);
-    this.image.src = URL.createObjectURL(new Blob(picture.parts));
+    URL.revokeObjectURL(this.source);
+    this.source = URL.createObjectURL(new Blob(picture.parts));
+    this.schedule();
   }
 
-  // Makes the stage as large as fits into this many px; false while there is no room.
-  fitStage(width, height) {
-    const { rows, cols } = this.data;
-    if (!width) return false;
-    this.scale = Math.min(width / cols, height / rows);
-    Object.assign(this.stage.style, { width: `${cols * this.scale}px`, height: `${rows * this.scale}px` });
-    return true;
+  // To be overridden. The width and height, px, into which the picture is to fit.
+  room() {
+    return [0, 0];
+  }
+
+  draw() {
+    const [width, height] = this.room();
+    if (width) this.scale = Math.min(width / this.data.cols, height / this.data.rows);
+    this.render();
   }
 
   // The row and column under a pointer, in fractions of a pixel.
   placeOf({ clientX, clientY }) {
     const { left, top } = this.stage.getBoundingClientRect();
     return [(clientY - top) / this.scale, (clientX - left) / this.scale];
+  }
+
+  // Some lengths of the picture, by their names in CSS.
+  px(lengths) {
+    return Object.entries(lengths).map(([name, length]) => `${name}: ${length * this.scale}px`).join("; ");
   }
 }

@@ -1,71 +1,48 @@
 // A template dragged over a picture, without server requests.
 
-import { button, cut, element, line, node, put, say, shareOf } from "../shared/dom.js";
+import { cut, line, put, shareOf } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
 import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
-import { arrows, onDrag, onKey, Panel, show } from "../shared/panel.js";
+import { arrows, Panel, show } from "../shared/panel.js";
 
 const SPOT = 3; // places on every side of a visited one that are painted with it
 
-export default (component) => show(TemplatePanel, component);
+export default (component) => show(TemplatePanel, component, view);
 
 class TemplatePanel extends Panel {
-  constructor(parent) {
-    super(parent, "by-hand");
-    this.template = this.find(".held");
-    this.find(".reveal").addEventListener("click", () => this.reveal());
-    this.find(".clear").addEventListener("click", () => this.clear());
-    onKey(this.stage, (event) => this.search && arrows(event, (down, right) => this.move(this.row + down, this.col + right)));
-    onDrag(this.stage, (event) => this.grab(event));
-    this.stage.addEventListener("click", (event) => event.pointerType === "touch" && this.jump(event));
-    this.listen(eventOf("place"), ({ detail }) => detail.name === this.search?.name && this.compare(detail));
-    this.watchSize(this.root, () => this.drawReliefs());
+  setUp() {
+    this.listen(eventOf("place"), ({ detail }) => detail.name === this.data.name && this.compare(detail));
+    this.watchSize(this.root);
   }
 
   async load(data) {
     const turn = (this.turn = {});
     const search = await searched(data);
-    const same = search.digest === this.search?.digest; // the page ran again: the painting stays
+    const same = search.digest === this.data?.digest; // the page ran again: the painting stays
     if (turn !== this.turn || this.gone.signal.aborted || same) return;
-    this.search = search;
-    const { words, picture, template, map } = search;
-    this.colour({ frame: words.frame });
-    for (const [name, text] of Object.entries(words.texts)) this.find(name).textContent = text;
-    this.stage.setAttribute("aria-label", words.stage);
-    put(this.find(".picture"), picture);
-    this.root.style.setProperty("--widest", `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`); // on the first screen
-    for (const name of [".held canvas", ".template canvas"]) put(this.find(name), template);
-    this.template.style.width = `${(100 * template.cols) / picture.cols}%`;
-    this.template.style.height = `${(100 * template.rows) / picture.rows}%`;
-    this.find(".map svg").setAttribute("viewBox", `0 0 ${map.cols} ${map.rows}`);
-    const share = (pixels, all) => `${(100 * pixels) / all}%`;
-    Object.assign(this.find(".map").style, {
-      // Each score lies where the middle of the template would be.
-      left: share((template.cols - 1) / 2, picture.cols), width: share(map.cols, picture.cols),
-      top: share((template.rows - 1) / 2, picture.rows), height: share(map.rows, picture.rows),
-    });
-    const places = this.find(".places");
-    places.setAttribute("viewBox", `0 0 ${picture.cols} ${picture.rows}`);
-    places.replaceChildren(...search.places.map(({ kind, corners }) => node("polygon", { class: kind, points: corners.join(" ") })));
+    this.data = search;
+    const { picture, template, map } = search;
+    this.widest = `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`; // on the first screen
     this.row = Math.round((map.rows - 1) * 0.2);
     this.col = Math.round((map.cols - 1) * 0.2);
     this.clear();
+    this.render();
+    put(this.find(".picture"), picture);
+    for (const name of [".held canvas", ".template canvas"]) put(this.find(name), template);
   }
 
   clear() {
-    if (!this.search) return;
-    const { rows, cols } = this.search.map;
+    const { rows, cols } = this.data.map;
     this.painted = { rows, cols, data: new Uint8ClampedArray(4 * rows * cols) };
     this.revealed = false;
-    this.find(".leaders").replaceChildren();
     this.paint(this.row, this.col);
     this.schedule();
   }
 
   // Moves the template and paints every place on the way; `jump` skips the places between.
   move(row, col, { jump = false } = {}) {
-    const { rows, cols } = this.search.map;
+    const { rows, cols } = this.data.map;
     const to = { row: clamp(Math.round(row), 0, rows - 1), col: clamp(Math.round(col), 0, cols - 1) };
     const [down, right] = [to.row - this.row, to.col - this.col];
     const steps = jump ? 1 : Math.max(1, Math.abs(down), Math.abs(right));
@@ -77,7 +54,7 @@ class TemplatePanel extends Panel {
   }
 
   paint(row, col) {
-    const { rows, cols } = this.search.map;
+    const { rows, cols } = this.data.map;
     for (let down = Math.max(0, row - SPOT); down <= Math.min(rows - 1, row + SPOT); down++) {
       for (let right = Math.max(0, col - SPOT); right <= Math.min(cols - 1, col + SPOT); right++) this.fill(down * cols + right);
     }
@@ -86,22 +63,23 @@ class TemplatePanel extends Panel {
   fill(at) {
     const { data } = this.painted;
     if (data[4 * at + 3]) return;
-    data.set(colourOf(this.search.map.scores[at], this.search.words.palette), 4 * at);
+    data.set(colourOf(this.data.map.scores[at], this.data.words.palette), 4 * at);
     data[4 * at + 3] = 255;
   }
 
   reveal() {
-    if (!this.search) return;
-    this.search.map.scores.forEach((_, at) => this.fill(at));
+    this.data.map.scores.forEach((_, at) => this.fill(at));
     this.revealed = true;
-    this.showLeaders();
     this.schedule();
   }
 
+  actions(event) {
+    return arrows(event, (down, right) => this.move(this.row + down, this.col + right));
+  }
+
   grab(event) {
-    if (!this.search) return null;
     const touched = event.pointerType === "touch"; // outside the template a finger scrolls the page or taps
-    if (touched && !this.template.contains(event.target)) return null;
+    if (touched && !this.find(".held").contains(event.target)) return null;
     if (!touched) this.jump(event);
     const from = this.pixelAt(event);
     const [down, right] = [from.row - this.row, from.col - this.col];
@@ -114,78 +92,65 @@ class TemplatePanel extends Panel {
 
   // Brings the template under the pointer, unless it is already there.
   jump(event) {
-    if (this.template.contains(event.target) || !this.search) return;
+    if (this.find(".held").contains(event.target)) return;
     const { row, col } = this.pixelAt(event);
-    const { rows, cols } = this.search.template;
+    const { rows, cols } = this.data.template;
     this.move(row - rows / 2, col - cols / 2, { jump: true });
   }
 
   pixelAt(event) {
-    const { rows, cols } = this.search.picture;
+    const { rows, cols } = this.data.picture;
     const [right, down] = shareOf(event, this.stage);
     return { row: down * rows, col: right * cols };
   }
 
+  // A place in the whole image, px, and a part of the picture, as a style.
+  inImage({ row, col }) {
+    const { factor, row: top, col: left } = this.data;
+    return { row: top + row * factor, col: left + col * factor };
+  }
+
+  frameOf(row, col, { rows, cols }) {
+    const { picture } = this.data;
+    const share = (pixels, all) => `${(100 * pixels) / all}%`;
+    const size = `width: ${share(cols, picture.cols)}; height: ${share(rows, picture.rows)}`;
+    return `left: ${share(col, picture.cols)}; top: ${share(row, picture.rows)}; ${size}`;
+  }
+
   // Compares at a place of the whole image, px.
   compare({ row, col }) {
-    const { factor, row: top, col: left } = this.search;
+    const { factor, row: top, col: left } = this.data;
     this.move((row - top) / factor, (col - left) / factor, { jump: true });
     this.find(".pieces").scrollIntoView({ block: "nearest" });
   }
 
+  get score() {
+    const { scores, cols } = this.data.map;
+    return shortened(scores[this.row * cols + this.col], 3);
+  }
+
   draw() {
-    if (!this.search) return;
-    const { picture, template, map, words, factor } = this.search;
-    const score = map.scores[this.row * map.cols + this.col];
-    this.template.style.left = `${(100 * this.col) / picture.cols}%`;
-    this.template.style.top = `${(100 * this.row) / picture.rows}%`;
+    this.render();
+    const { picture, template, map, leaders, words } = this.data;
     cut(this.find(".window canvas"), picture.image, this.col, this.row, template.cols, template.rows);
     put(this.find(".products canvas"), inProductColours(template, compared(picture, template, this.row, this.col)));
     put(this.find(".map canvas"), this.painted);
-    this.find(".score").textContent = shortened(score, 3);
-    const row = this.search.row + this.row * factor;
-    const col = this.search.col + this.col * factor;
-    this.find(".where").textContent = filled(words.where, { row, col, score: shortened(score, 3) });
-    this.drawMarks();
-    say(this.find(".said"), this.revealed ? this.lesson() : "");
+    const reach = clamp(Math.round(0.6 * Math.max(template.rows, template.cols)), 8, 20);
+    this.findAll(".leaders canvas").forEach((canvas, at) => drawRelief(canvas, map, leaders[at], reach, words.palette));
   }
 
   lesson() {
-    const { leaders, words, factor, row, col } = this.search;
-    const [peak, rival] = leaders;
+    const { leaders: [peak, rival], words } = this.data;
     if (!peak) return words.nothing;
-    const values = { row: row + peak.row * factor, col: col + peak.col * factor, score: shortened(peak.score, 3) };
-    return filled(words.peak, values) + (rival ? filled(words.lead, { rival: shortened(rival.score, 3) }) : "");
+    const told = filled(words.peak, { ...this.inImage(peak), score: shortened(peak.score, 3) });
+    return told + (rival ? filled(words.lead, { rival: shortened(rival.score, 3) }) : "");
   }
 
-  drawMarks() {
-    const { map, leaders } = this.search;
-    const radius = Math.max(7, map.cols / 50);
-    const places = this.revealed ? leaders.map((place, at) => [at ? "rival" : "peak", place]) : [];
-    const rings = [...places, ["now", this]].map(([kind, { row, col }]) =>
-      node("circle", { class: kind, cx: col + 0.5, cy: row + 0.5, r: kind === "now" ? radius / 2 : radius }),
-    );
-    this.find(".map svg").replaceChildren(...rings);
-  }
-
-  showLeaders() {
-    const { leaders, words } = this.search;
-    const buttons = leaders.map((place, at) => {
-      const title = element("span", "", `${at ? words.rival : words.top} ${shortened(place.score, 3)}`);
-      const one = button([element("canvas"), title], () => this.move(place.row, place.col, { jump: true }));
-      return Object.assign(one, { title: words.go });
-    });
-    this.find(".leaders").replaceChildren(...buttons);
-    this.drawReliefs();
-  }
-
-  drawReliefs() {
-    if (!this.revealed) return;
-    const { map, template, leaders, words } = this.search;
-    const reach = clamp(Math.round(0.6 * Math.max(template.rows, template.cols)), 8, 20);
-    this.findAll(".leaders canvas").forEach((canvas, at) => {
-      if (canvas.clientWidth) drawRelief(canvas, map, leaders[at], reach, words.palette);
-    });
+  rings() {
+    const { map, leaders } = this.data;
+    const r = Math.max(7, map.cols / 50);
+    const found = leaders.map(({ row, col }, at) => ({ kind: at ? "rival" : "peak", row, col, r }));
+    return [...(this.revealed ? found : []), { kind: "now", row: this.row, col: this.col, r: r / 2 }];
   }
 }
 
@@ -260,6 +225,9 @@ function colourOf(score, palette) {
 function drawRelief(canvas, map, place, reach, palette) {
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const key = [map, place, width, height, ratio];
+  if (key.every((one, at) => one === canvas.drawn?.[at])) return;
+  canvas.drawn = key;
   [canvas.width, canvas.height] = [width * ratio, height * ratio];
   const context = canvas.getContext("2d");
   context.scale(ratio, ratio);
