@@ -161,7 +161,12 @@ def _of_two(generate: Callable[..., Any]) -> Instruction:
     return _instruction(typing_and_code)
 
 
-def _pairs_multiplied(builder: Any, *pairs: Any) -> Any:
+@_of_two
+def paired_products(builder: Any, *pairs: Any) -> Any:
+    """Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
+
+    Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
+    """
     halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
     first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in pairs)
     products = builder.mul(first, second)
@@ -169,24 +174,17 @@ def _pairs_multiplied(builder: Any, *pairs: Any) -> Any:
     return builder.add(low, high)
 
 
-paired_products = _of_two(_pairs_multiplied)
-"""Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
-
-Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
-"""
-
-
-def _upper_halves_of_products(builder: Any, one: Any, other: Any) -> Any:
+@_of_two
+def scaled(builder: Any, one: Any, other: Any) -> Any:
+    """Return the upper 16 bits of the product of two uint16: `one` times `other` / 65536 (``vpmulhuw``)."""
     wide = ir.VectorType(ir.IntType(32), LANES)
     product = builder.mul(builder.zext(one, wide), builder.zext(other, wide))
     return builder.trunc(builder.lshr(product, ir.Constant(wide, [16] * LANES)), one.type)
 
 
-scaled = _of_two(_upper_halves_of_products)
-"""Return the upper 16 bits of the product of two uint16: `one` times `other` / 65536 (``vpmulhuw``)."""
-
-
-def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
+@_of_two
+def bits_of_both(builder: Any, one: Any, other: Any) -> Any:
+    """Return the number of set bits of two uint16 together, lane by lane."""
     of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # whose bits are counted by a table of half a byte
     count = _function(builder, f"llvm.ctpop.v{2 * LANES}i8", of_bytes, of_bytes)
     first, second = (builder.call(count, [builder.bitcast(lanes, of_bytes)]) for lanes in (one, other))
@@ -194,9 +192,6 @@ def _bits_of_both(builder: Any, one: Any, other: Any) -> Any:
     low = builder.and_(pairs, ir.Constant(one.type, [255] * LANES))
     return builder.add(low, builder.lshr(pairs, ir.Constant(one.type, [8] * LANES)))
 
-
-bits_of_both = _of_two(_bits_of_both)
-"""Return the number of set bits of two uint16 together, lane by lane."""
 
 following = _of_two(
     lambda builder, one, other: builder.shuffle_vector(one, other, _places(range(LANES - 1, 2 * LANES - 1)))
@@ -224,13 +219,11 @@ at_least = _chosen("fcmp_ordered", ">")
 """Return the larger of two floats, lane by lane; the second for NaN."""
 
 
-def _difference_within(builder: Any, one: Any, other: Any) -> Any:
+@_of_two
+def difference_within(builder: Any, one: Any, other: Any) -> Any:
+    """Return the difference of two signed integers, lane by lane; the end of the dtype where it would be beyond it."""
     name = f"llvm.ssub.sat.v{LANES}i{one.type.element.width}"
     return builder.call(_function(builder, name, one.type, one.type, other.type), [one, other])
-
-
-difference_within = _of_two(_difference_within)
-"""Return the difference of two signed integers, lane by lane; the end of the dtype where it would be beyond it."""
 
 
 def _where(comparison: str) -> Instruction:
