@@ -129,9 +129,8 @@ def is_still(now: Corners, before: Corners, board: Board, width: int, seconds: f
     if not common.size:
         return False
     # A chessboard looks the same from two ends, and its corners may be counted from either.
-    orders = board.orders() if len(common) == board.corners else (np.arange(len(common)),)
     here, there = now.of(common), before.of(common)
-    moved = min(float(np.linalg.norm(here - there[order], axis=1).max()) for order in orders)
+    moved = min(float(np.linalg.norm(here - there[order], axis=1).max()) for order in board.orders(len(common)))
     return moved <= STILL * width * min(seconds, LONGEST_S)
 
 

@@ -89,14 +89,15 @@ class Board:
         rows, cols = np.divmod(numbers, self.columns)
         return bool(np.ptp(rows) == 0 or np.ptp(cols) == 0)
 
-    def orders(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Return the orders in which a detector may list the corners of the same board, the plain one first.
+    def orders(self, seen: int) -> tuple[npt.NDArray[np.intp], ...]:
+        """Return the orders in which a detector may list so many corners of the same board, the plain one first.
 
-        A chessboard looks the same upside down, and a square one when rotated by a right angle; markers settle it.
+        A chessboard looks the same upside down, and a square one when rotated by a right angle; markers settle it, and
+        so do corners that are not seen.
         """
+        if self.markers is not None or seen < self.corners:
+            return (np.arange(seen),)
         plain = np.arange(self.corners).reshape(self.rows, self.columns)
-        if self.markers is not None:
-            return (plain.ravel(),)
         turns = (0, 2, 1, 3) if self.rows == self.columns else (0, 2)
         return tuple(np.rot90(plain, turn).ravel() for turn in turns)
 

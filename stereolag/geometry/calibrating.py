@@ -268,8 +268,8 @@ def _usable(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[int]:
 def _seen_pair(left: Corners, right: Corners, board: Board) -> SeenPair:
     common = np.intersect1d(left.numbers, right.numbers)
     places = right.of(common)
-    orders = board.orders() if len(common) == board.corners else (np.arange(len(common)),)
-    return SeenPair(board.points()[common], left.of(common), tuple(places[order] for order in orders))
+    rights = tuple(places[order] for order in board.orders(len(common)))
+    return SeenPair(board.points()[common], left.of(common), rights)
 
 
 def _report(

@@ -419,13 +419,15 @@ class FlowMatcher(Settings):
             tests.append((residual > self.median_test.threshold, Reason.SPECKLE))
         if self.forward_backward is not None:
             tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
-        # No motion fits to the last bit, and so does another, as along an edge.
-        tests.append((moves, Reason.AMBIGUOUS))
-        tests.append((~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS))
-        # A score is missing where the window of the second frame is flat, or outside.
-        tests.append((score == NO_SCORE, Reason.LOW_TEXTURE))
-        tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
-        tests.append((flat, Reason.LOW_TEXTURE))
+        tests += [
+            # No motion fits to the last bit, and so does another, as along an edge.
+            (moves, Reason.AMBIGUOUS),
+            (~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS),
+            # A score is missing where the window of the second frame is flat, or outside.
+            (score == NO_SCORE, Reason.LOW_TEXTURE),
+            (leaves_frame(view.flow), Reason.OUT_OF_FRAME),
+            (flat, Reason.LOW_TEXTURE),
+        ]
         for where, why in tests:
             np.copyto(reason, np.uint8(why), where=where)
         missing = reason != np.uint8(Reason.MEASURED)
