@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import importlib
 import inspect
-import json
+import io
+import logging
 import multiprocessing
 import os
 import pkgutil
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import chain
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TextIO, TypeAlias, get_args
+from typing import Any, get_args
 
+import numba
 import numpy as np
 import pytest
 
@@ -56,16 +56,11 @@ print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag, "num
 """A measurement with few loops, because each start without machine code compiles them; one returns an array."""
 
 TWO_LOOPS = """
-import sys
 from stereolag.loops.compilation import compiled
 from stereolag.loops.inner import inner
 @compiled
 def outer(number):
     return inner(number)
-if "wait" in sys.argv:
-    print("ready", flush=True)
-    input()
-print(outer(1))
 """
 INNER = """
 from stereolag.loops.compilation import compiled
@@ -74,73 +69,64 @@ def inner(number):
     return number + {}
 """
 
-
-@dataclass
-class Running:
-    """A script that runs in a fork, and its streams."""
-
-    stdin: TextIO
-    stdout: TextIO
-    stderr: TextIO
-
-    def communicate(self, text: str = "") -> tuple[str, str]:
-        """Send a text, wait for the end, and return the output and errors."""
-        self.stdin.write(text)
-        with self.stdin, self.stdout, self.stderr:
-            self.stdin.close()
-            return self.stdout.read(), self.stderr.read()
+pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 
 
-Start: TypeAlias = Callable[..., Running]
-Run: TypeAlias = Callable[..., tuple[str, str]]
+class Start:
+    """A process that has imported the two loops of a folder; it calls them when told, and ends.
 
+    A fork, because Numba takes seconds to load.
+    """
 
-@pytest.fixture(scope="module")
-def begin() -> Iterator[Start]:
-    """Return a function that runs the two loops of a folder, in a fork of a process with Numba ready."""
-    ours, theirs = socket.socketpair()
-    script = Path(__file__).with_name("warm_numba.py")
-    command = [sys.executable, "-B", "-W", "error", str(script), str(theirs.fileno())]
-    with ours, subprocess.Popen(command, pass_fds=[theirs.fileno()]) as warm:
+    def __init__(self, folder: Path, **variables: str) -> None:
+        self._pipe, theirs = multiprocessing.Pipe()
+        environment = variables_for(folder) | variables
+        process = multiprocessing.get_context("fork").Process(target=called, args=(folder, environment, theirs))
+        process.start()
         theirs.close()
+        assert self._pipe.recv() == "ready"
 
-        def started(folder: Path, *arguments: str, **variables: str) -> Running:
-            pipes = [os.pipe() for _ in range(3)]
-            given = [pipes[0][0], pipes[1][1], pipes[2][1]]
-            request = json.dumps([str(folder), arguments, variables_for(folder) | variables])
-            socket.send_fds(ours, [request.encode()], given)
-            assert ours.recv(5) == b"taken"
-            for stream in given:
-                os.close(stream)
-            return Running(os.fdopen(pipes[0][1], "w"), os.fdopen(pipes[1][0]), os.fdopen(pipes[2][0]))
+    def go(self) -> Start:
+        self._pipe.send("go")
+        return self
 
-        yield started
-        ours.close()
-        assert warm.wait(20) == 0
+    def said(self) -> tuple[int, str]:
+        """Return the answer of the loops and what was written to stderr."""
+        return self._pipe.recv()
 
 
-@pytest.fixture
-def run(begin: Start) -> Run:
-    """Return a function that runs the two loops of a folder and returns its output and errors."""
-    return lambda folder, **variables: begin(folder, **variables).communicate()
+def called(folder: Path, environment: dict[str, str], told: Connection) -> None:
+    """Import the two loops of a folder, in this environment, and call them when told."""
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.path.insert(0, str(folder.parents[1]))
+    sys.dont_write_bytecode = True
+    for name in [name for name in sys.modules if name.partition(".")[0] == "stereolag"]:
+        del sys.modules[name]
+    logging.getLogger().handlers.clear()
+    with contextlib.redirect_stderr(io.StringIO()) as errors:
+        outer = importlib.import_module("stereolag.loops.outer").outer
+        told.send("ready")
+        told.recv()
+        answer = outer(1)
+    told.send((answer, errors.getvalue()))
 
 
-@pytest.fixture
-def waiting(begin: Start) -> Start:
-    """Return a function that runs the two loops of a folder up to the first call, which waits for a line."""
-
-    def until_ready(folder: Path, **variables: str) -> Running:
-        process = begin(folder, "wait", **variables)
-        assert process.stdout.readline() == "ready\n", process.communicate()
-        return process
-
-    return until_ready
+def run(folder: Path, **variables: str) -> tuple[int, str]:
+    """Run the two loops of a folder; return their answer and what was written to stderr."""
+    return Start(folder, **variables).go().said()
 
 
 @pytest.fixture
 def loops(tmp_path: Path) -> Path:
     """Return a folder with only the decorator and two loops, one of which calls the other."""
     return two_loops(tmp_path / "package")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _numba_ready() -> None:
+    """Have Numba ready in all forks."""
+    numba.njit(lambda: 0)()
 
 
 def two_loops(package: Path, number: int = 1) -> Path:
@@ -180,88 +166,76 @@ def test_a_first_start_keeps_machine_code_beside_the_sources_and_later_ones_load
 ) -> None:
     install = tmp_path / "install"
     shutil.copytree(PROJECT / "stereolag", install / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
-    command = [sys.executable, "-B", "-W", "error", "-c", SMALL_LAG]
 
-    def started() -> tuple[str, str]:
-        told = subprocess.run(
-            command, cwd=tmp_path, env=variables_for(install), capture_output=True, text=True, check=False
-        )
-        return told.stdout, told.stderr
+    def started() -> str:
+        command = [sys.executable, "-B", "-W", "error", "-c", SMALL_LAG]
+        errors = subprocess.STDOUT
+        return subprocess.check_output(command, cwd=tmp_path, env=variables_for(install), stderr=errors, text=True)
 
-    assert started() == ("4 True\n", "")
+    assert started() == "4 True\n"
     code = code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
     assert code and not code_in(tmp_path / "temporary")
-    assert started() == ("4 False\n", "")
+    assert started() == "4 False\n"
     damaged = Path(next(iter(code)))
     damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
-    assert started() == ("4 True\n", "")
-    assert started() == ("4 False\n", "")
+    assert started() == "4 True\n"
+    assert started() == "4 False\n"
 
 
-def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path, run: Run) -> None:
+def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
     (loops / "__pycache__").touch()  # a file: not even root can create a folder there
     cache = loops.parent / "cache"
     first = run(loops, XDG_CACHE_HOME=str(cache))
     kept = code_in(cache)
-    second = run(loops, XDG_CACHE_HOME=str(cache))
+    assert run(loops, XDG_CACHE_HOME=str(cache)) == first
     assert kept and code_in(cache) == kept
     assert cache.joinpath("stereolag").stat().st_mode & 0o077 == 0
-    for out, err in (first, second):
-        assert out == "2\n", err
-        (line,) = err.splitlines()
-        assert line.startswith(f"Machine code is kept in {cache / 'stereolag'}: ")
-        assert line.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.")
+    answer, said = first
+    assert answer == 2 and said.count("\n") == 1
+    assert said.startswith(f"Machine code is kept in {cache / 'stereolag'}: ")
+    assert said.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.\n")
 
 
-def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one(loops: Path, run: Run) -> None:
+def test_without_any_place_loops_are_compiled_anew_unless_the_operator_names_one(loops: Path) -> None:
     (loops / "__pycache__").touch()
-    out, err = run(loops)
-    assert out == "2\n", err
-    (line,) = err.splitlines()
-    assert line.startswith("Machine code is not kept, and compiled anew at every start")
+    answer, said = run(loops)
+    assert answer == 2 and said.count("\n") == 1
+    assert said.startswith("Machine code is not kept, and compiled anew at every start")
     assert not code_in(loops.parent)
-    assert run(loops, NUMBA_CACHE_DIR=str(loops.parent / "named")) == ("2\n", "")
+    assert run(loops, NUMBA_CACHE_DIR=str(loops.parent / "named")) == (2, "")
     assert code_in(loops.parent / "named")
 
 
-def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, run: Run) -> None:
-    def answer(mtime: int) -> str:
+def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path) -> None:
+    def answer(mtime: int) -> tuple[int, str]:
         for source in loops.glob("*.py"):
             os.utime(source, (mtime, mtime))
-        out, err = run(loops)
-        assert err == ""
-        return out
+        return run(loops)
 
     late = 4_000_000_000
-    assert answer(late) == "2\n"
+    assert answer(late) == (2, "")
     kept = code_in(loops)
-    assert answer(0) == "2\n"
+    assert answer(0) == (2, "")
     assert code_in(loops) == kept
     for number, mtime in ((2, 0), (3, late)):
         (loops / "inner.py").write_text(INNER.format(number))
-        assert answer(mtime) == f"{number + 1}\n"
+        assert answer(mtime) == (number + 1, "")
 
 
-def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(
-    tmp_path: Path, run: Run, waiting: Start
-) -> None:
+def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
-    processes = [waiting(loops, **kept) for loops in 2 * releases]
-    with ThreadPoolExecutor(len(processes)) as threads:
-        ended = list(threads.map(lambda process: process.communicate("\n"), processes))
-    assert ended == 2 * [("2\n", ""), ("3\n", "")]
+    begun = [process.go() for process in [Start(loops, **kept) for loops in 2 * releases]]
+    assert [process.said() for process in begun] == 2 * [(2, ""), (3, "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
-    assert [run(loops, **kept) for loops in releases] == [("2\n", ""), ("3\n", "")]
+    assert [run(loops, **kept) for loops in releases] == [(2, ""), (3, "")]
     assert code_in(tmp_path / "kept") == code
 
 
-def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(
-    loops: Path, run: Run, waiting: Start
-) -> None:
-    assert run(loops) == ("2\n", "")
-    running = waiting(loops)
+def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(loops: Path) -> None:
+    assert run(loops) == (2, "")
+    running = Start(loops)
     (older,) = (loops / "__pycache__").iterdir()
     code = code_in(older)
     others = [loops / "__pycache__" / name for name in ("another", "stereolag-notes")]
@@ -269,16 +243,16 @@ def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_
         other.mkdir()
         os.utime(other, (0, 0))
     (loops / "inner.py").write_text(INNER.format(2))
-    assert run(loops) == ("3\n", "")
+    assert run(loops) == (3, "")
     assert code_in(older) == code
     os.utime(older, (0, 0))
     (loops / "inner.py").write_text(INNER.format(3))
-    assert run(loops) == ("4\n", "")
+    assert run(loops) == (4, "")
     assert not older.exists()
     assert all(other.exists() for other in others)
-    assert running.communicate("\n") == ("2\n", "")
+    assert running.go().said() == (2, "")
     assert code_in(older)
-    assert run(loops) == ("4\n", "")
+    assert run(loops) == (4, "")
 
 
 def modules_with_loops() -> dict[ModuleType, list[Loop]]:
@@ -538,7 +512,6 @@ def test_the_first_error_ends_the_job() -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks")
-@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_a_forked_process_has_threads_of_its_own() -> None:
     over_bands(lambda first, end: time.sleep(0.05), available_cores())  # all threads of the pool have begun
     child = multiprocessing.get_context("fork").Process(target=over_bands, args=(lambda first, end: None, 2))
