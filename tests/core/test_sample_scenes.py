@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from benchmarks.drive_motion import RigidMotion, rigid_motion
+from benchmarks.drive_motion import rigid_motion
 from stereolag import read_calibration, samples
-
-STEREO = samples.ASSETS / "stereo"
 
 
 def moved(image: np.ndarray, dx: np.ndarray, dy: np.ndarray, method: int = cv2.INTER_LINEAR) -> np.ndarray:
@@ -45,28 +44,14 @@ def assert_fits(
         assert abs(best) < (0.05 if dy is None else 0.1)
 
 
-# The pairs
-
-SAMPLES = {
-    "cube": (640, 480),
-    "fence": (640, 480),
-    "giraffes": (640, 480),
-    "square": (480, 480),
-    "road": (881, 400),
-}
-"""Width and height."""
-CALIBRATION_KEYS = {
-    "focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities", "title", "description",
-}  # fmt: skip
-
-
 @dataclass(frozen=True)
-class Sample:
+class View:
+    """A pair, 256 times the disparity of each pixel of its left image, 0 if unknown, and 255 if the right hides it."""
+
     left: np.ndarray
     right: np.ndarray
     codes: np.ndarray
-    mask: np.ndarray
-    calibration: dict[str, float | int | str]
+    occlusion: np.ndarray
 
     @property
     def disparity(self) -> np.ndarray:
@@ -74,38 +59,57 @@ class Sample:
 
     @property
     def matchable(self) -> np.ndarray:
-        return (self.codes > 0) & (self.mask == 0)
+        return (self.codes > 0) & (self.occlusion == 0)
+
+
+def read(*files: Path) -> list[np.ndarray]:
+    return [cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]
+
+
+PAIRS = samples.stereo_pairs()
+DRIVE = samples.drives()["motorway"]
+FRAMES = 60
+LOOKED_AT = (0, 36, 58)  # not where the sun appears from behind the bridge, with new glare
 
 
 @cache
-def load(name: str) -> Sample:
-    folder = STEREO / name
-    left, right, codes, mask = (
-        cv2.imread(str(folder / f"{part}.png"), cv2.IMREAD_UNCHANGED)
-        for part in ("left", "right", "disparity", "occlusion")
-    )
-    return Sample(left, right, codes, mask, json.loads((folder / "calibration.json").read_text()))
+def view(name: str | int) -> View:
+    """Return a bundled pair, or a frame of the drive."""
+    if isinstance(name, int):
+        return View(*read(*(files[name] for files in (DRIVE.left, DRIVE.right, DRIVE.disparity, DRIVE.occlusion))))
+    folder = PAIRS[name].left.parent
+    return View(*read(*(folder / f"{part}.png" for part in ("left", "right", "disparity", "occlusion"))))
 
 
-@pytest.fixture(params=SAMPLES)
-def sample(request: pytest.FixtureRequest) -> Sample:
-    return load(request.param)
+SIZES = {"cube": (640, 480), "fence": (640, 480), "giraffes": (640, 480), "square": (480, 480), "road": (881, 400)}
+SIZES |= dict.fromkeys(LOOKED_AT, (881, 400))
+"""Width and height of every pair, and of the frames of the drive that are looked at."""
 
 
-@pytest.mark.parametrize("name", SAMPLES)
-def test_files_have_the_promised_formats(name: str) -> None:
-    sample, (width, height) = load(name), SAMPLES[name]
-    for picture in (sample.left, sample.right):
+@pytest.mark.parametrize("name", SIZES)
+def test_pictures_have_the_promised_formats(name: str | int) -> None:
+    here, (width, height) = view(name), SIZES[name]
+    for picture in (here.left, here.right):
         assert (picture.shape, picture.dtype) == ((height, width, 3), np.uint8)
-    assert (sample.codes.shape, sample.codes.dtype) == ((height, width), np.uint16)
-    assert (sample.mask.shape, sample.mask.dtype) == ((height, width), np.uint8)
-    assert set(np.unique(sample.mask)) <= {0, 255}
-    calibration = sample.calibration
+    assert (here.codes.shape, here.codes.dtype) == ((height, width), np.uint16)
+    assert (here.occlusion.shape, here.occlusion.dtype) == ((height, width), np.uint8)
+    assert set(np.unique(here.occlusion)) <= {0, 255}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_calibrations_hold_what_is_promised(name: str) -> None:
+    calibration = json.loads((PAIRS[name].left.parent / "calibration.json").read_text())
     assert set(calibration) == CALIBRATION_KEYS
+    width, height = SIZES[name]
     assert (calibration["width"], calibration["height"]) == (width, height)
     assert (calibration["cx"], calibration["cy"]) == ((width - 1) / 2, (height - 1) / 2)
     assert calibration["focal_px"] > 0 and calibration["baseline_m"] > 0
     assert calibration["num_disparities"] % 16 == 0
+
+
+CALIBRATION_KEYS = {
+    "focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities", "title", "description",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("folder", "megabytes"), [("stereo", 9), ("drive", 25), ("maze", 9), ("signals", 2.5)])
@@ -114,15 +118,20 @@ def test_files_stay_small(folder: str, megabytes: float) -> None:
     assert sum(file.stat().st_size for file in files if file.is_file()) <= megabytes * 1e6
 
 
-def test_right_image_moved_by_the_truth_is_the_left_image(sample: Sample) -> None:
-    known = sample.disparity[sample.codes > 0]
-    assert known.size > 0.6 * sample.codes.size
-    assert known.max() <= sample.calibration["num_disparities"] - 1
-    assert np.ptp(known) > 8
-    assert_fits(sample.left, sample.right, -sample.disparity, None, sample.matchable)
+@pytest.mark.parametrize("name", SIZES)
+def test_right_image_moved_by_the_truth_is_the_left_image(name: str | int) -> None:
+    here, searched = view(name), (PAIRS[name] if isinstance(name, str) else DRIVE).num_disparities
+    known = here.disparity[here.codes > 0]
+    assert known.size > 0.6 * here.codes.size
+    assert known.max() <= searched - 1
+    assert np.ptp(known) > (8 if isinstance(name, str) else 30)
+    down = None if isinstance(name, str) else np.zeros_like(here.disparity)
+    assert_fits(here.left, here.right, -here.disparity, down, here.matchable)
 
 
-def test_occlusion_follows_from_the_disparities(sample: Sample) -> None:
+@pytest.mark.parametrize("name", PAIRS)
+def test_occlusion_follows_from_the_disparities(name: str) -> None:
+    sample = view(name)
     rows, columns = np.nonzero(sample.codes)
     disparity = sample.disparity[rows, columns]
     landing = np.round(columns - disparity).astype(int)
@@ -130,7 +139,7 @@ def test_occlusion_follows_from_the_disparities(sample: Sample) -> None:
     nearest = np.zeros(sample.codes.shape, dtype=np.float32)
     np.maximum.at(nearest, (rows[inside], landing[inside]), disparity[inside])
 
-    hidden = sample.mask[rows, columns] > 0
+    hidden = sample.occlusion[rows, columns] > 0
     assert hidden[columns - disparity < -0.5].all()
     seen = inside & ~hidden
     in_front = nearest[rows[seen], landing[seen]] - disparity[seen] > 1.0
@@ -142,54 +151,18 @@ def test_occlusion_follows_from_the_disparities(sample: Sample) -> None:
     assert explained.mean() > 0.8
 
 
-# The drive
-
-FRAMES, FRAME_SIZE = 60, (400, 881)
-LOOKED_AT = (0, 36, 58)  # not where the sun appears from behind the bridge, with new glare
-
-
-@dataclass(frozen=True)
-class Frame:
-    left: np.ndarray
-    right: np.ndarray
-    disparity: np.ndarray
-    occluded: np.ndarray
-    objects: np.ndarray
-
-
-@cache
-def frame(number: int) -> Frame:
-    drive = samples.drives()["motorway"]
-    parts = (drive.left, drive.right, drive.disparity, drive.occlusion, drive.objects)
-    left, right, codes, occlusion, objects = (cv2.imread(str(part[number]), cv2.IMREAD_UNCHANGED) for part in parts)
-    assert codes.dtype == np.uint16
-    assert left.dtype == right.dtype == occlusion.dtype == objects.dtype == np.uint8
-    assert left.shape == right.shape == (*FRAME_SIZE, 3)
-    assert codes.shape == occlusion.shape == objects.shape == FRAME_SIZE
-    return Frame(left, right, codes / np.float32(256), occlusion > 0, objects)
-
-
-@cache
-def motion(number: int) -> RigidMotion:
-    drive = samples.drives()["motorway"]
-    here = frame(number)
-    return rigid_motion(here.disparity, here.objects, drive.motions(number), read_calibration(drive.calibration))
-
-
 def test_all_frames_are_there_in_order_and_small() -> None:
-    drive = samples.drives()["motorway"]
-    assert len(drive) == FRAMES
-    assert drive.frame_rate == 10
-    for part in (drive.left, drive.right, drive.disparity, drive.occlusion, drive.objects):
+    assert len(DRIVE) == FRAMES
+    assert DRIVE.frame_rate == 10
+    for part in (DRIVE.left, DRIVE.right, DRIVE.disparity, DRIVE.occlusion, DRIVE.objects):
         assert [int(path.stem) for path in part] == list(range(FRAMES))
 
 
 def test_poses_are_rigid_and_the_world_stands_still() -> None:
-    drive = samples.drives()["motorway"]
-    entry = json.loads(drive.poses.read_text())
+    entry = json.loads(DRIVE.poses.read_text())
     cameras, objects = np.array(entry["camera"]), np.array(entry["objects"])
     assert cameras.shape == (FRAMES, 4, 4)
-    assert objects.shape == (FRAMES, len(drive.object_names), 4, 4)
+    assert objects.shape == (FRAMES, len(DRIVE.object_names), 4, 4)
     for poses in (cameras, objects):
         turns = poses[..., :3, :3]
         np.testing.assert_allclose(
@@ -197,44 +170,36 @@ def test_poses_are_rigid_and_the_world_stands_still() -> None:
         )
         np.testing.assert_allclose(np.linalg.det(turns), 1, atol=1e-6)
     np.testing.assert_array_equal(objects[:, 0], np.broadcast_to(np.eye(4), (FRAMES, 4, 4)))
-    speeds = np.linalg.norm(np.diff(cameras[:, :3, 3], axis=0), axis=1) * drive.frame_rate
+    speeds = np.linalg.norm(np.diff(cameras[:, :3, 3], axis=0), axis=1) * DRIVE.frame_rate
     assert (np.abs(speeds - 25) < 0.5).all()
 
 
 def test_every_body_is_seen_and_there_is_no_other() -> None:
-    drive = samples.drives()["motorway"]
-    seen = np.unique(np.concatenate([np.unique(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)) for path in drive.objects]))
-    np.testing.assert_array_equal(seen, np.arange(len(drive.object_names)))
+    seen = np.unique(np.concatenate([np.unique(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)) for path in DRIVE.objects]))
+    np.testing.assert_array_equal(seen, np.arange(len(DRIVE.object_names)))
 
 
 @pytest.mark.parametrize("number", [FRAMES - 1, -1])
 def test_there_is_no_motion_after_the_last_frame(number: int) -> None:
     with pytest.raises(ValueError, match=f"frame is {number}; allowed are 0 to 58"):
-        samples.drives()["motorway"].motions(number)
-
-
-@pytest.mark.parametrize("number", LOOKED_AT)
-def test_right_image_of_a_frame_moved_by_the_truth_is_the_left_image(number: int) -> None:
-    here = frame(number)
-    assert here.disparity.max() <= samples.drives()["motorway"].num_disparities - 1
-    assert (here.disparity > 0).mean() > 0.6
-    assert np.ptp(here.disparity[here.disparity > 0]) > 30
-    matchable = (here.disparity > 0) & ~here.occluded
-    assert_fits(here.left, here.right, -here.disparity, np.zeros_like(here.disparity), matchable)
+        DRIVE.motions(number)
 
 
 @pytest.mark.parametrize("number", LOOKED_AT)
 def test_next_frame_moved_by_the_flow_is_this_frame_and_its_disparity_follows(number: int) -> None:
     """Except at edges, where a pixel of the next frame may show another body than the point that moved there."""
-    here, there, flow = frame(number), frame(number + 1), motion(number)
+    here, there = view(number), view(number + 1)
+    objects, objects_there = read(DRIVE.objects[number], DRIVE.objects[number + 1])
+    assert (objects.shape, objects.dtype) == (here.codes.shape, np.uint8)
+    flow = rigid_motion(here.disparity, objects, DRIVE.motions(number), read_calibration(DRIVE.calibration))
     there_disparity = moved(there.disparity, flow.dx, flow.dy, cv2.INTER_LINEAR)
-    rows, columns = np.mgrid[: FRAME_SIZE[0], : FRAME_SIZE[1]]
+    rows, columns = np.mgrid[:400, :881]
     inside = (np.abs(columns + flow.dx - 440) < 438) & (np.abs(rows + flow.dy - 199.5) < 197) & (here.disparity > 0)
     error = np.abs(there_disparity - here.disparity - flow.disparity_change)
     assert np.median(error[inside]) < 0.02
     assert (error[inside] < 0.3).mean() > 0.85
-    seen_again = inside & (error < 0.5) & (moved(there.objects, flow.dx, flow.dy, cv2.INTER_NEAREST) == here.objects)
-    assert_fits(here.left, there.left, flow.dx, flow.dy, seen_again & (here.objects == 0))
-    bodies = seen_again & (here.objects > 0) & (here.disparity > 4)
+    seen_again = inside & (error < 0.5) & (moved(objects_there, flow.dx, flow.dy, cv2.INTER_NEAREST) == objects)
+    assert_fits(here.left, there.left, flow.dx, flow.dy, seen_again & (objects == 0))
+    bodies = seen_again & (objects > 0) & (here.disparity > 4)
     assert bodies.sum() >= 2000
     assert_fits(here.left, there.left, flow.dx, flow.dy, bodies)
