@@ -10,36 +10,17 @@ import cv2
 import numba
 import numpy as np
 
+import stereolag as sl
 from benchmarks.memory import peak_extra_memory
-from stereolag.assess.diagnosis import diagnose, estimate_diagnosis
+from stereolag import signals, templates
+from stereolag.assess import diagnosis
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
-from stereolag.motion.flow import FlowMatcher
-from stereolag.signals import estimate_lag, signal_lag
+from stereolag.motion import flow
 from stereolag.stereo.matcher import PixelMatches, StereoMatcher
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
-from stereolag.templates import estimate_search, match_template
-from stereolag.templates.trials import estimate_opencv, opencv_search
+from stereolag.templates import trials
 
-__all__ = [
-    "CorrelationMatcher",
-    "FlowMatcher",
-    "SearchArea",
-    "StereoBM",
-    "StereoSGBM",
-    "diagnose",
-    "estimate_diagnosis",
-    "estimate_lag",
-    "estimate_opencv",
-    "estimate_search",
-    "match_template",
-    "opencv_search",
-    "preset",
-    "signal_lag",
-]
+__all__ = ["diagnosis", "flow", "signals", "sl", "templates", "trials"]
 
 random = np.random.default_rng(0)
 
