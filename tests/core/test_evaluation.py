@@ -36,22 +36,6 @@ def test_counts_by_hand() -> None:
     assert np.isnan([nothing.epe, nothing.bad_measured[1.0]]).all()
 
 
-@pytest.mark.parametrize(
-    ("answers", "agreeing"),
-    [
-        ((10.0, 10.9, 10.5), 3),
-        ((10.0, 11.0, 12.0), 2),
-        ((10.0, 20.0, 30.0), 1),
-        ((10.0, NAN, 10.2), 2),
-        ((NAN, 5.0, NAN), 1),
-        ((NAN, NAN, NAN), 0),
-    ],
-)
-def test_the_largest_group_that_agrees_is_counted(answers: tuple[float, ...], agreeing: int) -> None:
-    maps = [np.full((2, 3), answer, np.float32) for answer in answers]
-    np.testing.assert_array_equal(consensus(maps), np.full((2, 3), agreeing))
-
-
 @settings(max_examples=40)
 @given(arrays.arrays(np.float32, (4, 2, 2), elements=st.one_of(st.just(NAN), st.floats(0, 6, width=16))))
 def test_agreement_equals_the_count_around_each_answer_in_any_order(maps: np.ndarray) -> None:
