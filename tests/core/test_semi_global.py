@@ -272,18 +272,6 @@ def test_the_highest_costs_and_penalties_fit_sixteen_bits() -> None:
     np.testing.assert_array_equal(optimise(costs, guide, penalties), optimise_reference(costs, guide, penalties))
 
 
-def test_a_jump_falls_on_the_edge_of_the_picture() -> None:
-    rng = np.random.default_rng(0)
-    guide = np.full((30, 40), 50, np.uint8)
-    guide[:, 20:] = 180
-    costs = rng.integers(80, 120, (30, 40, 16), dtype=np.uint8)
-    costs[:, :16, 3] -= 60
-    costs[:, 24:, 11] -= 60
-    lag = cheapest_lags(optimise(costs, guide, SemiGlobal()), 0, 16).lag
-    assert (np.abs(lag[:, :20] - 3) <= 2).mean() > 0.98
-    assert (np.abs(lag[:, 20:] - 11) <= 2).mean() > 0.98
-
-
 def test_the_valley_lies_towards_the_lower_flank() -> None:
     before, lowest, after = np.array([30, 10, 90, 20, -1]), np.full(5, 10), np.array([30, 90, 10, 40, 50])
     offset = valley_offset(before, lowest, after)
