@@ -1,4 +1,4 @@
-"""Stereo pairs made for the tests, with exactly known displacement."""
+"""Stereo pairs made for the tests, with exactly known displacement: shifted, or of surfaces at several depths."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
 DoubleImage = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.uint8]
 
 
 def texture(rows: int, cols: int, *, seed: int = 0, blur: float = 1.0) -> DoubleImage:
@@ -34,3 +35,23 @@ def shifted_pair(
     gain = np.iinfo(kind).max / 255
     low, high = (np.rint(np.clip(image, 0, 255) * gain).astype(kind) for image in pair)
     return low, high
+
+
+FAR = 4
+NEAR = {(30, 90, 60, 130): 14, (80, 140, 150, 230): 20, (15, 60, 170, 250): 9}
+"""{(first row, end row, first column, end column): disparity} of the squares in front of the wall."""
+
+
+def steps_pair(*, noise: float = 8.0) -> tuple[Picture, Picture, npt.NDArray[np.float32]]:
+    """Return left, right and truth: squares in front of a wall, 160 × 280, with noise in grey levels."""
+    rng = np.random.default_rng(5)
+    left = texture(160, 280, seed=4, blur=1.5)
+    right = np.roll(left, -FAR, axis=1)
+    truth = np.full(left.shape, FAR, dtype=np.float32)
+    for (top, bottom, first, last), disparity in sorted(NEAR.items(), key=lambda one: one[1]):
+        patch = texture(bottom - top, last - first, seed=disparity, blur=1.5)
+        left[top:bottom, first:last] = patch
+        right[top:bottom, first - disparity : last - disparity] = patch
+        truth[top:bottom, first:last] = disparity
+    both = [np.clip(np.rint(image + rng.normal(0, noise, image.shape)), 0, 255) for image in (left, right)]
+    return both[0].astype(np.uint8), both[1].astype(np.uint8), truth

@@ -7,8 +7,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pairs import shifted_pair
-from scenes import steps_pair
+from pairs import shifted_pair, steps_pair
 from scipy import ndimage
 
 import stereolag as sl
