@@ -10,28 +10,18 @@ from hypothesis import strategies as st
 from benchmarks.verdict import common, drifting, tones, unrelated
 from stereolag.assess.explaining import window_start
 from stereolag.core.arrays import Box
+from stereolag.figures import recordings
 from stereolag.figures.match import CLOSEST, WindowGrid, overlap_figure, window_grid
-from stereolag.figures.recordings import (
-    CLOSE_UP_SAMPLES,
-    POINTS,
-    aligned,
-    close_up,
-    correlation_curve,
-    lag_over_time,
-    liveliest_start,
-    run_times,
-    waveforms,
-)
 from stereolag.signals import signal_lag
 from stereolag.signals.correlation import overlap_slices
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from tests.app.uploads import noise
 
 
-@pytest.mark.parametrize("count", [10, POINTS, 50_000])
+@pytest.mark.parametrize("count", [10, recordings.POINTS, 50_000])
 def test_a_line_holds_as_many_points_as_are_seen(count: int) -> None:
-    figure = waveforms(noise(count), noise(count, 1), 8_000)
-    assert all(min(count, POINTS - 2) <= len(trace.x) <= POINTS for trace in figure.data)
+    figure = recordings.waveforms(noise(count), noise(count, 1), 8_000)
+    assert all(min(count, recordings.POINTS - 2) <= len(trace.x) <= recordings.POINTS for trace in figure.data)
     assert all(trace.x[0] == 0 and trace.x[-1] == pytest.approx((count - 1) / 8_000) for trace in figure.data)
     assert all(trace.y.dtype == np.float32 for trace in figure.data)
 
@@ -40,35 +30,34 @@ def test_a_line_holds_as_many_points_as_are_seen(count: int) -> None:
 def test_the_lag_is_undone(lag: int) -> None:
     sound = noise(2_000)
     first, second = sound[max(0, lag) :][:1_500], sound[max(0, -lag) :][:1_500]
-    over = aligned(first, second, lag, 1.0)
+    over = recordings.aligned(first, second, lag, 1.0)
     assert over.data[1].x[0] - over.data[0].x[0] == -lag
     shared, _ = overlap_slices(first.size, second.size, lag)
-    for position in (shared.start, liveliest_start(first, shared), shared.stop - 1):
-        near = close_up(first, second, lag, position)
-        assert 1 <= len(near.data[0].y) <= CLOSE_UP_SAMPLES
+    for position in (shared.start, recordings.liveliest_start(first, shared), shared.stop - 1):
+        near = recordings.close_up(first, second, lag, position)
+        assert 1 <= len(near.data[0].y) <= recordings.CLOSE_UP_SAMPLES
         assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
     quiet = 0.01 * noise(5_000)
     quiet[3_000:3_200] *= 100
-    assert abs(liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
+    assert abs(recordings.liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
 
 
 @pytest.mark.parametrize("method", ["fft", "sampled"])
 def test_the_peak_and_its_rivals_are_marked_where_they_are(method: str) -> None:
     sound = noise(6_000)
     result = signal_lag(sound[:-123], sound[123:], method=method, seed=0)  # type: ignore[arg-type]
-    *_, curve, peak = correlation_curve(result, "what it counts").data
+    *_, curve, peak = recordings.correlation_curve(result, "what it counts").data
     assert peak.x == (result.lag,)
     assert peak.y[0] == pytest.approx(max(curve.y))
     result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
-    rivals = [trace.x for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
+    rivals = [trace.x for trace in recordings.correlation_curve(result, "").data if trace.name == "fits as well"]
     assert tuple(rivals[0]) == result.rivals
 
 
 def test_the_drawn_curve_reaches_every_marked_lag_and_all_lags_around_the_peak() -> None:
     sound = np.random.default_rng(12).normal(size=60_000)
     result = signal_lag(sound, np.pad(sound, (500, 0))[:60_000] + 0.5 * np.pad(sound, (30_000, 0))[:60_000])
-    assert result.lags is not None and result.correlation is not None
-    curve, arrival, peak = correlation_curve(result, "").data[1:]
+    curve, arrival, peak = recordings.correlation_curve(result, "").data[1:]
     drawn = dict(zip(curve.x.tolist(), curve.y.tolist(), strict=True))
     assert (arrival.name, arrival.x.tolist(), peak.x) == ("another arrival", [30_000], (500,))
     assert [drawn[arrival.x[0]], drawn[500]] == pytest.approx([arrival.y[0], peak.y[0]])
@@ -83,13 +72,13 @@ def test_the_drawn_curve_reaches_every_marked_lag_and_all_lags_around_the_peak()
 def test_a_peak_at_the_right_end_has_its_label_on_the_left() -> None:
     sound = noise(6_000)
     for pair, side in (((sound[5_800:], sound), "left"), ((sound, sound[5_800:]), "right")):
-        label = correlation_curve(signal_lag(*pair), "").data[-1]
+        label = recordings.correlation_curve(signal_lag(*pair), "").data[-1]
         assert label.textposition == f"middle {side}"
 
 
 def test_the_lags_of_a_drift_are_marked_from_the_lowest_to_the_highest() -> None:
     result = signal_lag(*drifting(150_000, 400, 900.0, 0.1, 1), max_lag=2000)
-    figure = correlation_curve(result, "")
+    figure = recordings.correlation_curve(result, "")
     (range_,) = figure.layout.shapes
     assert (range_.x0, range_.x1) == pytest.approx((400, 535), abs=1)
     assert [one.text for one in figure.layout.annotations] == ["400 to 535"]
@@ -98,7 +87,7 @@ def test_the_lags_of_a_drift_are_marked_from_the_lowest_to_the_highest() -> None
 def test_a_reversed_microphone_is_marked_at_its_trough() -> None:
     sound = noise(5_000)
     result = signal_lag(sound[1_000:], -sound[:4_000])
-    trough = next(one for one in correlation_curve(result, "").data if one.name == "opposite sign")
+    trough = next(one for one in recordings.correlation_curve(result, "").data if one.name == "opposite sign")
     assert trough.x.tolist() == [1_000]
     assert trough.y[0] < -0.8
     assert trough.text[0].strip() == "1,000"
@@ -107,7 +96,7 @@ def test_a_reversed_microphone_is_marked_at_its_trough() -> None:
 def test_votes_for_one_lag_alone_stand_on_an_axis_with_room_around_them() -> None:
     result = signal_lag(*common(20_000, 300, 0), method="sampled", seed=0)
     assert result.votes is not None and len(result.votes) == 1
-    axis = correlation_curve(result, "votes").layout.xaxis
+    axis = recordings.correlation_curve(result, "votes").layout.xaxis
     assert axis.range[0] < 290 and axis.range[1] > 310
 
 
@@ -118,35 +107,31 @@ def test_no_chance_level_is_below_loud_moments_that_share_nothing() -> None:
     second[5_000:5_060] += random.normal(size=60)
     result = signal_lag(first, second)
     assert result.verdict == "nothing"
-    assert result.judgement.ribbon is not None and result.correlation is not None
     assert result.correlation.max() > result.judgement.ribbon[1]
-    assert "chance" not in {trace.name for trace in correlation_curve(result, "").data}
+    assert "chance" not in {trace.name for trace in recordings.correlation_curve(result, "").data}
 
 
 def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> None:
     pair = unrelated("noise and noise", 20_000, 3)
     result = signal_lag(*pair)
-    assert result.lags is not None and result.correlation is not None
-    ribbon = correlation_curve(result, "").data[0]
+    ribbon = recordings.correlation_curve(result, "").data[0]
     assert max(ribbon.y) - min(ribbon.y) == pytest.approx(2 * max(ribbon.y), rel=0.05)
     assert ((result.correlation < max(ribbon.y)) & (result.correlation > min(ribbon.y))).mean() > 0.99
-    plain = np.array(correlation_curve(result, "", sizes=(pair[0].size, pair[1].size)).data[0].y)
+    plain = np.array(recordings.correlation_curve(result, "", sizes=(pair[0].size, pair[1].size)).data[0].y)
     assert plain[0] == 1.0 and plain[plain.size // 4] == pytest.approx(max(ribbon.y), rel=0.05)
 
 
 def test_a_tone_has_no_band_of_chance_that_covers_its_peaks() -> None:
     result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
-    assert result.judgement.ribbon is not None and result.correlation is not None
     assert result.judgement.ribbon[1] > result.correlation.max()
-    assert "chance" not in {trace.name for trace in correlation_curve(result, "").data}
+    assert "chance" not in {trace.name for trace in recordings.correlation_curve(result, "").data}
 
 
 @pytest.mark.parametrize("lost", [0, 700])
 def test_the_lag_of_blocks_is_drawn_over_time_with_a_line_for_each_stretch(lost: int) -> None:
     first, second = drifting(150_000, 400, 50.0, 0.0, 1)
     result = signal_lag(first, np.delete(second, slice(70_000, 70_000 + lost)), max_lag=2000)
-    assert result.over_time is not None
-    line, blocks = lag_over_time(result.over_time, 44_100.0).data
+    line, blocks = recordings.lag_over_time(result.over_time, 44_100.0).data
     assert len(blocks.x) == result.over_time.blocks
     slope = (line.y[1] - line.y[0]) / (line.x[1] - line.x[0]) / 44_100
     assert 1e6 * slope == pytest.approx(50.0, abs=5)
@@ -157,7 +142,7 @@ def test_the_lag_of_blocks_is_drawn_over_time_with_a_line_for_each_stretch(lost:
 
 def test_the_histogram_holds_every_run_and_the_median() -> None:
     seconds = np.random.default_rng(0).uniform(0.01, 0.02, 51)
-    figure = run_times(seconds)
+    figure = recordings.run_times(seconds)
     assert len(figure.data[0].x) == 51
     assert figure.layout.shapes[0].x0 == pytest.approx(1e3 * np.median(seconds))
 

@@ -12,24 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stereolag.figures import pictures
 from stereolag.figures.legends import FAR_TO_NEAR, disparity_range, with_legend
 from stereolag.figures.maps import image_into_map
-from stereolag.figures.pictures import (
-    LOOKED_AT,
-    MOST_POINTS,
-    NO_ANSWER,
-    VIRIDIS,
-    as_rgb,
-    colour_wheel,
-    coloured,
-    edge_lines,
-    edge_path,
-    fitted,
-    flow_colours,
-    largest_motion,
-    png,
-    with_arrows,
-)
 from stereolag.figures.templates import framed, match_close_up, score_map_png
 from stereolag.pair import example_pair
 from stereolag.samples import stereo_pairs
@@ -39,18 +24,17 @@ from tests.app.uploads import texture
 
 def decoded(data: bytes) -> npt.NDArray[np.uint8]:
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
 def test_near_is_bright_and_no_answer_a_grey_that_is_none_of_the_colours() -> None:
     disparity = np.array([[0, 5, 10, 99, -99, np.nan, np.inf, -np.inf]], dtype=np.float32)
-    far, between, near, nearer, farther, *nothing = coloured(disparity, 0, 10, FAR_TO_NEAR)[0]
-    assert far.tolist() == farther.tolist() == VIRIDIS[0].tolist()
-    assert near.tolist() == nearer.tolist() == VIRIDIS[-1].tolist()
-    assert between.tolist() in VIRIDIS.tolist()
-    assert (np.array(nothing) == NO_ANSWER).all()
-    assert np.abs(VIRIDIS.astype(int) - NO_ANSWER).sum(axis=1).min() > 40
+    far, between, near, nearer, farther, *nothing = pictures.coloured(disparity, 0, 10, FAR_TO_NEAR)[0]
+    assert far.tolist() == farther.tolist() == pictures.VIRIDIS[0].tolist()
+    assert near.tolist() == nearer.tolist() == pictures.VIRIDIS[-1].tolist()
+    assert between.tolist() in pictures.VIRIDIS.tolist()
+    assert (np.array(nothing) == pictures.NO_ANSWER).all()
+    assert np.abs(pictures.VIRIDIS.astype(int) - pictures.NO_ANSWER).sum(axis=1).min() > 40
 
 
 def test_the_range_of_colours_holds_still_under_small_changes() -> None:
@@ -64,17 +48,17 @@ def test_the_range_of_colours_holds_still_under_small_changes() -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_every_type_of_picture_is_shown(dtype: type) -> None:
     image = (texture(5, 7)[:, :, 0] * np.float64(1 if dtype is np.uint8 else 1.5)).astype(dtype)
-    assert decoded(png(as_rgb(image))).shape == as_rgb(image).shape == (5, 7, 3)
+    assert decoded(pictures.png(pictures.as_rgb(image))).shape == pictures.as_rgb(image).shape == (5, 7, 3)
 
 
 def test_transparent_parts_are_grey_wide_pictures_fitted_and_the_right_of_an_image_its_map() -> None:
     image = texture(4, 10)
     shown = decoded(image_into_map(image, np.zeros((4, 10), dtype=np.float32), 0, 1))
-    assert np.array_equal(shown[:, :4], image[:, :4]) and (shown[:, 4:] == VIRIDIS[0]).all()
+    assert np.array_equal(shown[:, :4], image[:, :4]) and (shown[:, 4:] == pictures.VIRIDIS[0]).all()
     image = np.dstack((texture(20, 40), np.zeros((20, 40), dtype=np.uint8)))
-    assert (as_rgb(image) == 128).all()
-    assert fitted(image, 10).shape == (5, 10, 3)
-    assert fitted(image, 100).shape == (20, 40, 3)
+    assert (pictures.as_rgb(image) == 128).all()
+    assert pictures.fitted(image, 10).shape == (5, 10, 3)
+    assert pictures.fitted(image, 100).shape == (20, 40, 3)
 
 
 def test_a_frame_leaves_the_rest_and_the_input_alone_and_is_dashed_in_doubt() -> None:
@@ -110,12 +94,12 @@ def test_a_peak_one_place_wide_is_seen_in_a_reduced_score_map() -> None:
     scores[600:700, 600:700] = np.nan
     shown = decoded(score_map_png(scores, []))
     assert shown.shape == (334, 700, 3)
-    assert shown[170, 411].tolist() == VIRIDIS[-1].tolist()
-    assert tuple(shown[220, 220]) == NO_ANSWER
+    assert shown[170, 411].tolist() == pictures.VIRIDIS[-1].tolist()
+    assert tuple(shown[220, 220]) == pictures.NO_ANSWER
 
 
 def one(dy: float, dx: float, largest: float = 1.0) -> npt.NDArray[np.uint8]:
-    return flow_colours(np.full((1, 1), dy, np.float32), np.full((1, 1), dx, np.float32), largest)[0, 0]
+    return pictures.flow_colours(np.full((1, 1), dy, np.float32), np.full((1, 1), dx, np.float32), largest)[0, 0]
 
 
 def test_directions_have_the_colours_of_the_benchmark() -> None:
@@ -128,7 +112,7 @@ def test_directions_have_the_colours_of_the_benchmark() -> None:
     assert one(0, 5)[0] < one(0, 1)[0]  # too much is darker
     with pytest.raises(ValueError, match="largest is 0"):
         one(0, 0, 0)
-    wheel = colour_wheel(12.0, 101)
+    wheel = pictures.colour_wheel(12.0, 101)
     assert wheel.shape == (101, 101, 4) and wheel[0, 0, 3] == 0
     np.testing.assert_allclose(wheel[50, 99, :3].astype(int), one(0, 0.98)[:3].astype(int), atol=3)
 
@@ -145,16 +129,16 @@ def test_longer_motion_is_never_whiter_and_the_unit_does_not_matter(angle: float
 def test_the_rim_holds_nearly_all_motions() -> None:
     flow = np.random.default_rng(0).normal(0, 7, (2, 50, 60)).astype(np.float32)
     flow[:, :5] = np.nan
-    rim = largest_motion((flow[0], flow[1]))
+    rim = pictures.largest_motion((flow[0], flow[1]))
     assert 0.985 < (np.hypot(*flow)[5:] <= rim).mean() < 1
-    assert largest_motion((np.full((3, 3), np.nan, np.float32),) * 2) == 1
+    assert pictures.largest_motion((np.full((3, 3), np.nan, np.float32),) * 2) == 1
 
 
 def test_arrows_stand_where_there_is_motion_and_nowhere_else() -> None:
     image = np.full((96, 120), 128, np.uint8)
     dy, dx = np.zeros((96, 120), np.float32), np.full((96, 120), 8, np.float32)
     dx[:, 60:] = np.nan
-    changed = (with_arrows(image, dy, dx, spacing=24) != 128).any(axis=2)
+    changed = (pictures.with_arrows(image, dy, dx, spacing=24) != 128).any(axis=2)
     assert changed[:, :60].any() and not changed[:, 66:].any()
     assert set((np.nonzero(changed)[0] - 12) % 24) <= {*range(6), *range(18, 24)}
     assert changed[12, 12:20].all()
@@ -169,11 +153,11 @@ def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[n
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(120, 160), (121, 97), (900, 2 * LOOKED_AT)])
+@pytest.mark.parametrize("shape", [(120, 160), (121, 97), (900, 2 * pictures.LOOKED_AT)])
 def test_the_edge_of_a_disc_is_one_line_where_the_disc_ends(shape: tuple[int, int], dtype: npt.DTypeLike) -> None:
-    (line,) = edge_lines(disc(*shape, dtype))
+    (line,) = pictures.edge_lines(disc(*shape, dtype))
     radius = np.hypot(line[:, 0] - shape[1] / 2, line[:, 1] - shape[0] / 2)
-    np.testing.assert_allclose(radius, shape[0] / 4, atol=1.6 * max(1.0, shape[1] / LOOKED_AT))
+    np.testing.assert_allclose(radius, shape[0] / 4, atol=1.6 * max(1.0, shape[1] / pictures.LOOKED_AT))
     angles = np.sort(np.arctan2(line[:, 1] - shape[0] / 2, line[:, 0] - shape[1] / 2))
     assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi / 4
 
@@ -181,21 +165,21 @@ def test_the_edge_of_a_disc_is_one_line_where_the_disc_ends(shape: tuple[int, in
 def test_colour_and_grey_have_the_same_edges_and_faint_noise_none() -> None:
     grey = disc(120, 160)
     opaque = np.dstack([grey] * 3 + [np.full_like(grey, 255)])
-    assert edge_path(opaque[:, :, :3]) == edge_path(opaque) == edge_path(grey)
-    assert edge_path(np.random.default_rng(1).normal(128, 2, (120, 160)).round().astype(np.uint8)) == ""
+    assert pictures.edge_path(opaque[:, :, :3]) == pictures.edge_path(opaque) == pictures.edge_path(grey)
+    assert pictures.edge_path(np.random.default_rng(1).normal(128, 2, (120, 160)).round().astype(np.uint8)) == ""
 
 
 def test_too_many_edges_are_bounded_and_the_longest_lines_stay() -> None:
     blots = cv2.GaussianBlur(np.random.default_rng(2).random((800, 800), np.float32), (0, 0), 3)
     cells = np.where(blots > 0.5, 220, 30).astype(np.uint8)
     cells[:, 400:404] = 0
-    assert 0.5 * MOST_POINTS < sum(map(len, edge_lines(cells))) <= MOST_POINTS
-    assert len(edge_path(cells)) < 12 * MOST_POINTS
+    assert 0.5 * pictures.MOST_POINTS < sum(map(len, pictures.edge_lines(cells))) <= pictures.MOST_POINTS
+    assert len(pictures.edge_path(cells)) < 12 * pictures.MOST_POINTS
 
 
 def test_the_path_of_a_photograph_holds_its_lines() -> None:
     image = example_pair(stereo_pairs()["cube"]).left
-    lines, path = edge_lines(image), edge_path(image)
+    lines, path = pictures.edge_lines(image), pictures.edge_path(image)
     assert path.count("M") == len(lines) > 20
     numbers = np.array(re.findall(r"[\d.]+", path), float).reshape(-1, 2)
     np.testing.assert_allclose(numbers, np.concatenate(lines), atol=0.051)
@@ -205,18 +189,23 @@ def test_the_path_of_a_photograph_holds_its_lines() -> None:
 @pytest.mark.parametrize("shape", [(40, 30), (300, 360), (200, 901), (100, 2700)])
 def test_a_map_is_kept_pixel_for_pixel_above_its_legend(shape: tuple[int, int]) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), dtype=np.uint8)
-    page = with_legend(picture, 0, 64, VIRIDIS, "disparity, px")
+    page = with_legend(picture, 0, 64, pictures.VIRIDIS, "disparity, px")
     assert page.shape[1] == max(360, shape[1])
     left = (page.shape[1] - shape[1]) // 2
     np.testing.assert_array_equal(page[: shape[0], left : left + shape[1]], picture)
     strip = {tuple(colour) for colour in np.unique(page[shape[0] :].reshape(-1, 3), axis=0).tolist()}
-    assert {(255, 255, 255), NO_ANSWER, tuple(VIRIDIS[0].tolist()), tuple(VIRIDIS[-1].tolist())} <= strip
+    assert {
+        (255, 255, 255),
+        pictures.NO_ANSWER,
+        tuple(pictures.VIRIDIS[0].tolist()),
+        tuple(pictures.VIRIDIS[-1].tolist()),
+    } <= strip
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 64), (-12, 36), (1.5, 1.6), (0, 4), (3, 1003), (-0.002, 0.001)])
 def test_ticks_stand_under_the_colours_of_their_values(low: float, high: float) -> None:
-    page = with_legend(np.zeros((10, 900, 3), np.uint8), low, high, VIRIDIS, "")[10:]
-    bar = max(row for row, line in enumerate(page) if (line == VIRIDIS[0]).all(axis=1).any())
+    page = with_legend(np.zeros((10, 900, 3), np.uint8), low, high, pictures.VIRIDIS, "")[10:]
+    bar = max(row for row, line in enumerate(page) if (line == pictures.VIRIDIS[0]).all(axis=1).any())
     ticks = np.flatnonzero((page[bar + 3] == 30).all(axis=1))
     assert 3 <= len(ticks) <= 9
     np.testing.assert_allclose(np.diff(ticks), np.diff(ticks).mean(), atol=1)
