@@ -31,8 +31,7 @@ def test_a_lag_is_found_and_followed_when_the_source_moves() -> None:
         listening.add(both[:, start : start + PIECE])
         one = listening.measured(speed=333.0, max_lag=400)
         found.append(one.lag_now)
-        assert one.result is not None
-        assert one.silent == ()
+        assert one.result is not None and one.silent == ()
     assert listening.samples.shape == (2, 2 * RATE)
     np.testing.assert_allclose(found[:15], 37, atol=0.1)
     # While the seconds kept hold little of the new lag, the old one may stand; any other is never called sure.
@@ -55,7 +54,6 @@ def test_two_clocks_are_told_from_one() -> None:
     listening = Listening(RATE)
     listening.add((1000 * np.stack(drifting(2 * RATE, 40, 150, 0.2, 3))[:, : 2 * RATE]).astype(np.int16))
     one = listening.measured(speed=333.0)
-    assert one.result is not None
     assert one.result.judgement.reason == "drift"
     assert one.result.drift_ppm == pytest.approx(150, abs=15)
     assert one.lag_now == pytest.approx(one.result.lag_at(2.0), abs=0.5)
