@@ -201,7 +201,7 @@ def test_a_flag_is_refused_in_the_words_of_the_settings(
 )
 def test_help_tells_every_setting_with_its_bounds_and_what_holds(choice: list[str], ran: Command) -> None:
     kinds = {kind.short_name: kind() for kind in METHODS}
-    start = kinds[choice[1]] if choice[0] == "--method" else preset(choice[1])  # type: ignore[arg-type]
+    start = kinds[choice[1]] if choice[0] == "--method" else preset(choice[1])
     said = " ".join(ran("depth", *choice, "--help").out.split())
     for name, field in leaves(start):
         assert f"--{name.replace('_', '-')}" in said

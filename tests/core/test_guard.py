@@ -127,7 +127,7 @@ def test_of_many_objects_those_unused_for_longest_are_closed_and_made_again(monk
 
 def test_a_reader_that_fails_is_an_error_of_the_program() -> None:
     with pytest.raises(RuntimeError, match="TypeError: 'int' object is not iterable"):
-        guarded(list)(7)  # type: ignore[call-overload]
+        guarded(list)(7)
 
 
 SCRIPT = """
@@ -156,8 +156,6 @@ def test_no_worker_outlives_the_server(end: str) -> None:
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     ) as server:
-        assert server.stdout is not None
-        assert server.stderr is not None
         worker = int(server.stdout.readline())
         if end == "kill":
             server.send_signal(signal.SIGKILL)

@@ -9,33 +9,15 @@ import tracemalloc
 import zipfile
 from collections.abc import Callable
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
-from stereolag import read_disparity
-from stereolag.io.disparities import kitti_png, pfm
-from stereolag.io.images import image_png
 from stereolag.io.sources import MAX_BYTES, MAX_DIRECTORY_BYTES, bundle, file_name, is_archive, read_archive
 from tests.archives import zipped
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
-
-
-def test_what_goes_in_comes_out_for_other_readers():
-    disparity = np.array([[1.5, 2.25], [np.nan, 8.0]], dtype=np.float32)
-    picture = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
-    data = bundle({"disparity.pfm": pfm(disparity), "kitti.png": kitti_png(disparity), "left.png": image_png(picture)})
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        assert archive.testzip() is None
-        assert archive.namelist() == ["disparity.pfm", "kitti.png", "left.png"]
-        np.testing.assert_array_equal(read_disparity(archive.read("disparity.pfm")), disparity)
-        kitti = cv2.imdecode(np.frombuffer(archive.read("kitti.png"), np.uint8), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(kitti, [[384, 576], [0, 2048]])
-        np.testing.assert_array_equal(np.array(Image.open(archive.open("left.png"))), picture)
 
 
 @given(names)
@@ -46,6 +28,7 @@ def test_any_names_give_harmless_ones_with_their_bytes(files):
         assert "several that become" in str(error)
         return
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert archive.testzip() is None
         assert archive.namelist() == [file_name(name) for name in files]
         assert [archive.read(name) for name in archive.namelist()] == list(files.values())
 

@@ -39,7 +39,6 @@ P_rect_03: 7.2e+02 0 6.0e+02 -3.39e+02 0 7.2e+02 1.7e+02 2.2e+00 0 0 1 2.7e-03
 
 def is_this_camera(calibration: Calibration, tolerance: float = 1e-9) -> None:
     rig = calibration.rig
-    assert rig is not None
     for found, expected in (
         (rig.left_matrix, M1),
         (rig.right_matrix, M2),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -149,14 +150,20 @@ DATED = {
 }
 
 
-@pytest.mark.parametrize("name", [*ELAPSED, *DATED])
+CLOCK_OF_DAY = {
+    "serial monitor, commas": dated("%H:%M:%S.%L", "{} -> {},{}"),
+    "serial monitor, spaces": dated("%H:%M:%S.%L", "{} -> {} {}"),
+}
+
+
+@pytest.mark.parametrize("name", [*ELAPSED, *DATED, *CLOCK_OF_DAY])
 def test_times_give_the_rate_and_are_no_channel(name: str) -> None:
-    recording = read((ELAPSED | DATED)[name])
+    recording = read((ELAPSED | DATED | CLOCK_OF_DAY)[name])
     assert recording.sampling_rate == pytest.approx(RATE, rel=1e-9)
     np.testing.assert_allclose(recording.channels, [A, B], atol=1e-12)
     assert recording.gaps == ()
-    assert recording.epoch == ("1970" if name in DATED else "start")
-    assert recording.start_s == pytest.approx(START_S if name in DATED else 0, abs=1e-4)
+    epoch, start_s = ("start", 0) if name in ELAPSED else ("1970", START_S) if name in DATED else ("midnight", 36_000)
+    assert (recording.epoch, recording.start_s) == (epoch, pytest.approx(start_s, abs=1e-4))
 
 
 @pytest.mark.parametrize(
@@ -236,34 +243,28 @@ def test_what_pandas_writes_is_read(name: str) -> None:
 # Gaps and uneven times.
 
 
-def sparse(kept: np.ndarray, times: np.ndarray | None = None, decimals: int = 3) -> Recording:
+def sparse(kept: Iterable[int], rate: float = RATE, decimals: int = 3) -> Recording:
     """Return what is read of a file that holds some of the samples alone, at their own times."""
-    times = np.arange(A.size) / RATE if times is None else times
-    return read("\n".join(["t,A,B", *(f"{times[i]:.{decimals}f},{A[i]},{B[i]}" for i in np.flatnonzero(kept))]))
+    return read("\n".join(["t,A,B", *(f"{i / rate:.{decimals}f},{A[i]},{B[i]}" for i in kept)]))
 
 
 @pytest.mark.parametrize("rate", [100, 200, 1000])
 def test_one_sample_that_is_missing_moves_no_other(rate: int) -> None:
-    kept = np.ones(A.size, bool)
-    kept[[70, 71, 200]] = False
+    kept = np.delete(np.arange(A.size), [70, 71, 200])
     for decimals in (2, 3, 6) if rate == 100 else (3, 6):
-        recording = sparse(kept, np.arange(A.size) / rate, decimals)
+        recording = sparse(kept, rate, decimals)
         assert (recording.sampling_rate, len(recording.gaps)) == (rate, 2)
-        np.testing.assert_array_equal(recording.channels[:, kept], np.stack([A, B])[:, kept])
+        np.testing.assert_array_equal(recording.channels[:, kept], [A[kept], B[kept]])
 
 
 def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_places() -> None:
-    kept = np.ones(A.size, bool)
-    kept[100:160], kept[200] = False, False
+    kept = np.delete(np.arange(A.size), [*range(100, 160), 200])
     recording = sparse(kept)
     assert recording.sampling_rate == RATE
-    np.testing.assert_allclose(recording.channels[:, kept], np.stack([A, B])[:, kept], atol=1e-12)
-    line = np.interp(np.arange(A.size), np.flatnonzero(kept), A[kept])
-    np.testing.assert_allclose(recording.channels[0], line, atol=1e-12)
-    assert [(gap.start_s, gap.length_s) for gap in recording.gaps] == [
-        (pytest.approx(99 / RATE), pytest.approx(60 / RATE)),
-        (pytest.approx(199 / RATE), pytest.approx(1 / RATE)),
-    ]
+    lines = [np.interp(np.arange(A.size), kept, values[kept]) for values in (A, B)]
+    np.testing.assert_allclose(recording.channels, lines, atol=1e-12)
+    found = [(RATE * gap.start_s, RATE * gap.length_s) for gap in recording.gaps]
+    assert found == [pytest.approx((99, 60)), pytest.approx((199, 1))]
     assert "0.3 s missing after 0.495 s, filled" in recording.remarks
 
 
@@ -318,8 +319,7 @@ def test_uneven_times_are_brought_onto_an_even_clock() -> None:
     ("rate", "decimals"), [(44_100, 6), (60, 3), (333.25, 4), (104.1666, 6), (25.6, 2), (1 / 30, 0)]
 )
 def test_rounded_times_are_even_and_their_rate_is_found(rate: float, decimals: int) -> None:
-    times = np.arange(400) / rate
-    recording = sparse(np.ones(A.size, bool), times, decimals)
+    recording = sparse(range(A.size), rate, decimals)
     assert recording.sampling_rate == pytest.approx(rate, abs=rate**2 * 10.0**-decimals / 250)
     np.testing.assert_array_equal(recording.channels, [A, B])
 
@@ -335,10 +335,18 @@ def test_a_clock_of_whole_seconds_gives_the_rate_of_the_samples_between(a_second
     assert recording.start_s == pytest.approx(36_000 + first, abs=2 / a_second)
 
 
-def test_times_of_day_go_on_after_midnight() -> None:
-    clock = stamp("%H:%M:%S.%L", 0.1, datetime(2024, 5, 13, 23, 59, 50, tzinfo=UTC))
+@pytest.mark.parametrize(
+    ("pattern", "start", "start_s"),
+    [
+        ("%H:%M:%S.%L", datetime(2024, 5, 13, 23, 59, 50, tzinfo=UTC), 86_390),
+        ("%d/%m/%Y %H:%M:%S.%L", datetime(2024, 6, 5, 20, 0, tzinfo=UTC), 72_000),
+    ],
+    ids=["goes on after midnight", "a date that can be read both ways"],
+)
+def test_without_a_date_time_counts_from_midnight(pattern: str, start: datetime, start_s: float) -> None:
+    clock = stamp(pattern, 0.1, start)
     recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
-    assert (recording.sampling_rate, recording.epoch, recording.start_s) == (10, "midnight", 86_390)
+    assert (recording.sampling_rate, recording.epoch, recording.start_s) == (10, "midnight", start_s)
 
 
 @pytest.mark.parametrize("pattern", ["%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%y-%m-%d"])
@@ -347,13 +355,6 @@ def test_day_and_month_are_told_apart_where_the_dates_allow_it(pattern: str) -> 
     recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
     assert recording.sampling_rate == pytest.approx(1 / 600)
     assert recording.start == datetime(2024, 6, 5, 20, 0, tzinfo=UTC)
-
-
-def test_a_serial_monitor_puts_the_time_before_an_arrow() -> None:
-    for separator in (",", " "):
-        recording = read(dated("%H:%M:%S.%L", f"{{}} -> {{}}{separator}{{}}"))
-        assert (recording.sampling_rate, recording.epoch, recording.start_s) == (RATE, "midnight", 36_000)
-        np.testing.assert_array_equal(recording.channels, [A, B])
 
 
 @pytest.mark.parametrize(
@@ -372,12 +373,6 @@ def test_halves_of_the_day_zones_and_months(text: str, clock: str) -> None:
     assert (times.epoch, times.start_s) == ("1970", datetime.fromisoformat(f"2024-05-13T{clock}+00:00").timestamp())
 
 
-def test_a_date_that_can_be_read_both_ways_counts_from_midnight_alone() -> None:
-    clock = stamp("%d/%m/%Y %H:%M:%S.%L", 0.1, datetime(2024, 6, 5, 20, 0, tzinfo=UTC))
-    recording = read(rows(lambda index: f"{clock(index)},{A[index]}"))
-    assert (recording.epoch, recording.start_s) == ("midnight", 72_000)
-
-
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     first = read(DATED["ISO"])
     second = read(
@@ -388,26 +383,32 @@ def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     assert "begins 2024-05-13 10:00:05" in second.remarks
 
 
+LOST_ALL, LOST_SOME = range(40, 100), range(1, 300, 3)
+WITH_LOST = [
+    ("{t},{A}", LOST_ALL, 0),
+    ("{t},{B},{A}", LOST_ALL, 1),
+    ("{t};{A}", LOST_SOME, 0),
+    ("{A}", LOST_SOME, 0),
+    ("{A}\t{B}", [50, 299], 0),
+    ("{B},{A}", [50, 51, 299], 1),
+    ("{B};{A}", [0, 50], 1),
+]
+MARKS = ("", " ", "NaN", "---", "#N/A")
+
+
 @pytest.mark.parametrize(
-    ("text", "channels", "missing"),
-    [
-        (rows(lambda i: f"{i / RATE},{'' if 40 <= i < 100 else A[i]}", "t,A"), 1, 60),
-        (rows(lambda i: f"{i / RATE},{'NaN' if 40 <= i < 100 else A[i]},{B[i]}", "t,A,B"), 2, 60),
-        (rows(lambda i: f"{i / RATE};{'---' if i % 3 == 1 else A[i]}", "t;A"), 1, 100),
-        (rows(lambda i: f"{'#N/A' if i % 3 == 1 else A[i]}"), 1, 100),
-    ],
+    ("row", "lost", "column", "mark"),
+    [(*one, mark) for one in WITH_LOST for mark in MARKS if mark.strip() or one[0] != "{A}"],  # not of blank lines
 )
-def test_missing_values_lie_on_a_line_and_are_counted(text: str, channels: int, missing: int) -> None:
+def test_missing_values_lie_on_a_line_and_are_counted(row: str, lost: Sequence[int], column: int, mark: str) -> None:
+    text = rows(lambda i: row.format(t=i / RATE, A=mark if i in lost else A[i], B=B[i]), re.sub("[{}]", "", row))
     recording = read(text)
-    there = np.ones(A.size, bool)
-    there[[i for i in range(A.size) if (40 <= i < 100 if missing == 60 else i % 3 == 1)]] = False
-    assert recording.mended_lines == missing
-    assert len(recording.channels) == channels
-    expected = np.interp(np.arange(A.size), np.flatnonzero(there), A[there])
-    np.testing.assert_allclose(recording.channels[0], expected, atol=1e-12)
-    assert recording.gaps == (
-        (Gap(pytest.approx(39 / RATE), pytest.approx(60 / RATE)),) if channels == 1 and missing == 60 else ()
-    )
+    there = np.delete(np.arange(A.size), lost)
+    assert recording.mended_lines == len(lost)
+    expected = np.interp(np.arange(A.size), there, A[there])
+    np.testing.assert_allclose(recording.channels[column], expected, atol=1e-12)
+    gap = Gap(pytest.approx(39 / RATE), pytest.approx(60 / RATE))
+    assert recording.gaps == ((gap,) if row == "{t},{A}" else ())
 
 
 def test_what_is_left_out_is_said_and_columns_keep_their_numbers_and_names() -> None:
@@ -446,52 +447,13 @@ def test_counts_give_no_rate_but_their_gaps() -> None:
     assert "7 samples missing by their counts, filled" in recording.notes
 
 
-VALUES = np.random.default_rng(0).normal(size=(600, 2)).round(6)
-
-
-def lines(columns: int = 1, separator: str = ";") -> list[str]:
-    return [separator.join(map(repr, row)) for row in VALUES[:, :columns].tolist()]
-
-
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_nul_bytes_behind_a_number_go_and_gaps_are_filled_and_both_are_counted(newline: str) -> None:
-    text = lines(2)
-    for number in (3, 99):
-        text[number] += "\0\0"
-    for number in (20, 21, 599):
-        text[number] = text[number].split(";")[0] + ";"
-    recording = read(newline.join(text))
-    expected = VALUES.T.copy()
-    before, after = VALUES[19, 1], VALUES[22, 1]
-    expected[1, 20:22] = before + (after - before) * np.array([1, 2]) / 3
-    expected[1, 599] = VALUES[598, 1]
+def test_nul_bytes_behind_a_number_go_and_are_counted_as_missing_values_are(newline: str) -> None:
+    nul, lost = (3, 99), (20, 21, 299)
+    recording = read(rows(lambda i: f"{A[i]};{'' if i in lost else B[i]}" + "\0\0" * (i in nul), newline=newline))
+    there = np.delete(np.arange(B.size), lost)
     assert recording.mended_lines == 5
-    np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("separator", [";", ",", "\t"])
-@pytest.mark.parametrize("column", [0, 1])
-def test_an_empty_field_lies_between_its_neighbours(separator: str, column: int) -> None:
-    text = lines(2, separator)
-    kept = text[50].split(separator)
-    kept[column] = " "
-    text[50] = separator.join(kept)
-    recording = read("a header\n" + "\n".join(text))
-    expected = VALUES.T.copy()
-    expected[column, 50] = (expected[column, 49] + expected[column, 51]) / 2
-    assert recording.mended_lines == 1
-    np.testing.assert_allclose(recording.channels, expected, atol=1e-12)
-
-
-def test_more_nul_bytes_are_refused() -> None:
-    text = lines(2)
-    for number in range(30, 36):
-        text[number] += "\0"
-    with pytest.raises(ValueError, match="Line 31 holds a NUL byte; allowed are"):
-        read("\n".join(text))
-    for damaged in ("1.5\0002;3", "\0"):
-        with pytest.raises(ValueError, match="Line 11 holds a NUL byte"):
-            read("\n".join([*lines(2)[:10], damaged, *lines(2)[11:]]))
+    np.testing.assert_allclose(recording.channels, [A, np.interp(np.arange(B.size), there, B[there])], atol=1e-12)
 
 
 # Refusals.
@@ -528,6 +490,9 @@ def test_more_nul_bytes_are_refused() -> None:
             r"values in fewer than half of its lines \(column 1 “A”\)",
         ),
         ("7\n", "holds 1 samples; at least 2"),
+        (rows(lambda i: f"{A[i]};{B[i]}" + "\0" * (30 <= i < 36)), "Line 31 holds a NUL byte; allowed are"),
+        (rows(lambda i: "1.5\0002;3" if i == 10 else f"{A[i]};{B[i]}"), "Line 11 holds a NUL byte"),
+        (rows(lambda i: "\0" if i == 10 else f"{A[i]};{B[i]}"), "Line 11 holds a NUL byte"),
         (",".join(["1.5"] * 65) + "\n" + ",".join(["1"] * 65), "65 channels; allowed are 1 to 64"),
         ("1\n" + "2" * 200_000, "Line 2 has 200,000 characters; at most 100,000"),
     ],

@@ -58,10 +58,8 @@ def without_time(document: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("lag", "method"), [(-700, "fft"), (0, "direct"), (123, "phat")])
 def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None:
-    result = measured(lag, LagSearch(method=method))  # type: ignore[arg-type]
+    result = measured(lag, LagSearch(method=method))
     lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
-    assert result.lags is not None
-    assert result.correlation is not None
     np.testing.assert_array_equal([int(line["lag_samples"]) for line in lines], result.lags)
     np.testing.assert_array_equal([float(line["correlation"]) for line in lines], result.correlation)
     np.testing.assert_array_equal([float(line["time_s"]) for line in lines], result.lags / 8000)
@@ -75,7 +73,6 @@ def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None
 
 def test_votes_stand_in_the_place_of_a_correlation() -> None:
     result = measured(123, LagSearch(method="sampled"))
-    assert result.votes is not None
     lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
     assert {int(line["lag_samples"]): int(line["votes"]) for line in lines} == result.votes
     assert [int(line["lag_samples"]) for line in lines] == sorted(result.votes)
@@ -287,7 +284,7 @@ def test_the_find_program_finds_it_again_or_says_why_not(pictures: Path) -> None
 
     query = {"max_matches": 3, "min_score": 0.5}
     first, second = said("mask.png", **query)
-    score = found(TemplateQuery(**query)).matches[0].score  # type: ignore[arg-type]
+    score = found(TemplateQuery(**query)).matches[0].score
     assert first.startswith(f"row 20, column 30, score {score:.3f}")
     assert second.startswith("row 60, column 70, score ")
     assert said(None, **query) == ["Not found: look_alikes"]

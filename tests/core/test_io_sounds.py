@@ -95,7 +95,7 @@ def test_what_ffmpeg_writes_is_read_in_its_place_in_time(
 ) -> None:
     data = filmed(kind, codec, VOICE, rate=rate)
     form = sound_format(data)
-    assert form is not None and form.name == name
+    assert form.name == name
     recording = read_signal(data)
     assert recording.sampling_rate == rate
     result = signal_lag(Recording(VOICE[np.newaxis], rate), recording)
