@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sprites import SPRITE_PLACE, sprite_scene
 
 from stereolag.core.inputs import FLAT_WHOLE
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
@@ -62,7 +63,7 @@ def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_argument
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Draw an image with constant regions, a template and a mask."""
+    """Draw an image with constant regions, perhaps in one constant channel or far from 0, a template and a mask."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     dtype = draw(st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]))
     channels = draw(st.sampled_from([1, 3]))
@@ -71,16 +72,18 @@ def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     levels = draw(st.sampled_from([2, 5, 200]))
     image = random.integers(0, levels, (rows, cols, channels)).astype(dtype)
     image[: rows // 2, : cols // 2] = image[0, 0]
+    if channels == 3 and draw(st.booleans()):
+        image[:, :, 1] = image[0, 0, 1]
     template = random.integers(0, levels, (height, width, channels)).astype(dtype)
     template[0, :2] = np.array([[0], [1]])
     mask = random.random((height, width)) < draw(st.sampled_from([0.3, 0.8, 2.0]))
     mask[0, :2] = True
-    offset = draw(st.sampled_from([0, 50]))
-    return (
-        np.squeeze(image + dtype(offset), 2) if channels == 1 else image + dtype(offset),
-        (np.squeeze(template, 2) if channels == 1 else template),
-        mask,
-    )
+    image += dtype(draw(st.sampled_from([0, 50] if dtype == np.uint8 else [0, 50, 10_000])))
+    if np.issubdtype(dtype, np.floating):
+        image *= dtype(draw(st.sampled_from([1, 0.1])))
+    if channels == 1:
+        return image[:, :, 0], template[:, :, 0], mask
+    return image, template, mask
 
 
 def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
@@ -98,13 +101,14 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
 
 
 @given(searches())
+@settings(max_examples=80)
 def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)
     for method in EVERY_PLACEMENT:
         found = match_template(image, template, mask=mask, method=method)
-        assert found.score_map is not None
         assert (found.score_map.dtype, found.candidates) == (np.float32, expected.size)
+        assert not (np.abs(found.score_map) > 1).any()
         np.testing.assert_allclose(found.score_map, expected, atol=1e-5)
 
 
@@ -128,45 +132,11 @@ def test_extreme_shapes(shape: tuple[int, int], method: TemplateMethod) -> None:
     assert place(match_template(image, template, method=method)) == (30 - shape[0], 40 - shape[1])
 
 
-@pytest.mark.parametrize("masked", [False, True])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-@pytest.mark.parametrize("method", EVERY_PLACEMENT)
-def test_flat_windows_have_no_score(method: TemplateMethod, dtype: type, masked: bool) -> None:
-    image = np.full((60, 60), 0.1 if np.issubdtype(dtype, np.floating) else 200, dtype=dtype)
-    image[20:30, 20:30] = random_image((10, 10), dtype)
-    template = image[18:30, 18:30]
-    search = match_template(image, template, method=method, mask=round_mask(12, 12) if masked else None)
-    assert search.score_map is not None
-    assert np.isnan(search.score_map[:8, :8]).all()
-    assert np.isnan(search.score_map[31:, 31:]).all()
-    assert np.isfinite(search.score_map[12:27, 12:27]).all()
-    assert place(search) == (18, 18)
-
-
 @pytest.mark.parametrize("method", EVERY_METHOD)
 def test_a_constant_picture_holds_no_template(method: TemplateMethod) -> None:
     search = match_template(np.full((30, 30), 7, dtype=np.uint8), random_image((5, 5)), method=method, min_score=-1)
     assert not search.found
     assert search.matches == []
-
-
-@pytest.mark.parametrize("method", EVERY_PLACEMENT)
-def test_one_constant_channel_does_no_harm(method: TemplateMethod) -> None:
-    image = random_image((30, 40, 3), np.float32)
-    image[:, :, 1] = 0.1
-    assert place(match_template(image, image[4:12, 21:30], method=method)) == (4, 21)
-
-
-@pytest.mark.parametrize("method", EVERY_PLACEMENT)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("masked", [False, True])
-def test_a_mean_of_ten_thousand_sigma_hides_nothing(method: TemplateMethod, dtype: type, masked: bool) -> None:
-    image = (random_image((60, 80), np.float64) + 1e4).astype(dtype)
-    search = match_template(
-        image, image[30:41, 50:62], method=method, mask=round_mask(11, 12) if masked else None, max_matches=2
-    )
-    assert place(search) == (30, 50)
-    assert search.matches[0].score == pytest.approx(1, abs=1e-5)
 
 
 @pytest.mark.parametrize("method", EVERY_PLACEMENT)
@@ -184,13 +154,6 @@ def test_a_negative_is_no_match(method: TemplateMethod) -> None:
     assert not search.found
     if search.score_map is not None:
         assert search.score_map.min() == pytest.approx(-1, abs=1e-6)
-
-
-def test_scores_stay_within_one() -> None:
-    image = np.tile(random_image((8, 8), np.float32), (6, 6))
-    score_map = match_template(image, image[:8, :8]).score_map
-    assert score_map is not None
-    assert np.abs(score_map).max() <= 1
 
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
@@ -224,16 +187,13 @@ def test_the_alpha_of_the_picture_is_ignored(method: TemplateMethod) -> None:
     assert without.found and match_template(image, image[5:16, 31:42, :3], method=method).matches == without.matches
 
 
-def test_a_progress_that_raises_cancels_the_search() -> None:
-    class CancelledError(Exception):
-        pass
-
+@pytest.mark.parametrize("method", EVERY_METHOD)
+def test_a_progress_that_raises_cancels_the_search(method: TemplateMethod) -> None:
     def cancel(fraction: float) -> None:
-        raise CancelledError
+        raise InterruptedError
 
-    for method in EVERY_METHOD:
-        with pytest.raises(CancelledError):
-            match_template(random_image((90, 90)), random_image((9, 9), seed=1), method=method, progress=cancel)
+    with pytest.raises(InterruptedError):
+        match_template(random_image((90, 90)), random_image((9, 9), seed=1), method=method, progress=cancel)
 
 
 @pytest.mark.parametrize(
@@ -342,7 +302,6 @@ def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
     template = image[20 : 20 + height, 30 : 30 + width].copy()
     template[0, :2] = [0, 3]
     search = match_template(image, template, max_matches=max_matches, min_score=min_score)
-    assert search.score_map is not None
     scores = [match.score for match in search.matches]
     assert len(scores) <= max_matches
     for part in (scores[: search.clear], scores[search.clear :]):
@@ -356,11 +315,9 @@ def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
         assert all(overlap(match, other) <= 0.5 for other in search.matches[:index])
 
 
-@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
-def test_every_copy_is_found_once(method: str) -> None:
-    random = np.random.default_rng(0)
-    image = random.integers(0, 256, (60, 80), dtype=np.uint8)
-    template = random.integers(0, 256, (10, 12), dtype=np.uint8)
+@pytest.mark.parametrize("method", EVERY_METHOD)
+def test_every_copy_is_found_once(method: TemplateMethod) -> None:
+    image, template = random_image((60, 80)), random_image((10, 12), seed=1)
     places = {(0, 0), (0, 12), (25, 30), (50, 68), (40, 3)}
     for row, col in places:
         image[row : row + 10, col : col + 12] = template
@@ -392,32 +349,17 @@ def test_the_slope_of_a_peak_is_no_peak_and_a_map_without_scores_has_none() -> N
     assert peaks(np.full((3, 4), np.nan, dtype=np.float32), (5, 6)).rows.size == 0
 
 
-def busy_picture(seed: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return a picture with few colours, and a round RGBA sprite drawn into it at (23, 41)."""
-    random = np.random.default_rng(seed)
-    palette = random.integers(0, 256, (40, 3), dtype=np.uint8)
-    image = palette[random.integers(0, 40, (90, 120))]
-    sprite = np.zeros((15, 17, 4), dtype=np.uint8)
-    rows, cols = np.mgrid[:15, :17]
-    opaque = (rows - 7) ** 2 + (cols - 8) ** 2 <= 49
-    sprite[opaque, :3] = palette[random.integers(0, 40, opaque.sum())]
-    sprite[opaque, 3] = 255
-    image[23:38, 41:58][opaque] = sprite[opaque, :3]
-    return image, sprite
-
-
 @settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(0, 2**32))
 def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> None:
-    image, sprite = busy_picture(picture_seed)
-    search = match_template(image, sprite, method="sampled", seed=seed)
-    assert [(match.row, match.col) for match in search.matches] == [(23, 41)]
+    search = match_template(*sprite_scene(picture_seed), method="sampled", seed=seed)
+    assert [(match.row, match.col) for match in search.matches] == [SPRITE_PLACE]
     assert search.matches[0].score == pytest.approx(1)
     assert search.score_map is None
 
 
 def test_few_places_are_scored_and_counted_and_the_same_seed_scores_the_same() -> None:
-    image, sprite = busy_picture(0)
+    image, sprite = sprite_scene(0)
     searches = [match_template(image, sprite, method="sampled", seed=3) for _ in range(2)]
     assert 9 <= searches[0].candidates < 76 * 104 / 10
     assert searches[0].candidates == searches[1].candidates
@@ -425,21 +367,21 @@ def test_few_places_are_scored_and_counted_and_the_same_seed_scores_the_same() -
 
 
 def test_scores_are_those_of_the_full_search() -> None:
-    image, sprite = busy_picture(2)
+    image, sprite = sprite_scene(2)
     image[30:33, 45:49] = 0
     every = match_template(image, sprite, method="fft")
     exact = match_template(image, sprite, method="sampled", seed=0)
-    assert (exact.matches[0].row, exact.matches[0].col) == (every.matches[0].row, every.matches[0].col) == (23, 41)
+    assert place(exact) == place(every) == SPRITE_PLACE
     assert exact.matches[0].score == pytest.approx(every.matches[0].score, abs=1e-6)
     assert exact.matches[0].score < 0.99
 
 
 def test_a_partly_covered_sprite_is_found_by_another_anchor() -> None:
-    image, sprite = busy_picture(4)
+    image, sprite = sprite_scene(4)
     image[23:28, 41:58] = 0
     for seed in range(10):
         search = match_template(image, sprite, method="sampled", seed=seed)
-        assert [(match.row, match.col) for match in search.matches] == [(23, 41)]
+        assert [(match.row, match.col) for match in search.matches] == [SPRITE_PLACE]
 
 
 @pytest.mark.parametrize("sides", [(20, 30), (90, 70)])
@@ -457,30 +399,27 @@ def test_a_copy_of_another_brightness_is_a_rival_of_an_exact_one_unless_its_cont
     image[150 : 150 + sides[0], 20 : 20 + sides[1]] = np.rint(template * gain + offset)
     search = match_template(image, template, method=method, seed=0)
     assert (search.clear, len(search.look_alikes)) == (0 if alike else 1, alike)
-    assert search.best is not None and (search.best.row, search.best.col) == (40, 70)
+    assert (search.best.row, search.best.col) == (40, 70)
 
 
 def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
-    image, sprite = busy_picture(6)
+    image, sprite = sprite_scene(6)
     sprite[:, :, :3] ^= 1
     assert match_template(image, sprite, method="fft").found
     search = match_template(image // 2 * 2, sprite | 1, method="sampled")
-    assert not search.found
-    assert search.candidates == 0
+    assert (search.found, search.candidates) == (False, 0)
 
 
 def test_a_dark_template_of_bright_integers_is_found() -> None:
-    image, sprite = busy_picture(7)
-    image = image.astype(np.int32)
+    image, sprite = (one.astype(np.int32) for one in sprite_scene(7))
     image[0, 0] = 300
-    assert match_template(image, sprite.astype(np.int32), method="sampled").matches[0].row == 23
+    assert match_template(image, sprite, method="sampled").matches[0].row == 23
 
 
 @pytest.mark.parametrize("levels", [2, 3])
 def test_a_picture_of_few_values_has_no_rare_pixel_and_is_still_searched(levels: int) -> None:
     image = np.random.default_rng(0).integers(0, levels, (60, 70), dtype=np.uint8)
-    search = match_template(image, image[20:32, 30:45], method="sampled")
-    assert (search.matches[0].row, search.matches[0].col) == (20, 30)
+    assert place(match_template(image, image[20:32, 30:45], method="sampled")) == (20, 30)
 
 
 def test_a_grey_template_with_alpha_is_searched_by_its_grey_in_a_coloured_image() -> None:
@@ -489,4 +428,4 @@ def test_a_grey_template_with_alpha_is_searched_by_its_grey_in_a_coloured_image(
     alpha = np.full((20, 30), 255, np.uint8)
     alpha[:9, :12] = grey[:9, :12] = 0
     search = match_template(image, np.dstack([grey, alpha]))
-    assert search.found and (search.matches[0].row, search.matches[0].col) == (20, 30)
+    assert search.found and place(search) == (20, 30)

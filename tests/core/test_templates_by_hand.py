@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from sprites import SPRITE_PLACE, sprite_scene
 
 from stereolag import samples
 from stereolag.io.images import read_image
@@ -175,22 +176,6 @@ def test_a_wide_score_map_travels_in_blocks() -> None:
 
 # By anchors
 
-SPRITE_PLACE = (23, 41)
-
-
-def sprite_scene(colours: int = 40) -> tuple[Pixels, Pixels]:
-    """Return a picture with few colours, and a round RGBA sprite drawn into it."""
-    random = np.random.default_rng(0)
-    palette = random.integers(0, 256, (colours, 3), dtype=np.uint8)
-    image = palette[random.integers(0, colours, (90, 120))]
-    sprite = np.zeros((15, 17, 4), dtype=np.uint8)
-    rows, cols = np.mgrid[:15, :17]
-    opaque = (rows - 7) ** 2 + (cols - 8) ** 2 <= 49
-    sprite[opaque, :3] = palette[random.integers(0, colours, opaque.sum())]
-    sprite[opaque, 3] = 255
-    image[23:38, 41:58][opaque] = sprite[opaque, :3]
-    return image, sprite
-
 
 def by_looking(image: Pixels, sprite: Pixels, anchor: Anchor) -> tuple[set[Any], set[Any], set[Any]]:
     """Return the positions left by every stage, each position tried in turn."""
@@ -207,7 +192,7 @@ def by_looking(image: Pixels, sprite: Pixels, anchor: Anchor) -> tuple[set[Any],
 
 
 def test_each_stage_keeps_the_places_that_one_finds_by_looking() -> None:
-    image, sprite = sprite_scene()
+    image, sprite = sprite_scene(0)
     found = anchors(image, sprite, None, seed=5)
     assert 8 <= len(found) <= MOST_ANCHORS
     assert len({anchor.colour for anchor in found}) == len(found)
@@ -246,7 +231,7 @@ def test_a_template_of_many_colours_offers_rare_and_common_ones() -> None:
 
 
 def test_without_a_find_the_anchor_that_came_closest_tells_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    image, sprite = sprite_scene()
+    image, sprite = sprite_scene(0)
     image[23:32, 41:58] = 77  # the upper part is covered
     searched, colours = same_channels(image, sprite)
     pattern = pattern_of(colours, opaque_pixels(sprite, None))
