@@ -50,7 +50,6 @@ def test_seven_numbers_meet_themselves_once_and_nothing_else_comes_near() -> Non
 def test_an_excerpt_stands_out_at_the_lag_of_the_whole_recordings(name: str) -> None:
     first, second, lag = example(name)
     slide = by_hand.excerpt(first, second, lag)
-    assert slide is not None
     assert lags(slide, scores(slide)) == [lag]
     np.testing.assert_allclose(slide.scores, scores(slide), atol=1e-9)
     assert slide.scores.max() - slide.rival > 0.3
@@ -129,7 +128,7 @@ DISTURBED = {
 def test_each_disturbance_spoils_the_lag_in_its_own_way(name: str) -> None:
     settings, reason = DISTURBED[name]
     found = signal_lag(*disturbed(Disturbances(**settings)), max_lag=by_hand.MAX_LAG)
-    assert found.judgement is not None and found.judgement.reason == reason
+    assert found.judgement.reason == reason
     assert reason != "clear" or found.lag == by_hand.LAG
 
 
@@ -179,7 +178,6 @@ def stretches(seed: int, length_1: int = LENGTH, length_2: int = LENGTH) -> tupl
 
 def excerpt(name: str) -> phasors.Phasors:
     found = phasors.common_stretch(name, *example(name))
-    assert found is not None
     return found
 
 
@@ -217,7 +215,7 @@ def test_at_the_true_lag_all_arrows_are_in_line_and_the_phase_has_its_slope(seed
     assert peaks(found) == peaks(found, whiten=True) == [lag]
     assert phasors.correlation(found)[1].max() == pytest.approx(found.lengths.sum()) == pytest.approx(1)
     for method in ("fft", "phat"):
-        assert signal_lag(first, second, method=method, max_lag=LONGEST_LAG).lag == lag  # type: ignore[arg-type]
+        assert signal_lag(first, second, method=method, max_lag=LONGEST_LAG).lag == lag
 
 
 @pytest.mark.parametrize(("name", "lag"), [("coast", 50_082), ("harbour", -31_234)])
@@ -258,7 +256,6 @@ def test_any_two_recordings_give_what_they_share(lag: int, size: int) -> None:
     scene = np.random.default_rng(size).normal(size=size + abs(lag)).cumsum()
     first, second = scene[max(0, lag) :][:size], 0.3 * scene[max(0, -lag) :][: size - 10] + 5
     found = phasors.common_stretch("own", first, second, lag)
-    assert found is not None
     assert found.offset + LAG * found.step == lag
     assert peaks(found, whiten=True) == [LAG]
 
@@ -267,7 +264,7 @@ def test_the_loudest_stretch_is_taken_and_none_where_too_little_is_shared_or_hea
     scene = np.random.default_rng(5).normal(size=60_000)
     scene[:41_000] = scene[41_200:] = 0  # all other stretches are silent
     found = phasors.common_stretch("own", scene[:-20], scene[20:], -20)
-    assert found is not None and peaks(found) == [LAG]
+    assert peaks(found) == [LAG]
     noise = np.random.default_rng(0).normal(size=1000)
     assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG) is not None
     assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG + 1) is None
