@@ -1,16 +1,16 @@
-"""Exported programs, run in their own process, make the same maps bit for bit."""
+"""Exported programs make the same maps bit for bit, and files of settings the same matcher, also in OpenCV."""
 
 from __future__ import annotations
 
 import ast
 import io
-import subprocess
-import sys
+import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,11 +19,15 @@ from pairs import shifted_pair
 from pydantic import Field
 
 import stereolag as sl
+from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher, StereoBM, StereoSGBM
 from stereolag.core.settings import Settings
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.programs import constructor, imports, opencv_script, script
+from stereolag.io.settings import opencv_yaml, read_matcher, settings_json, write_matcher
 from stereolag.io.sources import bundle
+from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import BlockMatcher
+from stereolag.version import VERSION
 from tests.programs import run_program, run_program_alone
 
 RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchArea.rectified(24), score="zncc")
@@ -141,24 +145,24 @@ def test_imports_name_each_class_once_and_none_of_the_public_ones():
     assert imports(Stages()) == [f"from {__name__} import Smoothing, Stages"]
 
 
+BM_ALL_SET = sl.StereoBM(
+    num_disparities=32,
+    min_disparity=-3,
+    block_size=7,
+    uniqueness_ratio=5,
+    speckle_window_size=20,
+    speckle_range=4,
+    disp12_max_diff=2,
+    pre_filter_cap=20,
+    texture_threshold=30,
+)
+
+
 @pytest.mark.parametrize(
     ("matcher", "kind"),
     [
         (sl.StereoBM(num_disparities=16, block_size=9), "grey"),
-        (
-            sl.StereoBM(
-                num_disparities=32,
-                min_disparity=-3,
-                block_size=7,
-                uniqueness_ratio=5,
-                speckle_window_size=20,
-                speckle_range=4,
-                disp12_max_diff=2,
-                pre_filter_cap=20,
-                texture_threshold=30,
-            ),
-            "colour",
-        ),
+        (BM_ALL_SET, "colour"),
         (sl.StereoSGBM(num_disparities=16, min_disparity=2, disp12_max_diff=-1), "transparent"),
         (sl.StereoSGBM(num_disparities=16, mode="hh", p1=8, p2=90, pre_filter_cap=31), "deep"),
         (sl.StereoSGBM(num_disparities=16, mode="hh"), "raw"),
@@ -175,10 +179,7 @@ def test_the_program_of_opencv_alone_measures_the_same(matcher: BlockMatcher, ki
     assert "import stereolag" not in program
     assert max(map(len, program.splitlines())) <= 120
     (tmp_path / "opencv.py").write_text(program, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-I", str(tmp_path / "opencv.py")], cwd=tmp_path.parent, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    run_program(tmp_path / "opencv.py")
     found, expected = np.load(tmp_path / "disparity.npy"), matcher.compute(left, right).disparity
     assert found.dtype == expected.dtype
     assert np.isfinite(expected).mean() > 0.3
@@ -206,3 +207,77 @@ def test_in_the_program_of_opencv_a_name_is_never_code_nor_a_folder() -> None:
     program = opencv_script(sl.StereoBM(), '../left") + evil("', "C:\\right.png")
     assert "grey_image('left\") + evil(\"')" in program
     assert 'grey_image("right.png")' in program
+
+
+# Settings of every method: round trips as JSON, and transfer to OpenCV's own objects.
+
+MATCHERS = [
+    *(method() for method in METHODS),
+    CorrelationMatcher(window_size=31, overlap=0.1, search=SearchArea.rectified(100, -7, 2), score="ncc"),
+    CorrelationMatcher(search=SearchArea.centred(51, vertical=0), engine="fft"),
+    SemiGlobalMatcher(window_size=7, num_disparities=48, min_disparity=-3),
+    CorrelationMatcher(overlap=0.1 + 0.2),
+    StereoBM(num_disparities=128, min_disparity=-16, block_size=9, uniqueness_ratio=3, texture_threshold=500),
+    StereoBM(speckle_window_size=50, speckle_range=32, disp12_max_diff=2, pre_filter_cap=5),
+    StereoSGBM(min_disparity=4, block_size=3, p1=72, p2=288, pre_filter_cap=63, disp12_max_diff=-1),
+]
+BLOCK_MATCHERS = [matcher for matcher in MATCHERS if isinstance(matcher, BlockMatcher)]
+
+
+def getters(matcher: object) -> dict[str, object]:
+    regions = ("getROI1", "getROI2", "getDefaultName")
+    names = [name for name in dir(matcher) if name.startswith("get") and name not in regions]
+    assert len(names) > 8
+    return {name: getattr(matcher, name)() for name in names}
+
+
+def test_files_name_the_version():
+    assert json.loads(settings_json(StereoBM()))["stereolag"] == VERSION
+
+
+@pytest.mark.parametrize("matcher", MATCHERS, ids=repr)
+def test_a_file_makes_the_same_matcher_again(matcher, tmp_path):
+    write_matcher(tmp_path / "matcher.json", matcher)
+    back = read_matcher(tmp_path / "matcher.json")
+    assert type(back) is type(matcher)
+    assert back == matcher
+
+
+def test_settings_left_out_keep_their_defaults():
+    assert read_matcher(b'\xef\xbb\xbf{"method": "StereoBM", "settings": {"block_size": 7}}') == StereoBM(block_size=7)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "empty"),
+        (b'{"method": "Stereo*BM*", "settings": {}}', r"“Stereo\?BM\?”; known are CorrelationMatcher, StereoBM"),
+        (b'{"method": "StereoBM", "settings": {"block_size": 8}}', "block_size is 8; OpenCV allows odd"),
+        (b'{"method": "StereoSGBM", "settings": {"p1": 9, "p2": 9}}', "p2 > p1"),
+        (
+            b'{"method": "CorrelationMatcher", "settings": {"search": {"kind": "<b>"}}}',
+            r"search.kind is '\?b>'; allowed are 'centred', 'rectified'",
+        ),
+    ],
+)
+def test_bad_settings_are_refused_in_one_harmless_sentence(text, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        read_matcher(text)
+    assert "\n" not in str(refused.value)
+    assert not set("*[]<`") & set(str(refused.value))
+
+
+@pytest.mark.parametrize("matcher", BLOCK_MATCHERS, ids=repr)
+def test_opencv_reads_its_yaml(matcher, tmp_path):
+    path = tmp_path / "matcher.yml"
+    path.write_text(opencv_yaml(matcher), encoding="utf-8")
+    fresh = getattr(cv2, type(matcher).__name__).create()
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    fresh.read(storage.getFirstTopLevelNode())
+    assert getters(fresh) == getters(matcher.opencv_matcher())
+
+
+def test_the_yaml_is_laid_out_as_opencv_saves_it(tmp_path):
+    StereoBM().opencv_matcher().save(str(tmp_path / "opencv.yml"))
+    theirs = (tmp_path / "opencv.yml").read_text(encoding="utf-8")
+    assert opencv_yaml(StereoBM()) == theirs.replace("my_object:", "StereoBM:")
