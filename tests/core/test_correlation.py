@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -129,6 +130,12 @@ def test_bad_settings_are_refused_by_name(matcher: type[StereoMatcher], settings
         matcher(**settings)
 
 
+@pytest.mark.parametrize("matcher", [StereoBM, StereoSGBM])
+def test_images_too_narrow_for_the_search_are_refused(matcher: type[StereoBM]) -> None:
+    with pytest.raises(ValueError, match="num_disparities is 64"):
+        matcher(num_disparities=64).compute(*shifted_pair(60, 60, 0, -4))
+
+
 CONTRADICTIONS: list[tuple[type[StereoMatcher], str, dict[str, object]]] = [
     (CorrelationMatcher, "engine", {"score": "phase", "engine": "window_sums"}),
     (CorrelationMatcher, "engine", {"search": SearchArea.centred(20), "engine": "window_sums"}),
@@ -150,7 +157,6 @@ CONTRADICTIONS: list[tuple[type[StereoMatcher], str, dict[str, object]]] = [
 def test_no_setting_is_accepted_and_ignored(kind: type[StereoMatcher], name: str, settings: dict[str, object]) -> None:
     holder: type[Settings] = MatchingCost if name.startswith("cost.") else kind
     rule = marker(holder.model_fields[name.rpartition(".")[2]], Applies)
-    assert rule is not None
     with pytest.raises(SettingsError, match=re.escape(rule.reason)) as told:
         kind(**settings)
     assert [problem.name for problem in told.value.problems] == [name]
@@ -168,13 +174,6 @@ def test_every_rule_is_among_the_contradictions() -> None:
     assert tested == rules
 
 
-def test_a_path_in_place_of_an_image_is_answered_with_what_to_do() -> None:
-    image = np.zeros((40, 60), np.uint8)
-    for left, right, name in (("left.png", image, "left"), (image, Path("right.png"), "right")):
-        with pytest.raises(ValueError, match=rf"{name} is a \w+; give an array, such as sl\.read_image\({name}\)"):
-            CorrelationMatcher().compute(left, right)  # type: ignore[arg-type]
-
-
 MATCHERS = [
     CorrelationMatcher(window_size=9, search=SearchArea.rectified(16)),
     StereoBM(num_disparities=16),
@@ -183,22 +182,29 @@ MATCHERS = [
 ]
 
 
+GREY = np.zeros((40, 50), np.uint8)
+
+
 @pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
 @pytest.mark.parametrize(
     ("left", "right", "says"),
     [
-        (np.zeros((40, 50), np.uint8), np.zeros((40, 52), np.uint8), "50 × 40 .* 52 × 40"),
-        (np.zeros((40, 50), np.uint8), np.zeros((40, 50), np.float32), "uint8 .* float32"),
+        (GREY, np.zeros((40, 52), np.uint8), "50 × 40 .* 52 × 40"),
+        (GREY, np.zeros((40, 50), np.float32), "uint8 .* float32"),
         (np.zeros((0, 50), np.uint8), np.zeros((0, 50), np.uint8), "no pixels"),
         (np.full((40, 50), np.nan), np.zeros((40, 50)), "2000 NaN"),
         (np.zeros((4, 5), np.uint8), np.zeros((4, 5), np.uint8), "5 × 4"),
         (np.zeros((4, 5, 7, 2)), np.zeros((4, 5, 7, 2)), "shape"),
         (np.zeros((40, 50), np.complex128), np.zeros((40, 50), np.complex128), "complex"),
+        ("left.png", GREY, r"left is a \w+; give an array, such as sl\.read_image\(left\)"),
+        (
+            GREY,
+            Path("a.png"),
+            r"right is a \w+; give an array, such as sl\.read_image\(right\)",
+        ),
     ],
 )
-def test_bad_images_are_refused_with_the_value(
-    matcher: StereoBM, left: np.ndarray, right: np.ndarray, says: str
-) -> None:
+def test_bad_images_are_refused_with_the_value(matcher: StereoMatcher, left: Any, right: Any, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         matcher.compute(left, right)
 
@@ -222,7 +228,7 @@ def test_progress_runs_to_the_end() -> None:
 
 
 def test_motorcycle_is_measured_as_well_as_the_report_says(data_dir: object) -> None:
-    folder = data_dir / "stereo" / "motorcycle_q"  # type: ignore[operator]
+    folder = data_dir / "stereo" / "motorcycle_q"
     left, right = (read_image(folder / name) for name in ("left.png", "right.png"))
     truth = read_disparity(folder / "gt.pfm")
     result = CorrelationMatcher(window_size=21, overlap=0.95, search=SearchArea.rectified(70)).compute(left, right)
@@ -241,22 +247,11 @@ def test_a_preset_is_a_frozen_matcher_of_its_kind_over_the_range_asked_for_and_s
     assert matcher.search_range() == (None if name == "report" else (-8, 48))
     assert type(matcher).model_validate_json(matcher.model_dump_json()) == matcher
     with pytest.raises(ValidationError, match="frozen"):
-        matcher.window_size = 5  # type: ignore[attr-defined]
+        matcher.window_size = 5
     report = preset("report")
     assert report == CorrelationMatcher(window_size=20, overlap=0.9, search=SearchArea.centred(20), score="zncc")
     with pytest.raises(ValueError, match="'dense'; allowed are 'report', 'fast', 'accurate'"):
         preset("dense")
-
-
-@pytest.mark.parametrize("name", ["fast", "accurate"])
-@pytest.mark.parametrize(("dtype", "shift"), [(np.uint8, 0.0), (np.uint16, 7.0), (np.float32, 11.4), (np.uint8, 11.4)])
-def test_a_shifted_wall_is_measured(name: str, dtype: type, shift: float) -> None:
-    left, right = shifted_pair(80, 140, 0, -shift, dtype=dtype)
-    result = preset(name, num_disparities=16).compute(left, right)
-    inner = result.disparity[10:-10, 30:-10]
-    assert np.mean(result.reason[10:-10, 30:-10] == Reason.MEASURED) > 0.95
-    assert abs(np.median(inner) - shift) < 0.1
-    assert np.mean(np.abs(inner - shift) < 0.5) > 0.98
 
 
 @pytest.mark.parametrize("name", ["fast", "accurate"])
@@ -311,18 +306,12 @@ def test_accurate_beats_opencv_on_the_bundled_pairs(name: str) -> None:
     example = stereo_pairs()[name]
     pair = read_image(example.left), read_image(example.right)
     truth, count = read_disparity(example.disparity), example.num_disparities
-    bad = {
-        matcher: evaluate(matcher.compute(*pair).disparity, truth).bad[1.0]
-        for matcher in (
-            preset("accurate", num_disparities=count),
-            preset("fast", num_disparities=count),
-            StereoSGBM(num_disparities=count),
-            StereoBM(num_disparities=count, block_size=15),
-        )
-    }
-    accurate, fast, semi_global, block = bad.values()
-    assert accurate < semi_global
-    assert fast < block
+
+    def bad(matcher: StereoMatcher) -> float:
+        return evaluate(matcher.compute(*pair).disparity, truth).bad[1.0]
+
+    assert bad(preset("accurate", num_disparities=count)) < bad(StereoSGBM(num_disparities=count))
+    assert bad(preset("fast", num_disparities=count)) < bad(StereoBM(num_disparities=count, block_size=15))
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -414,12 +403,6 @@ def test_the_modes_are_all_of_opencv_and_its_own_is_the_first() -> None:
     names = {name for name in dir(cv2) if name.startswith("STEREO_SGBM_MODE_")}
     assert names == {f"STEREO_SGBM_MODE_{mode.upper()}" for mode in MODES}
     assert StereoSGBM().mode == "sgbm"
-
-
-@pytest.mark.parametrize("matcher", [StereoBM, StereoSGBM])
-def test_images_too_narrow_for_the_search_are_refused(matcher: type[StereoBM]) -> None:
-    with pytest.raises(ValueError, match="num_disparities is 64"):
-        matcher(num_disparities=64).compute(*shifted_pair(60, 60, 0, -4))
 
 
 def test_minus_one_really_switches_the_left_right_check_off() -> None:
