@@ -177,8 +177,7 @@ def stretches(seed: int, length_1: int = LENGTH, length_2: int = LENGTH) -> tupl
 
 
 def excerpt(name: str) -> phasors.Phasors:
-    found = phasors.common_stretch(name, *example(name))
-    return found
+    return phasors.common_stretch(name, *example(name))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, LENGTH), st.integers(2, LENGTH))
