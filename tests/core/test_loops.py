@@ -44,17 +44,6 @@ COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
 PROJECT = Path(__file__).resolve().parents[2]
 
-SMALL_LAG = """
-import sys
-import numpy as np
-import stereolag as sl
-from stereolag.signals.correlation import running_sums
-sound = np.random.default_rng(0).normal(size=400)
-assert running_sums(sound).shape == (2, 401)
-print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag, "numba" in sys.modules)
-"""
-"""A measurement with few loops, because each start without machine code compiles them; one returns an array."""
-
 TWO_LOOPS = """
 from stereolag.loops.compilation import compiled
 from stereolag.loops.inner import inner
@@ -161,25 +150,21 @@ def code_in(folder: Path) -> dict[str, int]:
     return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.code")}
 
 
-def test_a_first_start_keeps_machine_code_beside_the_sources_and_later_ones_load_it_without_numba(
-    tmp_path: Path,
-) -> None:
-    install = tmp_path / "install"
-    shutil.copytree(PROJECT / "stereolag", install / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
-
+def test_a_first_start_keeps_machine_code_beside_the_sources_and_later_ones_load_it_without_numba(loops: Path) -> None:
     def started() -> str:
-        command = [sys.executable, "-B", "-W", "error", "-c", SMALL_LAG]
-        errors = subprocess.STDOUT
-        return subprocess.check_output(command, cwd=tmp_path, env=variables_for(install), stderr=errors, text=True)
+        script = "import sys; from stereolag.loops.outer import outer; print(outer(1), 'numba' in sys.modules)"
+        command = [sys.executable, "-B", "-W", "error", "-c", script]
+        environment = variables_for(loops.parents[1])
+        return subprocess.check_output(command, env=environment, cwd="/", stderr=subprocess.STDOUT, text=True)
 
-    assert started() == "4 True\n"
-    code = code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
-    assert code and not code_in(tmp_path / "temporary")
-    assert started() == "4 False\n"
+    assert started() == "2 True\n"
+    code = code_in(loops / "__pycache__")
+    assert code and code_in(loops.parents[2]) == code
+    assert started() == "2 False\n"
     damaged = Path(next(iter(code)))
     damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
-    assert started() == "4 True\n"
-    assert started() == "4 False\n"
+    assert started() == "2 True\n"
+    assert started() == "2 False\n"
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
