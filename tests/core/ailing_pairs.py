@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import cv2
 import numpy as np
 
@@ -37,23 +35,20 @@ REMEDIES = {
 """The remedy for each of them."""
 
 
+def camera(shape: tuple[int, int]) -> np.ndarray:
+    """Return the matrix of a camera with a focal length of one width."""
+    height, width = shape
+    return np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
+
+
 def barrel(image: np.ndarray, k1: float) -> np.ndarray:
     """Return an image as seen by a lens with OpenCV's k1 and a focal length of one image width."""
-    where = _straight_places(image.shape[:2], k1)
-    return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-
-
-@cache
-def _straight_places(shape: tuple[int, int], k1: float) -> np.ndarray:
-    """Return the (x, y) in the undistorted image that each pixel of such a lens shows, (rows, cols, 2)."""
-    height, width = shape
-    centre = np.array([width - 1, height - 1]) / 2
-    rows, cols = np.indices(shape)
-    distorted = (np.dstack([cols, rows]) - centre) / width
-    straight = np.linspace(0, 1, 20_001)
-    radius = np.linalg.norm(distorted, axis=2)
-    scale = np.interp(radius, straight * (1 + k1 * straight**2), straight) / np.maximum(radius, 1e-9)
-    return (distorted * scale[..., None] * width + centre).astype(np.float32)
+    height, width = image.shape[:2]
+    seen_by = camera((height, width))
+    maps = cv2.initInverseRectificationMap(
+        seen_by, np.array([k1, 0, 0, 0]), None, seen_by, (width, height), cv2.CV_32FC1
+    )
+    return cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.ndarray:
@@ -65,9 +60,8 @@ def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.
 
 def turning(shape: tuple[int, int], turn: tuple[float, float, float]) -> np.ndarray:
     """Return the homography of a camera with a focal length of one width, rotated about x, y and z, radians."""
-    height, width = shape
-    camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
-    return camera @ cv2.Rodrigues(np.array(turn, dtype=float))[0] @ np.linalg.inv(camera)
+    seen_by = camera(shape)
+    return seen_by @ cv2.Rodrigues(np.array(turn, dtype=float))[0] @ np.linalg.inv(seen_by)
 
 
 def turned_camera(image: np.ndarray, turn: tuple[float, float, float]) -> np.ndarray:
