@@ -29,16 +29,13 @@ LAYERS: dict[str, float] = {
 }
 """The layer of every package, from the table; a package imports from the layers below and from itself."""
 
-STAGES = ({"matcher"}, {"finishing"})
-LAYERS |= {
-    f"stereo.{package}": LAYERS["stereo"] + number / 10
-    for number, packages in enumerate(STAGES)
-    for package in packages
-}
-METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
-LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | dict.fromkeys(
-    ("stereo.methods", "stereo.compiling"), LAYERS["stereo"] + 0.4
+STAGES = (
+    ("stereo.matcher",),
+    ("stereo.finishing",),
+    ("stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"),
+    ("stereo.methods", "stereo.compiling"),
 )
+LAYERS |= {name: LAYERS["stereo"] + number / 10 for number, names in enumerate(STAGES) for name in names}
 """Within stereo, the stages are stacked; each method, even a new one, imports those below and no other method."""
 
 LAYERS |= {"figures.pictures": 3}
