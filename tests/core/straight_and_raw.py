@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.geometry.calibration import StereoRig
+
 Picture = npt.NDArray[np.uint8]
 
 SIZE = (320, 240)
@@ -17,6 +19,7 @@ D1 = np.array([-0.25, 0.08, 0.001, -0.0008, 0])
 D2 = np.array([-0.22, 0.06, -0.0006, 0.0012, 0.002])
 R = cv2.Rodrigues(np.array([0.012, -0.03, 0.015]))[0]
 T = np.array([-0.12, 0.004, -0.003])
+RIG = StereoRig(M1, D1, M2, D2, R, T, *SIZE)
 R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(M1, D1, M2, D2, SIZE, R, T[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
 ENTRIES = {"M1": M1, "D1": D1, "M2": M2, "D2": D2, "R": R, "T": T, "image_width": SIZE[0], "image_height": SIZE[1]}
 RECTIFYING = {"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": Q}

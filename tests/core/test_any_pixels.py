@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair
-from straight_and_raw import D1, D2, M1, M2, SIZE, R, T
+from straight_and_raw import RIG, SIZE
 
 import stereolag as sl
 from stereolag.core.inputs import grey_level
-from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.rectification import rectified_calibration, rectify
 from stereolag.stereo.methods import PRESETS, PresetName
 
@@ -78,11 +77,10 @@ def test_nothing_is_measured_on_a_border_that_no_camera_took(name: PresetName, k
 
 
 def test_rectification_leaves_black_what_no_camera_took_and_nothing_else() -> None:
-    rig = StereoRig(M1, D1, M2, D2, R, T, *SIZE)
-    calibration = rectified_calibration(rig, SIZE)
+    calibration = rectified_calibration(RIG, SIZE)
     dark = np.zeros(SIZE[::-1], np.uint8)
     light = np.full(SIZE[::-1], 255, np.uint8)
-    given = sl.Calibration(calibration.focal_px, calibration.baseline_m, rig=rig)
+    given = sl.Calibration(calibration.focal_px, calibration.baseline_m, rig=RIG)
     night, day = (rectify(image, image, given, alpha=1.0).left for image in (dark, light))
     assert (day == 0).any()
     assert not night[day == 0].any()

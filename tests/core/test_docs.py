@@ -1,9 +1,11 @@
-"""The README and docs/: links, includes and names are valid, programs and commands run, figures are measured."""
+"""README, docs/, docstrings: links, includes and names are valid, programs and examples run, figures are measured."""
 
 from __future__ import annotations
 
 import ast
 import doctest
+import importlib
+import io
 import re
 from functools import cache
 from pathlib import Path
@@ -13,12 +15,12 @@ import numpy as np
 import pytest
 from commanded import Command
 from PIL import Image
+from straight_and_raw import RIG, T
 
 import stereolag as sl
 from stereolag.assess.findings import FindingCode
 from stereolag.core.settings import changed
 from stereolag.geometry.boards import Board
-from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.samples import mazes, recordings
 
@@ -159,17 +161,7 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (program,) = re.findall(r"```python\n(.*?)```", own("own_camera.md"), re.DOTALL)
-    rig = StereoRig(
-        left_matrix=np.array([[330, 0, 202], [0, 330, 148], [0, 0, 1.0]]),
-        left_distortion=np.array([-0.2, 0.05, 0, 0, 0]),
-        right_matrix=np.array([[332, 0, 196], [0, 332, 152], [0, 0, 1.0]]),
-        right_distortion=np.array([-0.2, 0.05, 0, 0, 0]),
-        rotation=cv2.Rodrigues(np.array([0.01, -0.02, 0.008]))[0],
-        translation=np.array([-0.1, 0.001, 0.002]),
-        width=400,
-        height=300,
-    )
-    for number, pair in enumerate(drawn_pairs(rig, Board(9, 6), 6, square_m=0.025, seed=3)):
+    for number, pair in enumerate(drawn_pairs(RIG.scaled(1.25), Board(9, 6), 6, square_m=0.025, seed=3)):
         for side, picture in zip(("left", "right"), pair, strict=True):
             (tmp_path / "boards" / side).mkdir(parents=True, exist_ok=True)
             (tmp_path / "scene").mkdir(exist_ok=True)
@@ -181,7 +173,7 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
     assert "% measured, " in capsys.readouterr().out
     calibration, depth = names["calibration"], names["depth"]
     assert isinstance(calibration, sl.Calibration)
-    assert calibration.baseline_m == pytest.approx(0.1, rel=0.02)
+    assert calibration.baseline_m == pytest.approx(np.linalg.norm(T), rel=0.02)
     assert 0.2 < float(np.nanmedian(np.asarray(depth))) < 5
     assert (tmp_path / "scene/disparity.pfm").is_file()
 
@@ -301,3 +293,39 @@ def test_the_links_of_the_readme_into_the_app_lead_to_pages_and_headings() -> No
     links = re.findall(r"\]\(http://localhost:8501/(\w+)#?([\w-]*)\)", README)
     assert {page for page, _ in links} <= pages
     assert {""} < {anchor for _, anchor in links} <= written | {""}
+
+
+# The docstrings
+
+PACKAGE = PROJECT / "stereolag"
+PUBLIC = [name for name in sl.__all__ if name != "__version__"]
+OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+WITH_EXAMPLES = sorted(module_of(path) for path in PACKAGE.rglob("*.py") if ">>> " in path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_has_an_example(name: str) -> None:
+    described, _, shown = (getattr(sl, name).__doc__ or "").partition("\n    Examples\n    --------\n")
+    assert described.strip()
+    assert doctest.DocTestParser().get_examples(shown)
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_the_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    runner, report = doctest.DocTestRunner(optionflags=OPTIONS), io.StringIO()
+    for example in doctest.DocTestFinder().find(importlib.import_module(module)):
+        runner.run(example, out=report.write)
+    assert runner.tries > 0
+    assert runner.failures == 0, report.getvalue()
+
+
+def test_help_names_everything_that_is_public() -> None:
+    tour = sl.__doc__ or ""
+    assert not [name for name in PUBLIC if not re.search(rf"`{name}`|sl\.{name}\(", tour)]
