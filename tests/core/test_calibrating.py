@@ -68,7 +68,6 @@ def placed_views(true: StereoRig, poses: Sequence[tuple[np.ndarray, np.ndarray]]
 
 def check_rig(calibration: sl.Calibration, true: StereoRig, px: float = 1.0, turn: float = 1e-3) -> None:
     found = calibration.rig
-    assert found is not None
     np.testing.assert_allclose(found.left_matrix, true.left_matrix, atol=px)
     np.testing.assert_allclose(found.right_matrix, true.right_matrix, atol=px)
     np.testing.assert_allclose(found.rotation, true.rotation, atol=turn)
@@ -97,7 +96,6 @@ def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     # The legacy layout differs if the number of rows of squares is even.
     pairs = list(drawn_pairs(rig(1.1), board, 3, square_m=SQUARE_M, seed=1, partly=True))
     views = find_boards(pairs)
-    assert views.board.markers is not None and board.markers is not None
     assert views.board.markers.share == pytest.approx(board.markers.share, abs=0.04)
     assert replace(views.board, markers=replace(views.board.markers, share=board.markers.share)) == board
     assert any(len(one) < board.corners for one in (*views.left, *views.right) if one is not None)
@@ -248,5 +246,4 @@ def test_opencvs_own_pairs_reach_its_error(data_dir: Path) -> None:
     assert result.board == CHESSBOARD and len(result.used) == 13
     assert result.rms < 0.26 and result.row_error < 0.105
     # In squares; OpenCV's sample gets 3.34, with its 14 coefficients and one focal length for both cameras.
-    assert result.calibration.rig is not None
     assert np.linalg.norm(result.calibration.rig.translation) == pytest.approx(3.34, abs=0.03)

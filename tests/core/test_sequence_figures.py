@@ -83,7 +83,6 @@ def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, withi
         disparity[place] = near
     assert nearest_obstacle(disparity) == pytest.approx(nearest, abs=within)
     ground = ground_of(road())
-    assert ground is not None
     assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
 
 

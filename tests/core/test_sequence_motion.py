@@ -31,7 +31,6 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
     assert watch.since_before(0) is None
     for number in range(1, COUNT):
         found = watch.since_before(number)
-        assert found is not None and found.scene is not None
         assert found.scene.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04)
         (car,) = found.scene.regions
         assert car.trusted and car.speed_kmh == pytest.approx(CAR_KMH, abs=3)
@@ -43,7 +42,6 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         # Driving ahead moves the right half to the right and the left half to the left.
         assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
     faster = MotionWatch(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).since_before(1)
-    assert faster is not None and faster.scene is not None
     assert faster.scene.own_speed_kmh == pytest.approx(2 * OWN_KMH, rel=0.04)
 
 
