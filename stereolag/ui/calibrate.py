@@ -572,21 +572,25 @@ def weaknesses(names: Sequence[str], result: StereoCalibration) -> list[str]:
         out = [name for name, pair in zip(names, result.pairs, strict=True) if pair.left_out is reason]
         if out and reason is not LeftOut.BY_HAND:
             sentences.append(f"Left out: pair {', '.join(out)} – {WHY_LEFT_OUT[reason]}.")
-    if len(result.used) < ENOUGH_PAIRS:
-        sentences.append(f"{len(result.used)} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result.")
     least = min(result.left_coverage, result.right_coverage)
-    if least < ENOUGH_COVERAGE:
-        sentences.append(
+    judged = (
+        (
+            len(result.used) < ENOUGH_PAIRS,
+            f"{len(result.used)} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result.",
+        ),
+        (
+            least < ENOUGH_COVERAGE,
             f"The board has covered {percent(least)} of the picture: hold it in the corners too, where the lens "
-            "distorts most."
-        )
-    if result.focal_error > SURE_FOCAL:
-        sentences.append(
-            f"The focal length is uncertain by {100 * result.focal_error:.1f} %: tilt the board more, to all sides."
-        )
-    if result.row_error > GOOD_ROWS_PX:
-        sentences.append(
+            "distorts most.",
+        ),
+        (
+            result.focal_error > SURE_FOCAL,
+            f"The focal length is uncertain by {100 * result.focal_error:.1f} %: tilt the board more, to all sides.",
+        ),
+        (
+            result.row_error > GOOD_ROWS_PX,
             f"Rows are {result.row_error:.2f} px apart on average, enough to disturb matching: is the board flat, are "
-            "the pictures sharp, and both taken at the same moment?"
-        )
-    return sentences
+            "the pictures sharp, and both taken at the same moment?",
+        ),
+    )
+    return [*sentences, *(said for is_weak, said in judged if is_weak)]

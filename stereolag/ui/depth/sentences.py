@@ -7,19 +7,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from stereolag import Calibration, Reason, Suggestion
 from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
 from stereolag.assess.findings import Finding, Remedy
 from stereolag.assess.judging import Criterion, Sweep, Unjudged
-from stereolag.assess.suggestion import Outcome, Suggestion
+from stereolag.assess.suggestion import Outcome
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typesets
 from stereolag.figures.match import WindowGrid
 from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
-from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.stereo.matcher import Reason
 from stereolag.ui.sentences import percent
 
 REMEDIES_OFFERED = {
@@ -337,37 +336,33 @@ HOVER_WORDS = {
 }
 
 
+MATCHES = {
+    MatchKind.CLEAR: "One clear peak: {peak}{next}.",
+    MatchKind.NOTHING: "Nothing to correlate: the window is flat, or every place it could match lies outside the "
+    "image.",
+    MatchKind.AT_EDGE: "The best score is on the edge of the search area or of the image, and a better one may be "
+    "beyond it: no disparity is taken from it.",
+    MatchKind.BARE: "A bare wall: the window has {contrast} of the image’s contrast, and its best score is {peak}. It "
+    "compares mostly noise.",
+    MatchKind.UNLIKE: "Nothing looks like this: the best score is {peak}.",
+    MatchKind.REPEATS: "Two places fit almost equally well ({peak} and {runner_up}), with worse ones between them: "
+    "{alike}.",
+    MatchKind.SMOOTH: "Neighbouring places fit almost equally well ({peak}, and {flank} farther than 1 px from it): "
+    "the window is too smooth to tell them apart.",
+}
+
+
 def match_in_words(seen: MatchExplanation) -> str:
     """Return a sentence about the match based on its scores alone, whatever the map made of it."""
-    match seen.kind:
-        case MatchKind.NOTHING:
-            return "Nothing to correlate: the window is flat, or every place it could match lies outside the image."
-        case MatchKind.AT_EDGE:
-            return (
-                "The best score is on the edge of the search area or of the image, and a better one may be beyond "
-                "it: no disparity is taken from it."
-            )
-        case MatchKind.BARE:
-            return (
-                f"A bare wall: the window has {percent(seen.contrast)} of the image’s contrast, and its best score is "
-                f"{seen.peak_score:.3f}. It compares mostly noise."
-            )
-        case MatchKind.UNLIKE:
-            return f"Nothing looks like this: the best score is {seen.peak_score:.3f}."
-        case MatchKind.REPEATS:
-            alike = "the pattern repeats, like a fence" if seen.valley_depth > DEEP_VALLEY else "they look alike"
-            return (
-                f"Two places fit almost equally well ({seen.peak_score:.3f} and {seen.runner_up_score:.3f}), with "
-                f"worse ones between them: {alike}."
-            )
-        case MatchKind.SMOOTH:
-            return (
-                f"Neighbouring places fit almost equally well ({seen.peak_score:.3f}, and {seen.flank_score:.3f} "
-                "farther than 1 px from it): the window is too smooth to tell them apart."
-            )
-    if math.isnan(seen.runner_up_score):
-        return f"One clear peak: {seen.peak_score:.3f}."
-    return f"One clear peak: {seen.peak_score:.3f}; the next one scores {seen.runner_up_score:.3f}."
+    runner_up = f"{seen.runner_up_score:.3f}"
+    return MATCHES[seen.kind].format(
+        peak=f"{seen.peak_score:.3f}",
+        runner_up=runner_up,
+        next="" if math.isnan(seen.runner_up_score) else f"; the next one scores {runner_up}",
+        flank=f"{seen.flank_score:.3f}",
+        contrast=percent(seen.contrast),
+        alike="the pattern repeats, like a fence" if seen.valley_depth > DEEP_VALLEY else "they look alike",
+    )
 
 
 def match_against_truth(seen: MatchExplanation, truth: float) -> str:

@@ -106,6 +106,20 @@ def numbers_of(trial: Trial) -> str:
     return f"{best} {trial.score:.3f} · {duration(trial.elapsed_s)}"
 
 
+PATTERNS_ALONE: Final = (
+    "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a uniform "
+    "change of contrast or brightness costs them nothing while no value is clipped; other damage lowers the score."
+)
+
+FOUND_BY_FFT: Final = {
+    "right": "Enough pixels are exactly as they were: even Sampled finds it.",
+    "refused": "Enough of it is left to compare whole patterns.",
+    "elsewhere": PATTERNS_ALONE,
+    "missed": PATTERNS_ALONE,
+}
+"""What is learnt where FFT finds the template, by the outcome of Sampled."""
+
+
 def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) -> str:
     """Return a sentence or two on why the methods succeeded or failed."""
     of = {trial.method: trial for trial in trials}
@@ -113,18 +127,10 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
     warped = degradation.turn != 0 or degradation.resize != 1
     if fft.outcome == "refused":
         return fft.refusal
-    if fft.outcome == "right" and sampled.outcome == "right":
-        if degradation == Degradation():
-            return "Nothing is damaged yet. Move a slider until a method loses it."
-        return "Enough pixels are exactly as they were: even Sampled finds it."
-    if fft.outcome == "right" and sampled.outcome == "refused":
-        return "Enough of it is left to compare whole patterns."
+    if fft.outcome == sampled.outcome == "right" and degradation == Degradation():
+        return "Nothing is damaged yet. Move a slider until a method loses it."
     if fft.outcome == "right":
-        return (
-            "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "
-            "uniform change of contrast or brightness costs them nothing while no value is clipped; other damage "
-            "lowers the score."
-        )
+        return FOUND_BY_FFT[sampled.outcome]
     said = (
         "Another place fits better than the damaged one."
         if fft.outcome == "elsewhere"
