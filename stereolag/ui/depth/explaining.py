@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import streamlit as st
 
+from stereolag import CorrelationMatcher, Reason, SearchArea, SemiGlobalMatcher
 from stereolag.assess.explaining import (
     AMBIGUOUS_MARGIN,
     BARE_CONTRAST,
@@ -43,10 +44,6 @@ from stereolag.figures.match import (
 from stereolag.figures.pictures import CORRELATION, VIRIDIS, as_rgb
 from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.pair import Pair
-from stereolag.stereo.matcher import Reason
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_grey_pair
 from stereolag.ui.depth.maps import DepthView, Pixel, disparity_in_words, reasons_of

@@ -18,15 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import streamlit as st
 
+from stereolag import Calibration, DisparityMap, evaluate, rectify
 from stereolag.assess.layout import Layout, views
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.settings import scaled_settings
-from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import calibration_for, rectify
+from stereolag.geometry.rectification import calibration_for
 from stereolag.pair import Pair, PairId, resized
 from stereolag.sequences import StereoFrame
-from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item

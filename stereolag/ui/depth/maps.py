@@ -12,18 +12,17 @@ from typing import Any
 import numpy as np
 import streamlit as st
 
+from stereolag import Calibration, DisparityMap, Evaluation, Reason, evaluate, preset
 from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, coloured, edge_path, png, thinned
 from stereolag.figures.verdicts import REASON_WORDS
-from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
-from stereolag.stereo.evaluation import Evaluation, evaluate
-from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
-from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS, PRESETS, PresetName
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words

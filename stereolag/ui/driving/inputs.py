@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.assess.diagnosis import Diagnosis
+from stereolag import Calibration, Diagnosis, StereoBM, StereoSGBM, preset, read_calibration
 from stereolag.assess.findings import Finding, Remedy
 from stereolag.assess.layout import Layout
 from stereolag.assess.sentences import finding_in_words
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import limits
-from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
-from stereolag.io.calibrations import read_calibration
 from stereolag.io.sources import bundle, is_archive
 from stereolag.io.videos import VIDEO_ENDINGS, GuardedVideo
 from stereolag.pair import Pair, PairId, upright
@@ -35,8 +33,7 @@ from stereolag.sequences import (
 )
 from stereolag.sequences.sources import open_uploads
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS, preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.components import packed_item
 from stereolag.ui.controls import persistent

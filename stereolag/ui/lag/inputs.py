@@ -11,7 +11,7 @@ import numpy as np
 import streamlit as st
 from pydantic import Field, model_validator
 
-from stereolag import samples
+from stereolag import read_signal, samples
 from stereolag.core.arrays import Vector
 from stereolag.core.inputs import as_signal
 from stereolag.core.searches import LagSearch
@@ -19,7 +19,6 @@ from stereolag.core.settings import Bounds, Problem, SettingsError
 from stereolag.io.clocks import Recording, at_one_rate
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
-from stereolag.io.recordings import read_signal
 from stereolag.signals.listening import Heard, Listening
 from stereolag.ui.addresses import Address, example_choice
 from stereolag.ui.components import component, packed_item

@@ -18,12 +18,11 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag import samples
+from stereolag import read_image, samples
 from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image, as_image
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
-from stereolag.io.images import read_image
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.ui import prose
 from stereolag.ui.addresses import Address, example_choice
