@@ -7,7 +7,7 @@ import statistics
 from playwright.sync_api import Locator, Page
 
 from tests.browser.serving import chromium, chromium_path, served_app
-from tests.browser.visits import WATCH_ANSWERS, settled
+from tests.browser.visits import read_script, settled
 
 MOVES = 15
 
@@ -47,7 +47,7 @@ def latency_table() -> tuple[str, dict[str, float]] | None:
     figures: dict[str, float] = {}
     with served_app() as url, chromium(path) as browser:
         page = browser.new_page(viewport={"width": 1400, "height": 900})
-        page.add_init_script(WATCH_ANSWERS)
+        page.add_init_script(read_script("answers"))
         page.goto(f"{url}/Depth_maps?pair=road")
         settled(page)
         settled(page)

@@ -9,44 +9,16 @@ from typing import Any, NamedTuple
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from tests.browser.visits import settled
+from tests.browser.visits import read_script, settled
 
 FAULTS = ("moderate", "serious", "critical")
 
-FIND = """
-async ([include, exclude, options]) => {
-  const charts = [...document.querySelectorAll(".js-plotly-plot .main-svg")].map((one) => [one, [...one.childNodes]]);
-  for (const [chart] of charts) chart.replaceChildren();
-  try {
-    return (await axe.run({ include, exclude }, options)).violations;
-  } finally {
-    for (const [chart, parts] of charts) chart.replaceChildren(...parts);
-  }
-}
-"""
-"""Charts are emptied meanwhile: axe judges no text in drawings, but reads each of their thousands of parts."""
 
 OPTIONS = {"resultTypes": ["violations"], "preload": {"assets": ["media"]}}
 COLOURS_ALONE = {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
 
 WITHOUT_SOURCES = "axe.configure({ noHtml: true })"
 """Not storing the source of each passing element saves a third of the time on a page with drawings."""
-
-NAMELESS = """
-() => {
-  const drawings = "img, canvas, svg, [data-testid=stPlotlyChart]";
-  const named = (one) => (one.matches("img") ? one.hasAttribute("alt") : one.getAttribute("aria-label"));
-  // A button has the name of all that is in it, and a table its own for readers; the last is no part of the page.
-  const excused = (one) =>
-    one.closest("[aria-hidden=true], [role=img] *, button, [role=button], [data-testid=stDataFrame], #js-plotly-tester")
-    || one.parentElement?.closest("[data-testid=stPlotlyChart]");
-  const within = (root) => [...root.querySelectorAll("*")].flatMap((one) => [one, ...(one.shadowRoot ? within(one.shadowRoot) : [])]);
-  return within(document)
-    .filter((one) => one.matches(drawings) && one.checkVisibility() && !excused(one) && !named(one))
-    .map((one) => one.outerHTML.slice(0, 120));
-}
-"""  # noqa: E501
-"""Visible pictures, drawings and charts that are neither named nor decoration."""
 
 
 class Finding(NamedTuple):
@@ -102,7 +74,7 @@ def findings(
     if not page.evaluate("'axe' in window"):
         page.evaluate(_script())
         page.evaluate(WITHOUT_SOURCES)
-    violations = page.evaluate(FIND, [[[only]], [[one] for one in but], OPTIONS | (options or {})])
+    violations = page.evaluate(read_script("violations"), [[[only]], [[one] for one in but], OPTIONS | (options or {})])
     return [
         Finding(
             one["id"],
@@ -116,7 +88,7 @@ def findings(
 
 def nameless(page: Page) -> list[str]:
     """Return the first characters of each picture, drawing and chart that has no alternative text."""
-    found: list[str] = page.evaluate(NAMELESS)
+    found: list[str] = page.evaluate(read_script("nameless"))
     return found
 
 

@@ -11,51 +11,13 @@ from playwright.sync_api import Page
 
 from stereolag.core.arrays import Rgb
 from stereolag.figures.pictures import data_url, png
-
-SCRIPT = """
-(() => {
-  const cameras = %s;
-  window.fakeMedia = { open: [], refuse: "", frame: 0 };
-  const devices = Object.keys(cameras).map((name) => ({ deviceId: name, kind: "videoinput", label: name }));
-  navigator.mediaDevices.enumerateDevices = async () => devices;
-  const images = new Map();
-  const loaded = async (url) => {
-    if (!images.has(url)) {
-      const image = new Image();
-      image.src = url;
-      await image.decode();
-      images.set(url, image);
-    }
-    return images.get(url);
-  };
-  navigator.mediaDevices.getUserMedia = async ({ video }) => {
-    const media = window.fakeMedia;
-    if (media.refuse) throw new DOMException("refused", media.refuse);
-    const name = video.deviceId?.exact ?? devices[0].deviceId;
-    const frames = await Promise.all(cameras[name].map(loaded));
-    const canvas = document.createElement("canvas");
-    Object.assign(canvas, { width: frames[0].width, height: frames[0].height });
-    const context = canvas.getContext("2d");
-    const stream = canvas.captureStream(10);
-    const [track] = stream.getVideoTracks();
-    track.getSettings = () => ({ deviceId: name, width: canvas.width, height: canvas.height });
-    media.open.push({ name, track });
-    const draw = () => {
-      if (track.readyState === "ended") clearInterval(drawing);
-      context.drawImage(frames[Math.min(media.frame, frames.length - 1)], 0, 0);
-    };
-    const drawing = setInterval(draw, 100);
-    draw();
-    return stream;
-  };
-})();
-"""
+from tests.browser.visits import read_script
 
 
 def played_cameras(**cameras: Sequence[Rgb]) -> str:
     """Return a script that gives a page cameras: by name, the frames of each, of which it shows ``fakeMedia.frame``."""
     frames = {name: [data_url(png(one)) for one in shown] for name, shown in cameras.items()}
-    return SCRIPT % json.dumps(frames)
+    return f"({read_script('cameras')})({json.dumps(frames)});"
 
 
 def refuse_cameras(page: Page, error: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from playwright.sync_api import Locator, Page
 
 from tests.browser.parts import box_of
-from tests.browser.visits import resized
+from tests.browser.visits import read_script, resized
 
 USUAL, LARGE, PHONE = (1400, 900), (1920, 1080), (390, 844)
 PART_SEEN = {USUAL: 0.99, LARGE: 0.99, PHONE: 1 / 3}
@@ -27,42 +27,6 @@ RESULTS = {
 CONTROL = ".st-key-bench-controls :is(input, button):visible"
 
 PATIENCE = 100
-
-CUT = """
-() => {
-  const main = document.querySelector("[data-testid=stMainBlockContainer]");
-  const edge = main.getBoundingClientRect().right + 1;
-  const inside = (one) => (one.shadowRoot ? [one, ...all(one.shadowRoot)] : [one]);
-  const all = (root) => [...root.querySelectorAll("*")].flatMap(inside);
-  const named = (one) => `${one.localName} ${one.textContent.trim().slice(0, 40)}`;
-  const handle = (one) => one.matches("input[type=range], input[type=file]"); // drawn by what is around it
-  return all(main).filter((one) => {
-    if (!one.checkVisibility({ visibilityProperty: true }) || handle(one)) return false;
-    const { width, right } = one.getBoundingClientRect();
-    const { overflowX, textOverflow } = getComputedStyle(one);
-    const clips = ["hidden", "clip"].includes(overflowX) && textOverflow !== "ellipsis" && one.innerText?.trim();
-    return width > 1 && (right > edge || (clips && one.scrollWidth > one.clientWidth + 1));
-  }).map(named);
-}
-"""
-
-WATCH_JUMPS = """
-() => {
-  window.jumps = [];
-  const said = (node) => (node?.textContent ?? "").trim().slice(0, 40) || node?.localName;
-  // The handle of a slider, with its number, moves by itself.
-  const PASSING = "[class*=st-key-working-], [data-testid=stSpinner], [data-testid=stSlider]";
-  const passing = (node) => (node?.parentElement ?? node)?.closest?.(PASSING);
-  window.jumping = new PerformanceObserver((list) => {
-    const moved = list.getEntries().flatMap(({ sources }) => sources);
-    for (const { node, previousRect: before, currentRect: now } of moved) {
-      if (!before.height || !now.height || passing(node)) continue;
-      jumps.push([Math.round(Math.abs(now.y - before.y)), said(node)]);
-    }
-  });
-  jumping.observe({ type: "layout-shift" });
-}
-"""
 
 
 def expect_on_first_screen(page: Page, name: str) -> None:
@@ -89,12 +53,12 @@ def cut(page: Page, width: int) -> list[str]:
     resized(page, width)
     # A scroll bar for the whole page would be just as bad.
     page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
-    found: list[str] = page.evaluate(CUT)
+    found: list[str] = page.evaluate(read_script("cut"))
     for _ in range(PATIENCE):  # charts follow a moment later
         if not found:
             break
         page.wait_for_timeout(100)
-        found = page.evaluate(CUT)
+        found = page.evaluate(read_script("cut"))
     return found
 
 
@@ -102,7 +66,7 @@ def jumps(page: Page, act: Callable[[], None]) -> list[tuple[int, str]]:
     """Return how far (px, vertically) each visible part of the page moved during an action, and its text."""
 
     def watched(act: Callable[[], None]) -> list[tuple[int, str]]:
-        page.evaluate(WATCH_JUMPS)
+        page.evaluate(read_script("jumps"))
         act()
         found: list[tuple[int, str]] = page.evaluate("jumping.disconnect(), jumps")
         return found

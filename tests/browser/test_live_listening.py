@@ -8,49 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.axe import check
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
-
-FAKE_MICROPHONES = """
-() => {
-  const SECONDS = 4;
-  const fake = (window.fake = { lag: 37, level: 0.2, clock: 1, channels: 2, asked: [], streams: [] });
-  const noise = (size) => {
-    let state = 7;
-    return Float32Array.from({ length: size }, () => (state = (Math.imul(state, 1664525) + 1013904223) | 0) / 2 ** 31);
-  };
-  fake.play = (one) => {
-    const { context, destination } = one;
-    const size = SECONDS * context.sampleRate;
-    const buffer = context.createBuffer(2, size, context.sampleRate);
-    const sound = noise(size);
-    for (let at = 0; at < size; at++) {
-      buffer.getChannelData(0)[at] = fake.level * sound[at];
-      buffer.getChannelData(1)[at] = fake.level * sound[(at - fake.lag + size) % size];
-    }
-    one.playing?.stop();
-    one.playing = Object.assign(context.createBufferSource(), { buffer, loop: true });
-    if (one === fake.streams.at(-1)) one.playing.playbackRate.value = fake.clock;
-    one.playing.connect(destination);
-    one.playing.start();
-  };
-  fake.change = (changes) => {
-    Object.assign(fake, changes);
-    fake.streams.forEach(fake.play);
-  };
-  navigator.mediaDevices.getUserMedia = async ({ audio }) => {
-    fake.asked.push(audio);
-    if (fake.refused) throw new DOMException("refused", fake.refused);
-    const context = new AudioContext();
-    const destination = new MediaStreamAudioDestinationNode(context, { channelCount: fake.channels });
-    const one = { context, destination };
-    fake.streams.push(one);
-    fake.play(one);
-    return destination.stream;
-  };
-  navigator.mediaDevices.enumerateDevices = async () =>
-    ["One", "Two"].map((label) => ({ kind: "audioinput", deviceId: label.toLowerCase(), label, groupId: "" }));
-}
-"""
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, read_script, screenshot, settled, turned_dark
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +16,7 @@ def page(keep_page: OpenPage) -> Page:
     """Return the page with the live microphones, which are not switched on yet."""
     page = keep_page("Sensor_lag?recordings=live")
     expect(page.locator(".listening .live-bar .state")).to_contain_text("nothing is recorded or sent")
-    page.evaluate(FAKE_MICROPHONES)
+    page.evaluate(read_script("microphones"))
     return page
 
 
@@ -102,7 +60,7 @@ def test_what_cannot_be_heard_has_its_own_sentence(page: Page) -> None:
 
 
 def test_a_lag_is_found_followed_and_frozen(page: Page) -> None:
-    page.evaluate(FAKE_MICROPHONES)
+    page.evaluate(read_script("microphones"))
     lag, said = page.locator(".listening .lag"), page.locator(".listening .said")
     freeze = page.get_by_role("button", name="Freeze")
     expect(freeze).to_be_hidden()

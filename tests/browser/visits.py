@@ -5,92 +5,25 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from playwright.sync_api import Browser, ConsoleMessage, FilePayload, Locator, Page, TimeoutError, expect
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
+SCRIPTS = Path(__file__).with_name("scripts")
+
 OpenPage = Callable[..., Page]
 
 TIMEOUT_MS = 60_000
 """Only a failure waits this long: a busy machine takes ten times as long as an idle one."""
 
-WATCH_ANSWERS = """
-const field = (bytes, start) => {
-  let [value, shift, at] = [0, 0, start];
-  do { value += (bytes[at] & 127) * 2 ** shift; shift += 7; } while (bytes[at++] & 128);
-  return [value, at];
-};
-const fields = (bytes) => {
-  const found = new Map();
-  for (let at = 0, tag, size; at < bytes.length;) {
-    [tag, at] = field(bytes, at);
-    [size, at] = [0, 1, 5].includes(tag & 7) ? { 0: field(bytes, at), 1: [8, at], 5: [4, at] }[tag & 7]
-      : field(bytes, at);
-    found.set(tag >> 3, tag & 7 ? bytes.subarray(at, at + size) : size);
-    at += tag & 7 ? size : 0;
-  }
-  return found;
-};
-const message = (data) => fields(new Uint8Array(data.buffer ?? data, data.byteOffset ?? 0, data.byteLength));
-const [RERUN_SCRIPT, FILE_URLS_REQUEST, NEW_SESSION, SCRIPT_FINISHED] = [11, 16, 4, 6];
-const AUTOMATIC = 6;
-const awaited = window.awaited = { answer: false, run: false, upload: false, timers: new Set() };
-const send = WebSocket.prototype.send;
-WebSocket.prototype.send = function (data) {
-  if (!this.url.endsWith("/_stcore/stream")) return send.call(this, data); // a live stream, which takes no run
-  if (!this.watched) this.addEventListener("message", ({ data }) => {
-    const told = message(data);
-    if (told.has(NEW_SESSION)) [awaited.answer, awaited.run] = [false, true];
-    if (told.has(SCRIPT_FINISHED)) awaited.run = false;
-  });
-  this.watched = true;
-  const asked = message(data);
-  const rerun = asked.get(RERUN_SCRIPT);
-  // A part of the page that asks again by itself is not answered when a run has removed it.
-  if (rerun && !fields(rerun).get(AUTOMATIC)) [awaited.answer, awaited.upload] = [true, false];
-  if (asked.has(FILE_URLS_REQUEST)) awaited.upload = true;
-  return send.call(this, data);
-};
-const [setTimer, clearTimer] = [window.setTimeout, window.clearTimeout];
-window.setTimeout = (call, delay, ...given) => {
-  const timer = setTimer(() => { awaited.timers.delete(timer); call(...given); }, delay);
-  if (delay > 50 && delay <= 500) awaited.timers.add(timer);
-  return timer;
-};
-window.clearTimeout = (timer) => { awaited.timers.delete(timer); clearTimer(timer); };
-"""
-"""Tracks in a page what it waits for: the server's first message about a requested run, the end of that run, the
-address for a file, and the page's own short timers, with which a slider delays what it sends."""
 
-REST = """
-async (patience) => {
-  const none = (selector) => !document.querySelector(selector);
-  const waitsFor = () => [
-    ...Object.entries(awaited).filter(([, value]) => value === true).map(([name]) => name),
-    ...[...awaited.timers].map((timer) => `timer ${timer}`),
-  ];
-  const finished = () => !waitsFor().length
-    && document.querySelector("[data-testid=stApp]")?.dataset.testScriptState === "notRunning"
-    && none("[data-testid=stSkeleton], [data-testid=stSpinner], [class*=st-key-results-cancel]")
-    && [...document.querySelectorAll("[data-testid=stPlotlyChart]")].every((chart) => chart.querySelector("svg"))
-    && [...document.images].every((image) => image.complete)
-    // A fold opens by an animation whatever one prefers; a click meanwhile goes down on a button and up beside it.
-    && !document.getAnimations().some(({ playState, effect }) =>
-      playState === "running" && effect.getComputedTiming().endTime < Infinity);
-  const last = { priority: "background" };
-  const idle = () => new Promise((done) => requestAnimationFrame(() => scheduler.postTask(done, last)));
-  const pause = () => scheduler.postTask(() => {}, { delay: 40 }); // each frame that is asked for takes the processor
-  const end = performance.now() + patience;
-  for (let times = 0; times < 3; times = finished() ? times + 1 : 0) {
-    if (performance.now() > end) throw new Error(`still busy after ${patience} ms: ${waitsFor()}`);
-    await (finished() ? idle() : pause());
-  }
-}
-"""
-"""Resolves once the page was found finished three times, each time idle: a message from the server or a click may still
-be queued, on a busy machine for long."""
+@cache
+def read_script(name: str) -> str:
+    """Return a script of the folder `scripts`, for a page to run or, if it is one function, to call."""
+    return (SCRIPTS / f"{name}.js").read_text(encoding="utf-8")
 
 
 @contextmanager
@@ -124,7 +57,7 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
             reduced_motion="no-preference" if moving else "reduce",
         )
         page.set_default_timeout(TIMEOUT_MS)
-        page.add_init_script(WATCH_ANSWERS + script)
+        page.add_init_script(read_script("answers") + script)
         if not loses_server:  # the console reports that as often as the page retries
             page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
@@ -177,7 +110,7 @@ def expect_fitting(page: Page, width: int) -> None:
 def settled(page: Page) -> None:
     """Wait until the server has answered, the script has run, heavy work is done and every chart is drawn."""
     page.wait_for_selector("h1")
-    page.evaluate(REST, TIMEOUT_MS)
+    page.evaluate(read_script("rest"), TIMEOUT_MS)
 
 
 def expect_visible(wanted: Locator) -> None:

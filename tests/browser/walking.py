@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 from playwright.sync_api import Page
 
-SCRIPT = Path(__file__).with_name("walking.js").read_text(encoding="utf-8")
+from tests.browser.visits import read_script
 
 MOST_STOPS, AT_ONCE = 256, 8
 
@@ -32,7 +31,7 @@ class Walk(NamedTuple):
 
 def walked(page: Page, *, backwards: bool = False) -> Walk:
     """Press Tab until the focus has left the page, and raise an error if it never does."""
-    page.evaluate(SCRIPT)
+    page.evaluate(read_script("walking"))
     key = "Shift+Tab" if backwards else "Tab"
     for _ in range(MOST_STOPS // AT_ONCE):
         for _ in range(AT_ONCE):

@@ -1,9 +1,9 @@
 // A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
 // It takes its next picture once the one before was answered, so that answers and pictures go together.
 (() => {
-  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 200];
-  const COVERED = [60, 90];
-  const AWAY = [120, 165];
+  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 120];
+  const COVERED = [25, 45];
+  const AWAY = [60, 105];
   let seed = 7;
   const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
   const drawing = (cols, rows) => new OffscreenCanvas(cols, rows).getContext("2d");
@@ -60,7 +60,7 @@
   };
 
   const sent = []; // numbers of the pictures that are not answered yet
-  const scene = { number: 0, told: [], placeAt, COLS, SIDE, LAST, refused: "", tracks: [] };
+  const scene = { number: 0, told: [], placeAt, AWAY, COLS, SIDE, LAST, refused: "", tracks: [] };
   /** @type {any} */ (window).scene = scene;
   const take = () => paint(scene.number); // what is painted is the camera's next picture
   navigator.mediaDevices.getUserMedia = async () => {
