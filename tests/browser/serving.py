@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 import socket
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 from playwright.sync_api import Browser, sync_playwright
 
@@ -31,7 +34,9 @@ CHROMIUM_OPTIONS = (
     "--js-flags=--no-enable-lazy-source-positions",
 )
 
-START_TIMEOUT_S = 60
+NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
+
+PATIENCE_S = 120
 
 
 def free_port() -> int:
@@ -39,6 +44,33 @@ def free_port() -> int:
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         return int(listener.getsockname()[1])
+
+
+def status_of(url: str) -> int | None:
+    """Return the status of an answer, or None if there is none."""
+    try:
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as refused:
+        with refused:
+            return refused.code
+    except (urllib.error.URLError, ConnectionError, TimeoutError):
+        return None
+
+
+def is_healthy(port: int) -> bool:
+    return status_of(f"http://localhost:{port}/_stcore/health") == 200
+
+
+def wait_until(
+    met: Callable[[], object], process: subprocess.Popen[Any] | None = None, told: Callable[[], str] = str
+) -> None:
+    """Wait for a condition; fail after two minutes, or once the process that should meet it has ended."""
+    end = time.monotonic() + PATIENCE_S
+    while not met():
+        assert process is None or process.poll() is None, told()
+        assert time.monotonic() < end, told()
+        time.sleep(0.05)
 
 
 @contextmanager
@@ -51,10 +83,24 @@ def served_process(
     variables = os.environ | {"PYTHONPATH": str(PROJECT)} | dict(environment or {})
     with subprocess.Popen(command + options, cwd=PROJECT, env=variables, stdout=subprocess.DEVNULL) as server:
         try:
-            _wait_until_healthy(server, f"http://localhost:{port}/_stcore/health")
+            wait_until(lambda: is_healthy(port), server)
             yield server
         finally:
             server.terminate()
+
+
+@contextmanager
+def served_alone(
+    command: Sequence[str | Path], port: int, printed: Path, *, ended_by: signal.Signals, **options: Any
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a command that serves the app and prints to a file; expect it to end well by a signal."""
+    with printed.open("w") as log, subprocess.Popen(command, stdout=log, stderr=log, **options) as server:
+        try:
+            wait_until(lambda: is_healthy(port), server, lambda: printed.read_text())
+            yield server
+        finally:
+            server.send_signal(ended_by)
+            assert server.wait(PATIENCE_S) == 0
 
 
 @contextmanager
@@ -104,14 +150,3 @@ def chromium(path: str, *, scale: float = 1) -> Iterator[Browser]:
             yield browser
         finally:
             browser.close()
-
-
-def _wait_until_healthy(server: subprocess.Popen[bytes], url: str) -> None:
-    deadline = time.monotonic() + START_TIMEOUT_S
-    while time.monotonic() < deadline and server.poll() is None:
-        try:
-            with urllib.request.urlopen(url, timeout=5):
-                return
-        except (urllib.error.URLError, ConnectionError, TimeoutError):
-            time.sleep(0.1)
-    raise RuntimeError(f"the app did not start within {START_TIMEOUT_S} s")

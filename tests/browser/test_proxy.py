@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import socket
 import subprocess
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass
 from email.message import Message
 from pathlib import Path
@@ -23,10 +21,9 @@ from playwright.sync_api import Browser, expect
 from stereolag.ui.navigation import PAGES
 from tests.app import uploads
 from tests.browser.fake_media import played_cameras, stereo_scene
-from tests.browser.serving import PROJECT, Server, free_port
+from tests.browser.serving import NGINX, PROJECT, Server, free_port, status_of, wait_until
 from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
 
-NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
 PROMISED = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
@@ -92,17 +89,9 @@ def proxy(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         nginx = running.enter_context(subprocess.Popen([NGINX, "-p", str(folder), "-c", "nginx.conf", "-e", "stderr"]))
         running.callback(nginx.terminate)
         address = f"http://localhost:{port}"
-        end = time.monotonic() + 60
-        while True:
-            assert nginx.poll() is None
-            assert time.monotonic() < end
-            with suppress(urllib.error.URLError):
-                ask(address, "/_stcore/health")
-                break
-            time.sleep(0.1)
+        wait_until(lambda: status_of(f"{address}/_stcore/health"), nginx)
         started = Proxy(address, frozenset(processes), folder / "access.log")
-        while not started.visits():  # the first request is logged after its answer
-            time.sleep(0.1)
+        wait_until(started.visits)  # the first request is logged after its answer
         yield started
 
 
@@ -137,9 +126,8 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
         settled(page)
         expect(page.get_by_test_id("stException")).to_have_count(0)
         expect_visible(page.get_by_text("The files of this page are gone"))
-    end = time.monotonic() + 60
-    while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
-        time.sleep(0.1)  # a socket is logged only once it has closed
+    # A socket is logged only once it has closed.
+    wait_until(lambda: sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) >= 2)
     visits = proxy.visits()[before:]
     assert len({process for process, _, _ in visits}) == 1, visits
     paths = [path for _, _, path in visits]

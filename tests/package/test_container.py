@@ -6,9 +6,9 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sysconfig
-import time
 import tomllib
 import urllib.error
 import urllib.request
@@ -19,17 +19,13 @@ from typing import Any
 import pytest
 import yaml
 from packaging.specifiers import SpecifierSet
-from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 
 from stereolag.core.jobs import PREFIX, Limits
 from stereolag.loops.compilation import FOLDER
-from tests.browser.serving import free_port
-from tests.protocol import visit
+from tests.browser.serving import NGINX, PROJECT, free_port, served_alone, status_of, wait_until
+from tests.protocol import faultless, visit
 
-PROJECT = Path(__file__).resolve().parents[2]
 DEPLOYMENT = PROJECT / "deployment"
-NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))
-PATIENCE_S = 120
 
 WATCH = """
 import os, sys
@@ -168,43 +164,16 @@ def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_as
     environment = surroundings(image, PORT=str(port), PYTHONPATH=str(tmp_path), ASKED=str(tmp_path / "asked"))
     del environment["HOME"]  # it needs no home folder
     printed = tmp_path / "printed"
-    with (
-        printed.open("w") as log,
-        subprocess.Popen(command, cwd=image, env=environment, stdout=log, stderr=log) as app,
-    ):
-        try:
-            end = time.monotonic() + PATIENCE_S
-            while answer(f"http://localhost:{port}/_stcore/health") != 200:
-                assert app.poll() is None, printed.read_text()
-                assert time.monotonic() < end, printed.read_text()
-                time.sleep(0.1)
-            checked = step(check, image, PORT=str(port))
-            assert (checked.returncode, checked.stderr) == (0, "")
-            (address,) = [line.split()[-1] for line in printed.read_text().splitlines() if "://" in line]
-            assert address == f"http://localhost:{port}"
-            messages = visit(address)
-            assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
-            shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
-            assert any("50,082 samples" in element.markdown.body for element in shown)
-            assert not [element for element in shown if element.WhichOneof("type") == "exception"]
-        finally:
-            app.terminate()
-            assert app.wait(PATIENCE_S) == 0  # docker stop sends the same signal, and need not kill it
+    # docker stop sends the same signal, and need not kill it.
+    with served_alone(command, port, printed, ended_by=signal.SIGTERM, cwd=image, env=environment):
+        checked = step(check, image, PORT=str(port))
+        assert (checked.returncode, checked.stderr) == (0, "")
+        (address,) = [line.split()[-1] for line in printed.read_text().splitlines() if "://" in line]
+        assert address == f"http://localhost:{port}"
+        assert any("50,082 samples" in element.markdown.body for element in faultless(visit(address)))
     assert printed.read_text().count("://") == 1
     assert "Traceback" not in printed.read_text()
     assert not (tmp_path / "asked").exists(), (tmp_path / "asked").read_text()
-
-
-def answer(address: str) -> int | None:
-    """Return the status of the answer, or None if there is none."""
-    try:
-        with urllib.request.urlopen(address, timeout=5) as answered:
-            return int(answered.status)
-    except urllib.error.HTTPError as refused:
-        with refused:
-            return refused.code
-    except (urllib.error.URLError, ConnectionError):
-        return None
 
 
 def test_the_processes_stand_where_the_proxy_looks_for_them() -> None:
@@ -263,11 +232,7 @@ def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Pa
         text=True,
     ) as nginx:
         try:
-            end = time.monotonic() + 60
-            while answer(f"http://localhost:{port}/_stcore/health") is None:
-                assert nginx.poll() is None
-                assert time.monotonic() < end
-                time.sleep(0.1)
+            wait_until(lambda: status_of(f"http://localhost:{port}/_stcore/health"), nginx)
             assert nginx.stdout is not None
             assert '"GET /_stcore/health HTTP/1.1" 502' in nginx.stdout.readline()
             with urllib.request.urlopen(f"http://localhost:{port}/share-card.png") as card:

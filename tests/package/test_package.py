@@ -7,26 +7,18 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
-import time
-import urllib.error
-import urllib.request
 import venv
 import zipfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 
 from stereolag.commands import main
 from stereolag.loops.compilation import FOLDER
 from stereolag.version import VERSION
-from tests.browser.serving import free_port
-from tests.protocol import visit
-
-PROJECT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 120
+from tests.browser.serving import PROJECT, free_port, served_alone
+from tests.protocol import faultless, visit
 
 
 def run(command: Sequence[str | Path], folder: Path) -> str:
@@ -124,49 +116,18 @@ def test_the_command_tells_its_options_and_refuses_what_it_does_not_know(capsys:
         assert said in "".join(capsys.readouterr())
 
 
-@contextmanager
-def served(scripts: Path, folder: Path) -> Iterator[tuple[str, Path, int]]:
-    """Run ``stereolag app`` in a folder; once it is healthy, yield its address, the file with its output and its id."""
-    port = free_port()
-    address = f"http://localhost:{port}"
-    printed = folder / "printed"
-    command = [scripts / "stereolag", "app", "--port", str(port)]
-    environment = {"HOME": str(scripts), "NUMBA_CACHE_DIR": code(), "PYTHONUNBUFFERED": "1"}
-    with (
-        printed.open("w") as output,
-        subprocess.Popen(command, cwd=folder, env=environment, stdout=output, stderr=subprocess.STDOUT) as server,
-    ):
-        try:
-            end = time.monotonic() + PATIENCE_S
-            while not healthy(address):
-                assert server.poll() is None, printed.read_text()
-                assert time.monotonic() < end, printed.read_text()
-                time.sleep(0.05)
-            yield address, printed, server.pid
-        finally:
-            server.send_signal(signal.SIGINT)
-            assert server.wait(PATIENCE_S) == 0
-
-
-def healthy(address: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{address}/_stcore/health", timeout=5) as answer:
-            return bool(answer.read() == b"ok")
-    except (urllib.error.URLError, ConnectionError):
-        return False
-
-
 def test_the_command_serves_its_pages_from_any_folder(scripts: Path, tmp_path: Path) -> None:
     (tmp_path / ".streamlit").mkdir()
     (tmp_path / ".streamlit/config.toml").write_text('[server]\nbaseUrlPath = "another/app"\n')
-    with served(scripts, tmp_path) as (address, printed, process):
+    port, printed = free_port(), tmp_path / "printed"
+    command = [scripts / "stereolag", "app", "--port", str(port)]
+    environment = {"HOME": str(scripts), "NUMBA_CACHE_DIR": code(), "PYTHONUNBUFFERED": "1"}
+    with served_alone(command, port, printed, ended_by=signal.SIGINT, cwd=tmp_path, env=environment) as server:
         for page, said in {"": "50,082 samples", "Sensor_lag": "378.17\N{NO-BREAK SPACE}m"}.items():
-            messages = visit(address, page)
-            assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
-            shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
-            assert any(said in str(element) for element in shown), page
-            assert not [element for element in shown if element.WhichOneof("type") in ("exception", "alert")], page
+            messages = visit(f"http://localhost:{port}", page)
+            assert any(said in str(element) for element in faultless(messages)), page
         assert "#5a4a9c" in str(messages[0].new_session)  # the theme of the app's own settings
         assert printed.read_text().count("://") == 1
         # Watching the files of the pages, and an environment beside them, can take more time than the maps.
-        assert not [one for one in Path(f"/proc/{process}/fd").glob("*") if "inotify" in str(one.readlink())]
+        opened = Path(f"/proc/{server.pid}/fd").glob("*")
+        assert not [one for one in opened if "inotify" in str(one.readlink())]
