@@ -21,7 +21,7 @@ from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
 from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import FindingCode, Remedy
-from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, row_evidence
+from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit, row_evidence
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
@@ -346,6 +346,14 @@ def test_rows_match_after_turning_and_freeing_of_the_lens(lens: float, turns: tu
     exchanged = Correspondences(views.right, views.left, SHAPE)
     swapped = fit_rectification(exchanged, lens=True)
     assert np.median(model.disparities(views)[0]) > 0 > np.median(swapped.disparities(exchanged)[0])
+
+
+def test_a_fit_is_not_led_by_outliers() -> None:
+    rng = np.random.default_rng(2)
+    terms = np.column_stack([np.ones(200), rng.uniform(-1, 1, (200, 2))])
+    values = terms @ [3.0, -2.0, 1.0] + rng.normal(0, 0.05, 200)
+    values[:50] += rng.uniform(5, 50, 50)
+    np.testing.assert_allclose(robust_fit(terms, values), [3.0, -2.0, 1.0], atol=0.05)
 
 
 # Unrectified pairs: lenses and rotated cameras
