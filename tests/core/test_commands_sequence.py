@@ -21,7 +21,6 @@ from small_drives import write_folders
 import stereolag as sl
 from stereolag.core.settings import changed
 from stereolag.io.calibrations import calibration_json
-from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]
 RANGE = ("--num-disparities", 16)
@@ -38,12 +37,6 @@ def sides(tmp_path: Path) -> tuple[Path, Path]:
 
 def rows_of(out: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO((out / "frames.csv").read_text())))
-
-
-def noted(out: Path) -> dict[str, object]:
-    """Return the settings that a folder was made with, by method."""
-    made_of = json.loads((out / "sequence.json").read_text())["made_of"]
-    return {name: one["settings"] for name, one in made_of["settings"].items()}
 
 
 def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(
@@ -72,28 +65,18 @@ def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(
     assert known.figures["range_px"] == [0, 27]
 
 
-@pytest.mark.parametrize(
-    ("choice", "folder", "start"),
-    [((), "fast", sl.preset("fast")), (("--settings", "settings.json"), "sgbm", sl.StereoSGBM(uniqueness_ratio=3))],
-)
 def test_settings_come_from_the_same_flags_as_those_of_a_pair(
-    sides: tuple[Path, Path],
-    tmp_path: Path,
-    choice: tuple[str, ...],
-    folder: str,
-    start: StereoMatcher,
-    ran: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    sides: tuple[Path, Path], tmp_path: Path, ran: Command
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    sl.write_matcher("settings.json", sl.StereoSGBM(uniqueness_ratio=3))
-    side = "--window-size" if "window_size" in type(start).model_fields else "--block-size"
-    told = ran("sequence", *sides, "--out", "out", *choice, *GIVEN, side, 9)
+    start, file = sl.StereoSGBM(uniqueness_ratio=3), tmp_path / "settings.json"
+    sl.write_matcher(file, start)
+    told = ran("sequence", *sides, "--out", tmp_path / "out", "--settings", file, *GIVEN, "--block-size", 9)
     assert (told.code, told.err) == (0, "")
-    expected = changed(start.with_search_range(0, 16), {side[2:].replace("-", "_"): 9})
-    assert noted(tmp_path / "out") == {folder: expected.model_dump(mode="json")}
+    expected = changed(start.with_search_range(0, 16), {"block_size": 9})
+    made_of = json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["settings"]
+    assert {name: one["settings"] for name, one in made_of.items()} == {"sgbm": expected.model_dump(mode="json")}
     left, right = (sl.read_image(one / "000.png") for one in sides)
-    found = sl.read_disparity(f"out/{folder}/000.png")
+    found = sl.read_disparity(tmp_path / "out" / "sgbm" / "000.png")
     np.testing.assert_allclose(found, expected.compute(left, right).disparity, atol=1 / 256)
 
 
