@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import random
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -87,16 +88,14 @@ def test_a_damaged_frame_concerns_no_other() -> None:
     broken = bytearray(whole)
     broken[starts[5] : starts[5] + 600] = bytes(600)
     file = VideoFile(bytes(broken))
-    for number in (4, 5, 6, 5, 11):
-        if number == 5:
-            with pytest.raises(ValueError, match=r"^Frame 5 of the video is damaged and cannot be decoded\.$"):
-                file.frame(5)
-        else:
-            assert number_in(file.frame(number)) == number
+    for before, after in ((4, 6), (6, 11)):
+        assert number_in(file.frame(before)) == before
+        with pytest.raises(ValueError, match=r"^Frame 5 of the video is damaged and cannot be decoded\.$"):
+            file.frame(5)
+        assert number_in(file.frame(after)) == after
 
 
 def test_damage_never_shows_as_another_frame(mp4: bytes) -> None:
-    pictures = [VideoFile(mp4).frame(number) for number in range(COUNT)]
     random_bytes = random.Random(1)
     read = 0
     begin = mp4.index(b"mdat")
@@ -105,17 +104,12 @@ def test_damage_never_shows_as_another_frame(mp4: bytes) -> None:
         broken = bytearray(mp4)
         for _ in range(3):
             broken[random_bytes.randrange(begin + 4, end)] ^= 0xFF
-        try:
+        with suppress(ValueError):
             file = VideoFile(bytes(broken))
-        except ValueError:
-            continue
-        for number in random_bytes.sample(range(COUNT), 8):
-            try:
-                frame = file.frame(number)
-            except ValueError:
-                continue
-            read += 1
-            assert frame.shape == pictures[number].shape
+            for number in random_bytes.sample(range(COUNT), 8):
+                with suppress(ValueError):
+                    assert file.frame(number).shape == (64, 96, 3)
+                    read += 1
     assert read > 10
 
 
