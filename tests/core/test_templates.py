@@ -101,7 +101,7 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
 
 
 @given(searches())
-@settings(max_examples=80)
+@settings(max_examples=60)
 def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)

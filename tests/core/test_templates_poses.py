@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any
@@ -16,11 +17,9 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks.searches import drawn
-from stereolag import samples
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.settings import Bounds
-from stereolag.io.images import read_image
-from stereolag.templates import TemplateMatch, estimate_search, match_template
+from stereolag.templates import estimate_search, match_template
 from stereolag.templates.patterns import pattern_of, warped, warped_shape
 from stereolag.templates.poses import ROTATION_STEP, SCALE_STEP, PoseRange
 
@@ -90,35 +89,6 @@ def test_grey_and_a_mask() -> None:
     assert abs(match.col - 80) <= 1
 
 
-def test_several_sizes_of_one_template_are_all_found() -> None:
-    template = sprite()
-    scene = drawn(blobs((140, 200, 3)), template, 40.0, 45.0, 0.9, 20.0)
-    scene = drawn(scene, template, 90.0, 140.0, 1.2, -10.0)
-    ranges: dict[str, Any] = {"scales": (0.85, 1.25), "rotations": (-13, 23)}
-    search = match_template(scene, template, **ranges, max_matches=2)
-    assert search.clear == 2
-    assert sorted(round(match.scale, 1) for match in search.matches) == [0.9, 1.2]
-    alone = match_template(scene, template, **ranges)
-    assert (alone.found, alone.reason) == (False, "look_alikes")
-
-
-def in_scene(matches: list[TemplateMatch], centres: list[tuple[float, float]]) -> int:
-    """Return how many of the centres are those of a match, to 2 px."""
-    middles = [(match.row + match.height / 2, match.col + match.width / 2) for match in matches]
-    return sum(any(math.dist(middle, centre) < 2 for middle in middles) for centre in centres)
-
-
-def test_all_of_many_copies_at_all_angles_are_found() -> None:
-    random, template = np.random.default_rng(3), sprite()
-    centres = [(row, col) for row in range(40, 180, 64) for col in range(40, 180, 64)]
-    scene = blobs((208, 208, 3))
-    for row, col in centres:
-        scene = drawn(scene, template, float(row), float(col), 1.0, float(random.uniform(-180, 180)))
-    search = match_template(scene, template, rotations=(-180, 180), max_matches=99)
-    assert in_scene(search.matches, centres) == len(centres)
-    assert search.clear == len(centres) == 9
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_size_of_one_between_the_pixels_is_recovered(seed: int) -> None:
     """On whole pixels a small one would score best a few percent too large or too small."""
@@ -155,7 +125,8 @@ def test_wide_copies_side_by_side_are_all_found_in_any_direction() -> None:
     for row, col in centres:
         scene = drawn(scene, template, row, col, 1.0, turn)
     search = match_template(scene, template, rotations=(-45, -25), max_matches=9)
-    assert in_scene(search.matches, centres) == 5
+    found = [(match.row + match.height / 2, match.col + match.width / 2) for match in search.matches]
+    assert all(min(math.dist(centre, middle) for middle in found) < 2 for centre in centres)
 
 
 def test_a_template_larger_than_the_image_may_lie_in_it_smaller() -> None:
@@ -171,16 +142,6 @@ def test_a_template_larger_than_the_image_may_lie_in_it_smaller() -> None:
 def test_a_constant_image_holds_no_size_of_it() -> None:
     search = match_template(np.full((90, 90), 7, np.uint8), blobs((30, 30)), scales=(0.8, 1.2))
     assert (search.found, search.matches, search.best) == (False, [], None)
-
-
-def test_rocketman_is_found_at_his_size_and_angle_and_nobody_where_he_is_not() -> None:
-    maze, ranges = samples.mazes()["maze"], {"scales": (0.9, 1.0), "rotations": (8, 16)}
-    picture, rocketman = read_image(maze.picture)[:220, :240], read_image(maze.template)
-    search = match_template(drawn(picture, rocketman, 110.0, 120.0, 0.95, 12.0), rocketman, **ranges)
-    assert (search.found, search.clear, len(search.matches)) == (True, 1, 1)
-    (match,) = search.matches
-    assert (match.scale, match.rotation) == (pytest.approx(0.95, rel=0.03), pytest.approx(12, abs=2))
-    assert not match_template(picture, rocketman, **ranges).found
 
 
 @given(
@@ -206,7 +167,6 @@ def test_hidden_pixels_do_not_bleed_into_a_warped_template() -> None:
     opaque = np.zeros((30, 30), dtype=np.bool_)
     opaque[8:22, 8:22] = True
     pattern = warped(pattern_of(colours, opaque), 0.7, 20)
-    assert pattern is not None
     assert pattern.colours[pattern.opaque].max() <= 128
     area = 14 * 14 * 0.7**2
     assert 0.6 * area < pattern.count < area
@@ -223,7 +183,7 @@ def test_progress_rises_to_one_in_small_steps_and_cancels_if_it_raises() -> None
     fractions: list[float] = []
     scene = blobs((80, 90, 3))
     ranges = {"scales": (0.8, 1.2), "rotations": (-10, 10)}
-    match_template(scene, scene[30:70, 40:80], **ranges, progress=fractions.append)  # type: ignore[arg-type]
+    match_template(scene, scene[30:70, 40:80], **ranges, progress=fractions.append)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
     assert max(np.diff([0.0, *fractions])) < 0.25
@@ -232,7 +192,7 @@ def test_progress_rises_to_one_in_small_steps_and_cancels_if_it_raises() -> None
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        match_template(scene, scene[30:70, 40:80], **ranges, progress=cancel)  # type: ignore[arg-type]
+        match_template(scene, scene[30:70, 40:80], **ranges, progress=cancel)
 
 
 @pytest.mark.parametrize(
@@ -283,7 +243,7 @@ def test_more_sizes_and_angles_take_longer() -> None:
 WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice", "103.07")
 
 
-def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
+def words(size: float, named: Sequence[str] = WORDS) -> npt.NDArray[np.uint8]:
     """Return words below one another at so much of their size, with what a font rounds at each size."""
     picture = Image.new("RGB", (round(220 * size), round(30 * size * len(named) + 20)), (252, 252, 252))
     for number, word in enumerate(named):
@@ -292,38 +252,38 @@ def words(size: float, named: tuple[str, ...] = WORDS) -> npt.NDArray[np.uint8]:
     return np.asarray(picture)
 
 
+def row_of(number: int) -> slice:
+    """Return the rows of a word at its own size, and a little around it."""
+    return slice(8 + 30 * number, 32 + 30 * number)
+
+
 @pytest.mark.parametrize(("number", "size"), [(0, 1.25), (6, 1.1)])
-def test_a_word_drawn_anew_at_another_size_is_found_and_one_with_another_letter_is_not(
-    number: int, size: float
+def test_a_word_with_another_letter_is_not_found_when_drawn_anew_at_another_size(number: int, size: float) -> None:
+    exchanged = list(WORDS)
+    exchanged[number] = WORDS[number][:3] + "g" + WORDS[number][4:]
+    assert not match_template(words(size, exchanged), words(1.0)[row_of(number), 26:100], scales=(0.9, 1.6)).found
+
+
+LISTED = ("Madrid", "Tokyo", "Oslo", "Engine", "Brake", "Voltage", "Current", "Pressure")
+
+
+@pytest.mark.parametrize(
+    ("named", "word", "size"), [(LISTED, "Current", 1.1), (WORDS, "Account", 1.25), (WORDS, "103.07", 1.33)]
+)
+def test_a_word_drawn_anew_is_found_though_its_letters_move_and_others_score_higher(
+    named: Sequence[str], word: str, size: float
 ) -> None:
-    row, other = 12 + 30 * number, WORDS[number][:3] + "g" + WORDS[number][4:]
-    template = words(1.0)[row - 4 : row + 20, 26:100]
-    search = match_template(words(size), template, scales=(0.9, 1.6))
-    assert search.found and search.best is not None
-    assert search.best.row + search.best.height / 2 == pytest.approx((row + 8) * size, abs=2.5)
+    number = named.index(word)
+    template = words(1.0, named)[row_of(number), 26 : 80 if word == "103.07" else 100]
+    search = match_template(words(size, named), template, scales=(0.9, 1.6))
+    assert search.found
+    assert search.best.row + search.best.height / 2 == pytest.approx((20 + 30 * number) * size, abs=2.5)
     assert search.best.scale == pytest.approx(size, rel=0.07)
-    exchanged = tuple(other if word == WORDS[number] else word for word in WORDS)
-    assert not match_template(words(size, exchanged), template, scales=(0.9, 1.6)).found
-
-
-def test_a_word_whose_letters_moved_so_far_that_other_words_score_higher_is_found() -> None:
-    named = ("Madrid", "Tokyo", "Oslo", "Engine", "Brake", "Voltage", "Current", "Pressure")
-    row = 12 + 30 * named.index("Current")
-    search = match_template(words(1.1, named), words(1.0, named)[row - 4 : row + 20, 26:100], scales=(0.9, 1.6))
-    assert search.found and search.best is not None
-    assert search.best.row + search.best.height / 2 == pytest.approx((row + 8) * 1.1, abs=2.5)
+    assert word != "103.07" or search.best.col == pytest.approx(26 * size, abs=1)
 
 
 def test_what_the_rim_cuts_off_of_the_line_above_is_not_of_the_word() -> None:
     named = tuple(word for pair in zip(("Gallery",) * 3, WORDS, strict=False) for word in pair)
     row, size = 12 + 30, 1.33
     template = np.vstack([words(1.0, named)[27:30, 26:100], words(1.0, named)[row - 1 : row + 18, 26:100]])
-    picture = words(size, named)
-    assert match_template(picture, template, scales=(0.9, 1.6)).found
-
-
-def test_a_word_drawn_anew_lies_where_its_first_letter_does() -> None:
-    number, size = WORDS.index("103.07"), 1.33
-    template = words(1.0)[8 + 30 * number : 32 + 30 * number, 26:80]
-    search = match_template(words(size), template, scales=(0.9, 1.6))
-    assert search.found and search.matches[0].col == pytest.approx(26 * size, abs=1)
+    assert match_template(words(size, named), template, scales=(0.9, 1.6)).found
