@@ -5,12 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -41,6 +40,7 @@ SESSION = "test session id"
 def without_a_browser() -> Iterator[None]:
     """Leave out what AppTest does too often, and what is done or waited for on account of a browser."""
     ask, only_scripts = local_script_runner.require_widgets_deltas, cache(ScriptCache)
+    run = AppTest._run
 
     def wait(runner: local_script_runner.LocalScriptRunner, timeout: float = 3) -> None:
         """Sleep until a run has ended: AppTest polls every millisecond, and takes the lock from the page each time."""
@@ -48,6 +48,12 @@ def without_a_browser() -> Iterator[None]:
         assert thread is not None
         thread.join(timeout)
         ask(runner, 0 if thread.is_alive() else 1)
+
+    def run_without_a_failure(app: AppTest, *given: Any, **more: Any) -> AppTest:
+        """Run a page: none may fail, in any run of any test."""
+        run(app, *given, **more)
+        assert not app.exception, [one.message for one in app.exception]
+        return app
 
     with pytest.MonkeyPatch.context() as patch:
         # A server scans installed packages for components and compiles the pages only once.
@@ -57,16 +63,11 @@ def without_a_browser() -> Iterator[None]:
         # Hashes of messages save sending them again.
         patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
         patch.setattr(local_script_runner, "require_widgets_deltas", wait)
+        patch.setattr(AppTest, "_run", run_without_a_failure)
         # Nobody has to draw a map first, and no second file is on its way.
         patch.setattr(streamlit_inside, "HEAD_START_S", 0)
         patch.setattr(uploads, "ARRIVAL_S", 0.1)
         yield
-
-
-@pytest.fixture(scope="module", autouse=True)
-def a_new_server() -> None:
-    """Clear the shared examples and their cached results once per test file: files run in any order."""
-    st.cache_resource.clear()
 
 
 @pytest.fixture(autouse=True)
@@ -126,31 +127,6 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
     return opened
 
 
-@pytest.fixture(scope="module")
-def small_boards() -> Iterator[None]:
-    """Make the calibration page draw its example with fewer pairs and half the pixels."""
-    smaller, whole = np.diag([0.7, 0.7, 1.0]), calibrate.drawn_rig()
-    left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
-    rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "drawn_rig", lambda: rig)
-        patch.setattr(calibrate, "PAIRS", 6)
-        patch.setattr(calibrate, "WRONG_PAIR", 3)
-        st.cache_resource.clear()
-        yield
-        st.cache_resource.clear()
-
-
-@contextmanager
-def examples_of(module: ModuleType, kind: str, parts: Mapping[str, Any]) -> Iterator[None]:
-    """Replace a module's examples of one kind, and clear everything computed from the previous ones."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, kind, lambda: parts)
-        st.cache_resource.clear()
-        yield
-        st.cache_resource.clear()
-
-
 DRIVE = ("left", "right", "disparity", "occlusion", "objects")
 
 
@@ -173,13 +149,6 @@ def part_of_drive(tmp_path_factory: pytest.TempPathFactory) -> samples.DriveExam
         paths[name][number].write_bytes(uploaded.png(image, compress_level=1))
     calibration = with_camera_of_part(whole.calibration, folder, row, col, rows, cols)
     return replace(whole, calibration=calibration, **paths)
-
-
-@pytest.fixture(scope="module")
-def short_drive(part_of_drive: samples.DriveExample) -> Iterator[None]:
-    """Make the driving page show a part of its example; tests/core looks at all of it."""
-    with examples_of(inputs, "drives", {part_of_drive.name: part_of_drive}):
-        yield
 
 
 @pytest.fixture
@@ -209,13 +178,6 @@ PART_OF_PAIR = {"cube": (80, 100), "road": (10, 560)}
 """First row and column of a crop that is not central: the cube at its nearest, and the sky over the road."""
 
 
-@pytest.fixture(scope="module")
-def small_pairs(parts_of_pairs: dict[str, samples.StereoExample]) -> Iterator[None]:
-    """Make the depth page match a crop of each example; other tests here and in tests/core match the whole images."""
-    with examples_of(samples, "stereo_pairs", parts_of_pairs):
-        yield
-
-
 @pytest.fixture(scope="session")
 def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.MazeExample]:
     """Return a sixteenth of each maze, with Rocketman in it."""
@@ -228,11 +190,30 @@ def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
     return parts
 
 
-@pytest.fixture(scope="module")
-def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None]:
-    """Make the template page search a part of each maze."""
-    with examples_of(samples, "mazes", parts_of_mazes):
+@pytest.fixture(scope="module", autouse=True)
+def small_examples(
+    part_of_drive: samples.DriveExample,
+    parts_of_pairs: dict[str, samples.StereoExample],
+    parts_of_mazes: dict[str, samples.MazeExample],
+) -> Iterator[None]:
+    """Make the pages of a test file show parts of their examples, and few and small drawn boards.
+
+    The shared examples and results are cleared before and after: files run in any order. Tests in tests/core look at
+    the whole examples.
+    """
+    smaller, whole = np.diag([0.7, 0.7, 1.0]), calibrate.drawn_rig()
+    left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
+    rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inputs, "drives", lambda: {part_of_drive.name: part_of_drive})
+        patch.setattr(samples, "stereo_pairs", lambda: parts_of_pairs)
+        patch.setattr(samples, "mazes", lambda: parts_of_mazes)
+        patch.setattr(calibrate, "drawn_rig", lambda: rig)
+        patch.setattr(calibrate, "PAIRS", 6)
+        patch.setattr(calibrate, "WRONG_PAIR", 3)
+        st.cache_resource.clear()
         yield
+        st.cache_resource.clear()
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -12,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.driving.inputs import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
-from tests.app.pages import DRIVING, PROJECT
+from tests.app.pages import DRIVING, PROJECT, until
 from tests.archives import zipped
 from tests.packed import told
 
@@ -44,13 +43,8 @@ def opened(data: bytes, name: str = "drive.zip") -> AppTest:
 
 def finished(app: AppTest) -> AppTest:
     """Return the page once its computation has ended."""
-    end = time.monotonic() + 120
-    while app.session_state[WORK].job.running:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    app.run()
-    assert not app.exception
-    return app
+    until(lambda: not work_of(app).job.running)
+    return app.run()
 
 
 def player(app: AppTest) -> dict[str, Any]:

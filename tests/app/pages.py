@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from streamlit.testing.v1 import AppTest
@@ -21,6 +23,20 @@ OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 
 
+def _script() -> None:
+    import streamlit as st
+
+    st.session_state["script"]()
+
+
+def page_of(script: Callable[[], None], state: Mapping[str, Any] = MappingProxyType({})) -> AppTest:
+    """Return a page that is one function, after its first run; other than with AppTest alone, its names are known."""
+    app = AppTest.from_function(_script, default_timeout=120)
+    for key, value in {"script": script, **state}.items():
+        app.session_state[key] = value
+    return app.run()
+
+
 def arrive(app: AppTest, path: str | None = None, **parameters: str) -> AppTest:
     """Run a page with this address, by default the current page; ``__`` stands for a dot in a parameter's name."""
     if path is not None:
@@ -28,7 +44,6 @@ def arrive(app: AppTest, path: str | None = None, **parameters: str) -> AppTest:
     app.query_params.clear()
     app.query_params |= {name.replace("__", "."): value for name, value in parameters.items()}
     app.run()
-    assert not app.exception
     return app
 
 
@@ -72,6 +87,10 @@ def captions(app: AppTest) -> str:
     return " ".join(f"{caption.value} {caption.help}" for caption in app.caption)
 
 
+def charts(app: AppTest) -> list[dict[str, Any]]:
+    return [json.loads(chart.proto.spec) for chart in app.get("plotly_chart")]
+
+
 def controls(app: AppTest) -> dict[str, Any]:
     """Return the controls that can be moved, without the boxes beside sliders, by their keys."""
     widgets = [*app.slider, *app.number_input, *app.selectbox, *app.toggle, *app.get("button_group")]
@@ -79,12 +98,37 @@ def controls(app: AppTest) -> dict[str, Any]:
     return {widget.key: widget for widget in widgets if not widget.disabled and widget.key not in boxes}
 
 
+def labelled(elements: Iterable[Any], label: str) -> Any:
+    """Return the element with this label."""
+    return next(one for one in elements if one.label == label)
+
+
+def moved(app: AppTest, values: Mapping[str, Any]) -> AppTest:
+    """Return the page after a run with new values of controls, by their keys."""
+    for key, value in values.items():
+        controls(app)[key].set_value(value)
+    return app.run()
+
+
+def uploaded(app: AppTest, inputs: str, **files: tuple[str, bytes]) -> AppTest:
+    """Return the page after files were given to its boxes; each has a name and its bytes."""
+    for box, (name, data) in files.items():
+        app.file_uploader(key=f"{inputs}.{box}").upload(name, data, "application/octet-stream")
+    return app.run()
+
+
+def until(holds: Callable[[], object], pause_s: float = 0.005) -> None:
+    """Wait until something holds; a test has a time limit of its own."""
+    while not holds():
+        time.sleep(pause_s)
+
+
 def finished(app: AppTest) -> AppTest:
     """Run a page until no job is running."""
-    end = time.monotonic() + 120
-    while app.get("progress") or any("cancel" in (button.key or "") for button in app.button):
-        assert time.monotonic() < end
-        time.sleep(0.1)
-        app.run()
-    assert not app.exception
+
+    def ended() -> bool:
+        working = app.get("progress") or any("cancel" in (button.key or "") for button in app.button)
+        return not working or not app.run()
+
+    until(ended, pause_s=0.1)
     return app

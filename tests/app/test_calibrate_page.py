@@ -17,13 +17,12 @@ from stereolag.ui.depth.maps import HANDED
 from stereolag.ui.depth.preparing import KEPT
 from tests.app import uploads
 from tests.app.driving import zipped_frames
-from tests.app.pages import CALIBRATE, DEPTH, OpenPage, finished, linked, numbers
+from tests.app.pages import CALIBRATE, DEPTH, OpenPage, controls, finished, labelled, linked, moved, numbers
 
-pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes")
 ONE_VISITOR = True
 
 
-SQUARE_MM = 30.0
+SQUARE, SQUARE_MM = "calibrate.square.own", 30.0
 
 
 @cache
@@ -40,16 +39,14 @@ def files() -> dict[str, bytes]:
 
 
 def given(*contents: tuple[str, bytes]) -> AppTest:
-    app = linked(CALIBRATE)
-    app.button_group(key="calibrate").set_value("own").run()
+    app = moved(linked(CALIBRATE), {"calibrate": "own"})
     app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
     finished(app)
-    square = [box for box in app.number_input if box.key == "calibrate.square.own"]
-    return finished(square[0].set_value(SQUARE_MM).run()) if square else app
+    return finished(moved(app, {SQUARE: SQUARE_MM})) if SQUARE in controls(app) else app
 
 
 def columns(app: AppTest) -> NumberInput:
-    return next(box for box in app.number_input if box.label == "Corners across")
+    return labelled(app.number_input, "Corners across")
 
 
 def said(app: AppTest) -> str:
@@ -83,7 +80,7 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     counting = next(group for group in app.button_group if group.key and group.key.startswith("calibrate.count"))
     counting.set_value([0, 1, 3]).run()
     assert "3 of 4" in app.header[0].value
-    app.number_input(key="calibrate.square.own").set_value(60.0).run()
+    moved(app, {SQUARE: 60.0})
     assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
     # What was said of board and pairs outlives a visit to another page.
     app.switch_page("app.py").run()
@@ -97,7 +94,7 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
 
 def test_no_length_is_given_before_the_square_is_measured() -> None:
     app = given(*files().items())
-    app.number_input(key="calibrate.square.own").set_value(None).run()
+    moved(app, {SQUARE: None})
     assert "every length follows from it" in said(app)
     assert not app.header
     assert len(app.get("image")) == 2
@@ -105,17 +102,15 @@ def test_no_length_is_given_before_the_square_is_measured() -> None:
 
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
     app = given(*[(name, files()[name]) for name in ("left01.png", "right01.png", "left02.png", "right02.png")])
-    columns(app).set_value(12).run()
-    finished(app)
+    finished(columns(app).set_value(12).run())
     assert "0 of 2 pairs can be used" in app.error[0].value
     assert "is that its size?" in app.error[0].value
     assert not app.header
 
 
 def test_pairs_that_contradict_each_other_give_no_calibration_and_are_shown() -> None:
-    mixed = dict(files())
-    rights = [mixed[f"right{number:02}.png"] for number in range(1, 5)]
-    mixed |= {f"right{number:02}.png": rights[number % 4] for number in range(1, 5)}
+    rights = [files()[f"right{number:02}.png"] for number in range(1, 5)]
+    mixed = files() | {f"right{number:02}.png": rights[number % 4] for number in range(1, 5)}
     app = given(*mixed.items())
     assert "contradict each other" in app.error[0].value
     assert not app.header
@@ -151,9 +146,7 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     app.session_state[HANDED] = "a frame of a drive, which the calibration must not lie behind"
     app.button(key="calibrate.use").click().run()
     assert HANDED not in app.session_state
-    kept = app.session_state[KEPT]
-    assert kept.rig is not None
-    np.testing.assert_allclose(kept.rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
+    np.testing.assert_allclose(app.session_state[KEPT].rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
     app.switch_page(DEPTH).run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)

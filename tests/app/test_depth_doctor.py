@@ -13,25 +13,18 @@ from ailing_pairs import ILLS, REMEDIES, barrel
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.findings import FindingCode, Remedy
-from stereolag.pair import Pair, PairId, example_pair, resized
+from stereolag.figures.legends import Colours
+from stereolag.pair import Pair, PairId, Preparation, example_pair, resized
 from stereolag.samples import stereo_pairs
-from stereolag.ui.depth.preparing import HEALTHY
+from stereolag.stereo.opencv import StereoBM
+from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor
+from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
-from tests.app.pages import DEPTH, OpenPage, finished
-
-pytestmark = pytest.mark.usefixtures("small_pairs")
+from tests.app.pages import DEPTH, OpenPage, finished, page_of
 
 
 def panel() -> None:
-    import streamlit as st
-
-    from stereolag.figures.legends import Colours
-    from stereolag.pair import Preparation
-    from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.depth.maps import DepthView
-    from stereolag.ui.depth.preparing import chosen_remedies, prepared, show_doctor
-    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
-
     pair = st.session_state["pair"]
     pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))
     matcher = ask_matcher(matcher_as_set(StereoBM, pair))
@@ -49,9 +42,7 @@ def cube(ill: str = "", given: Callable[..., tuple[np.ndarray, np.ndarray]] | No
 
 
 def opened(pair: Pair, remedies: Mapping[str, Sequence[str]] = MappingProxyType({})) -> AppTest:
-    app = AppTest.from_function(panel, default_timeout=60)
-    app.session_state["pair"], app.session_state["depth.remedies"] = pair, dict(remedies)
-    return app.run()
+    return page_of(panel, {"pair": pair, "depth.remedies": dict(remedies)})
 
 
 def healthy(app: AppTest) -> bool:
@@ -70,7 +61,6 @@ def test_a_problem_is_fixed_by_a_click_and_comes_back_with_undo(
     app = opened(pair)
     assert app.warning[0].value.startswith("**Input doctor:**")
     app.button(key=f"depth.doctor.{remedy}").click().run()
-    assert not app.exception
     mended = app.session_state["shown"]
     assert mended.id.remedies == (remedy,)
     assert mended.digest != pair.digest
@@ -91,7 +81,6 @@ def test_the_same_remedy_twice_has_two_buttons_of_its_own() -> None:
     assert app.session_state["shown"].id.remedies == (Remedy.SWAP_SIDES,)
     app.session_state["depth.remedies"] = {pair.id.untreated: (Remedy.SWAP_SIDES, Remedy.ALIGN_ROWS, Remedy.ALIGN_ROWS)}
     app.run()
-    assert not app.exception
     buttons = [button.key for button in app.button if "undo" in button.key]
     assert len(buttons) == len(set(buttons)) == len(app.session_state["shown"].remedies)
     for key in reversed(buttons):
@@ -113,7 +102,6 @@ def test_the_range_is_set_in_the_controls() -> None:
 def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
     app = opened(Pair(noise[0], noise[1], PairId("noise")), {"noise": ("align_rows",)})
-    assert not app.exception
     assert "features were matched" in app.error[0].value
 
 

@@ -8,28 +8,26 @@ from typing import Any
 import numpy as np
 import pytest
 import straight_and_raw
+import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
+from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.ui.depth.inputs import choose_pair
+from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys, uploads
-from tests.app.depth_view import LEFT, RIGHT, given, own_files, shown
-from tests.app.pages import captions
+from tests.app.depth_view import LEFT, RIGHT, own_files, shown
+from tests.app.pages import captions, page_of, uploaded
+from tests.app.uploads import pngs
 
-pytestmark = pytest.mark.usefixtures("small_pairs")
 ONE_VISITOR = True
 
 
 TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)
-RIG = {
-    "M1": [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]],
-    "D1": [-0.1, 0.01, 0, 0, 0],
-    "M2": [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]],
-    "D2": [-0.1, 0.01, 0, 0, 0],
-    "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-    "T": [-100, 0, 0],
-    "image_width": 200,
-    "image_height": 120,
-}
+CAMERA, LENS = [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]], [-0.1, 0.01, 0, 0, 0]
+RIG: dict[str, Any] = {"M1": CAMERA, "D1": LENS, "M2": CAMERA, "D2": LENS, "R": np.eye(3).tolist(), "T": [-100, 0, 0]}
+RIG |= {"image_width": 200, "image_height": 120}
 MIDDLEBURY = """cam0=[400 0 200; 0 400 120; 0 0 1]
 cam1=[400 0 210; 0 400 120; 0 0 1]
 doffs=10
@@ -41,49 +39,46 @@ ndisp=64
 
 
 def inputs() -> None:
-    import streamlit as st
-
-    from stereolag.stereo.opencv import StereoBM
-    from stereolag.stereo.windows.matcher import CorrelationMatcher
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
-
     pair = choose_pair()
     shown = [ask_matcher(matcher_as_set(method, pair)) for method in (StereoBM, CorrelationMatcher)]
     st.session_state["shown"] = pair, *shown
 
 
+PAIR = pngs(left=LEFT, right=RIGHT)
+
+
 def own(**files: tuple[str, bytes]) -> AppTest:
-    pair = {"left": ("l.png", uploads.png(LEFT)), "right": ("r.png", uploads.png(RIGHT))}
-    return given(own_files(inputs), **(pair | files))
+    return uploaded(own_files(inputs), "pairs", **PAIR | files)
+
+
+def as_json(**entries: Any) -> bytes:
+    return json.dumps({name: np.asarray(value).tolist() for name, value in entries.items()}).encode()
 
 
 def name(app: AppTest) -> str:
     """Return the name of the pair beside the heading."""
-    assert not app.exception
     return next(text.value for text in app.markdown if text.value.startswith("**"))
 
 
 def test_the_name_beside_the_heading_is_that_of_the_pair_whose_maps_are_shown() -> None:
-    app = AppTest.from_function(inputs, default_timeout=60).run()
+    app = page_of(inputs)
     app.button_group(key="pairs").set_value("square").run()
     square = name(app)
     app.button_group(key="pairs").set_value("own").run()
     assert name(app) == square
-    given(app, left=("l.png", uploads.png(LEFT)))
-    assert name(app) == square
-    given(app, right=("r.png", uploads.png(RIGHT)))
-    assert name(app) == "**Your own pair**"
+    for side, shown_then in (("left", square), ("right", "**Your own pair**")):
+        uploaded(app, "pairs", **{side: PAIR[side]})
+        assert name(app) == shown_then
     app.run()
     assert name(app) == "**Your own pair**"
     app.file_uploader(key="pairs.right").set_value([]).run()
     assert name(app) == square
-    given(app, right=("r.png", uploads.png(RIGHT)))
+    uploaded(app, "pairs", right=PAIR["right"])
     assert name(app) == "**Your own pair**"
 
 
 def test_files_that_are_refused_are_not_called_an_example() -> None:
-    app = given(own_files(inputs), left=("l.png", b"nothing"))
+    app = uploaded(own_files(inputs), "pairs", left=("l.png", b"nothing"))
     assert app.error
     assert name(app) == "**Your own pair**"
 
@@ -91,16 +86,15 @@ def test_files_that_are_refused_are_not_called_an_example() -> None:
 @pytest.mark.parametrize("width", [400, 401])
 def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> None:
     beside = np.concatenate([LEFT, LEFT[:, : width - 400], RIGHT], axis=1)
-    app = given(own_files(inputs, "beside"), beside=("both.png", uploads.png(beside)))
-    np.testing.assert_array_equal(shown(app).left, LEFT)
-    np.testing.assert_array_equal(shown(app).right, RIGHT)
+    app = uploaded(own_files(inputs, "beside"), "pairs", **pngs(beside=beside))
+    assert np.array_equal([shown(app).left, shown(app).right], [LEFT, RIGHT])
     assert "split down the middle" in captions(app)
     assert (typeset("its width of 401 px is odd") in captions(app).lower()) == (width == 401)
 
 
 def test_both_views_in_the_left_image_need_no_right_one() -> None:
     straight = straight_and_raw.straight_pair()
-    app = given(own_files(inputs), left=("both.png", uploads.png(np.concatenate(straight, axis=0))))
+    app = uploaded(own_files(inputs), "pairs", **pngs(left=np.concatenate(straight, axis=0)))
     np.testing.assert_array_equal(shown(app).right, straight[1])
     assert "split into upper and lower half" in captions(app)
 
@@ -109,17 +103,15 @@ STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"
 
 
 def with_both_cameras(pictures: tuple[np.ndarray, np.ndarray], **more: np.ndarray) -> AppTest:
-    entries = straight_and_raw.ENTRIES | more
-    file = json.dumps({name: np.asarray(value).tolist() for name, value in entries.items()}).encode()
-    left, right = (("p.png", uploads.png(picture)) for picture in pictures)
-    return own(left=left, right=right, calibration=("both.json", file))
+    left, right = pictures
+    both = "both.json", as_json(**straight_and_raw.ENTRIES, **more)
+    return own(**pngs(left=left, right=right), calibration=both)
 
 
 def test_a_rectified_pair_is_left_so_with_the_calibration_of_both_cameras_and_that_can_be_undone() -> None:
     app = with_both_cameras(STRAIGHT)
     np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
     calibration = shown(app).calibration
-    assert calibration is not None
     assert calibration.rig is None
     assert calibration.baseline_m == pytest.approx(np.linalg.norm(straight_and_raw.T))
     assert "The pair is rectified already: rows differ by 0.0" in captions(app)
@@ -141,16 +133,11 @@ def test_the_frame_is_asked_where_the_file_does_not_say_how_it_was_rectified() -
 
 
 def test_files_of_a_calibration_are_read_together_and_told_apart_by_their_names() -> None:
-    def camera(number: int) -> bytes:
-        parts = {"mtx": straight_and_raw.ENTRIES[f"M{number}"], "dist": straight_and_raw.ENTRIES[f"D{number}"]}
-        return json.dumps({name: np.asarray(part).tolist() for name, part in parts.items()}).encode()
-
-    pose = json.dumps({"R": straight_and_raw.R.tolist(), "T": straight_and_raw.T.tolist()}).encode()
-    files = [
-        (name, data, "application/json")
-        for name, data in {"right.json": camera(2), "left.json": camera(1), "pose.json": pose}.items()
-    ]
-    app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
+    entries = straight_and_raw.ENTRIES
+    left, right = (as_json(mtx=entries[f"M{number}"], dist=entries[f"D{number}"]) for number in (1, 2))
+    named = {"right.json": right, "left.json": left, "pose.json": as_json(R=straight_and_raw.R, T=straight_and_raw.T)}
+    files = [(name, data, "application/json") for name, data in named.items()]
+    app = own(**pngs(left=STRAIGHT[0], right=STRAIGHT[1]))
     app.file_uploader(key="pairs.calibration").set_value(files[:2]).run()
     assert "lacks rotation (R), translation (T); give the file that holds it" in app.error[0].value
     app.file_uploader(key="pairs.calibration").set_value(files).run()
@@ -163,43 +150,34 @@ RANGE = "search.rectified.num_disparities"
 
 
 def disparities(app: AppTest) -> int:
-    assert not app.exception
-    matcher = app.session_state["shown"][2]
-    return int(matcher.search.num_disparities)
-
-
-def set_range(app: AppTest, count: int) -> None:
-    slider = next(one for one in app.slider if one.key and RANGE in one.key)
-    slider.set_value(count).run()
-    assert disparities(app) == count
+    return int(app.session_state["shown"][2].search.num_disparities)
 
 
 @pytest.mark.parametrize(
     ("key", "file", "moved"),
     [
         ("calibration", ("calib.txt", MIDDLEBURY.encode()), True),
-        ("calibration", ("rig.json", json.dumps(RIG).encode()), False),
+        ("calibration", ("rig.json", as_json(**RIG)), False),
         ("calibration", ("plain.json", b'{"focal_px": 300, "baseline_m": 0.2, "num_disparities": 24}'), False),
-        ("truth", ("t.png", uploads.png(TRUTH)), True),
+        ("truth", ("truth.png", uploads.png(TRUTH)), True),
     ],
     ids=["calib.txt", "rig", "plain", "truth"],
 )
 def test_what_is_added_later_leaves_the_range_in_use(key: str, file: tuple[str, bytes], moved: bool) -> None:
     app = own()
     if moved:
-        set_range(app, 112)
+        next(one for one in app.slider if one.key and RANGE in one.key).set_value(112).run()
+        assert disparities(app) == 112
     before = disparities(app)
-    given(app, **{key: file})
+    uploaded(app, "pairs", **{key: file})
     assert disparities(app) == before
-    app.button_group(key="pairs.size").set_value("1/2").run()
-    assert disparities(app) == before // 2
-    app.button_group(key="pairs.size").set_value("Full").run()
-    assert disparities(app) == before
+    for size, count in (("1/2", before // 2), ("Full", before)):
+        app.button_group(key="pairs.size").set_value(size).run()
+        assert disparities(app) == count
 
 
 def test_a_baseline_beyond_belief_is_doubted_and_the_unit_asked_for() -> None:
-    in_millimetres = RIG | {"T": (1000 * straight_and_raw.T).tolist()}
-    app = own(calibration=("rig.json", json.dumps(in_millimetres).encode()))
+    app = own(calibration=("rig.json", as_json(**RIG | {"T": 1000 * straight_and_raw.T})))
     assert any(typeset("in millimetres, the baseline is 0.12 m") in one.value for one in app.warning)
     unit = app.segmented_control(key="pairs.unit")
     assert unit.label.startswith("Which unit are its lengths in?")
@@ -214,16 +192,14 @@ def test_two_typed_numbers_are_a_calibration() -> None:
     app.number_input(key="pairs.focal").set_value(700.0)
     app.number_input(key="pairs.baseline").set_value(0.12).run()
     calibration = shown(app).calibration
-    assert calibration is not None
     assert (calibration.focal_px, calibration.baseline_m) == (700, 0.12)
 
 
 def test_size_changes_the_settings_too_and_they_are_as_before_unless_moved_at_another_size() -> None:
     def at(size: str) -> tuple[Any, ...]:
         app.button_group(key="pairs.size").set_value(size).run()
-        assert not app.exception
-        pair, block_matcher, correlation = app.session_state["shown"]
-        return pair, block_matcher, correlation
+        pair_and_matchers: tuple[Any, ...] = app.session_state["shown"]
+        return pair_and_matchers
 
     app = own(calibration=("calib.txt", MIDDLEBURY.encode()))
     app.slider(key=keys.WINDOW).set_value(30).run()

@@ -1,8 +1,9 @@
-"""The maps of the depth page: their colours and outlines, and the map before while one takes long."""
+"""The maps of the depth page: their colours and outlines, the one before while one takes long, and of moved sliders."""
 
 from __future__ import annotations
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -15,40 +16,58 @@ from stereolag.pair import example_pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui import results
+from stereolag.ui.controls import class_of
 from stereolag.ui.depth import maps
+from stereolag.ui.depth.live import MovedSlider
 from stereolag.ui.depth.maps import OUTLINED
 from tests.app import keys
 from tests.app.conftest import figures, outlines, viewers
-from tests.app.pages import DEPTH, OpenPage
-
-pytestmark = pytest.mark.usefixtures("small_pairs")
+from tests.app.pages import DEPTH, OpenPage, moved, until
+from tests.packed import unpacked, values_of
 
 NEAR, FAR = "depth.colours.range.pair cube.near", "depth.colours.range.pair cube.far"
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Return a list to which every matcher is added that computes a map."""
+    matchers: list[Any] = []
+    compute = StereoMatcher.compute
+
+    def noted(self: StereoMatcher, *given: Any, **more: Any) -> Any:
+        matchers.append(self)
+        return compute(self, *given, **more)
+
+    monkeypatch.setattr(StereoMatcher, "compute", noted)
+    return matchers
 
 
 def colours(app: AppTest) -> dict[str, Any]:
     return viewers(app)[0]["colours"]
 
 
-def test_changing_only_the_colours_computes_nothing(open_unfolded: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+def pictures(app: AppTest) -> list[str]:
+    """Return what tells the pictures of the maps apart."""
+    return [picture["digest"] for picture in viewers(app)[0]["pictures"]]
+
+
+def test_changing_only_the_colours_computes_nothing(open_unfolded: OpenPage, computed: list[Any]) -> None:
     app = open_unfolded(DEPTH)
-    computed: list[str] = []
-    monkeypatch.setattr(StereoMatcher, "compute", lambda self, *_, **__: computed.append(type(self).__name__))
-    pictures = [picture["digest"] for picture in viewers(app)[0]["pictures"]]
-    app.number_input(key=NEAR).set_value(40.0).run()
-    assert not app.exception
+    before = pictures(app)
+    computed.clear()
+    moved(app, {NEAR: 40.0})
     assert computed == []
     assert colours(app)["high"] == 40
-    assert [picture["digest"] for picture in viewers(app)[0]["pictures"]] == pictures
+    assert pictures(app) == before
 
 
 def test_the_range_follows_the_search_until_another_is_set(open_unfolded: OpenPage) -> None:
     app = open_unfolded(DEPTH)
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
-    app.slider(key=keys.DISPARITIES).set_value(96).run()
+    moved(app, {keys.DISPARITIES: 96})
     assert colours(app)["high"] == 96
-    app.number_input(key=FAR).set_value(8.0).run()
-    app.slider(key=keys.DISPARITIES).set_value(64).run()
+    moved(app, {FAR: 8.0})
+    moved(app, {keys.DISPARITIES: 64})
     assert (colours(app)["low"], colours(app)["high"]) == (8, 96)
     app.button(key="depth.colours.follow").click().run()
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
@@ -56,18 +75,19 @@ def test_the_range_follows_the_search_until_another_is_set(open_unfolded: OpenPa
 
 def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted(open_unfolded: OpenPage) -> None:
     app = open_unfolded(DEPTH)
-    said = "beyond the colour range"
-    assert not [markdown for markdown in app.markdown if said in markdown.value]
-    app.number_input(key=NEAR).set_value(30.0).run()
-    assert [markdown for markdown in app.markdown if said in markdown.value]
+
+    def said() -> bool:
+        return any("beyond the colour range" in markdown.value for markdown in app.markdown)
+
+    assert not said()
+    moved(app, {NEAR: 30.0})
+    assert said()
     app.button(key="depth.colours.fit_beyond").click().run()
-    assert not [markdown for markdown in app.markdown if said in markdown.value]
+    assert not said()
     assert colours(app)["high"] > 40
 
 
-def test_near_is_bright_and_the_reports_preset_turns_the_colours_round(
-    open_unfolded: OpenPage,
-) -> None:
+def test_near_is_bright_and_the_reports_preset_turns_the_colours_round(open_unfolded: OpenPage) -> None:
     app = open_unfolded(DEPTH)
 
     def brightness() -> list[int]:
@@ -76,35 +96,29 @@ def test_near_is_bright_and_the_reports_preset_turns_the_colours_round(
 
     far, near = brightness()
     assert near > far
-    app.button(key=keys.preset_key("report")).click().run()
-    assert brightness() == [near, far]
-    app.button(key=keys.preset_key("fast")).click().run()
-    assert brightness() == [far, near]
+    for preset, ends in (("report", [near, far]), ("fast", [far, near])):
+        app.button(key=keys.preset_key(preset)).click().run()
+        assert brightness() == ends
 
 
 def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
-    open_unfolded: OpenPage, monkeypatch: pytest.MonkeyPatch
+    open_unfolded: OpenPage, computed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
     monkeypatch.setattr(maps, "edge_path", lambda image: made.append(image) or edge_path(image))
     app = open_unfolded(DEPTH)
     assert outlines(app) == {}
     assert made == []
-    pictures = [picture["digest"] for picture in viewers(app)[0]["pictures"]]
-    computed: list[str] = []
-    with monkeypatch.context() as patch:
-        patch.setattr(StereoMatcher, "compute", lambda self, *_, **__: computed.append(type(self).__name__))
-        app.toggle(key=OUTLINED).set_value(True).run()
-    assert not app.exception
+    before = pictures(app)
+    computed.clear()
+    moved(app, {OUTLINED: True})
     assert computed == []
     assert outlines(app) == {"depth.bench": edge_path(example_pair(samples.stereo_pairs()["cube"]).left)}
-    assert [picture["digest"] for picture in viewers(app)[0]["pictures"]] == pictures
-    app.slider(key=keys.WINDOW).set_value(25).run()
-    app.button_group(key=keys.PART).set_value("Compare").run()
+    assert pictures(app) == before
+    moved(app, {keys.WINDOW: 25, keys.PART: "Compare"})
     assert outlines(app).keys() == {"depth.bench", "depth.comparison"}
     assert len(made) == 1  # found once per pair
-    app.toggle(key=OUTLINED).set_value(False).run()
-    assert outlines(app) == {}
+    assert outlines(moved(app, {OUTLINED: False})) == {}
 
 
 def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,18 +128,65 @@ def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, mo
 
     def late(self, left, right, *, progress=None):
         began.set()
-        assert gate.wait(60)
+        gate.wait()
         return compute(self, left, right)
 
     monkeypatch.setattr(CorrelationMatcher, "compute", late)
     monkeypatch.setattr(results, "is_heavy", lambda estimate: True)
-    app.slider(key=keys.WINDOW).set_value(31).run()
+    moved(app, {keys.WINDOW: 31})
     assert figures(app)["Convolution"] == before | {"Of": "the settings before"}
-    assert began.wait(60)
+    began.wait()
     app.button(key="results.cancel.map correlation").click().run()
     gate.set()
     assert figures(app)["Convolution"] == before | {"Of": "the settings before"}
     app.button(key="results.again.map correlation").click().run()
-    while "Of" in figures(app)["Convolution"]:
-        app.run()
+    until(lambda: "Of" not in figures(app.run())["Convolution"])
     assert figures(app)["Convolution"]["Coverage"] != before["Coverage"]
+
+
+# The map of a slider that is moved, as its stream answers before the page runs
+
+
+def answered(app: AppTest, key: str, value: int, *, whole: bool) -> tuple[dict[str, Any], list[bytes]]:
+    """Return the header and the parts of the answer to a moved slider, from a thread as streams have."""
+    change = MovedSlider(slider=class_of(key), value=value, whole=whole, parts=())
+    with ThreadPoolExecutor(1) as pool:
+        return unpacked(pool.submit(app.session_state["live.sliders"].answered, change).result())
+
+
+def test_a_released_slider_has_the_map_that_the_page_brings_and_it_is_computed_once(
+    open_page: OpenPage, computed: list[Any]
+) -> None:
+    app = open_page(DEPTH)
+    computed.clear()
+    header, (picture,) = answered(app, keys.WINDOW, 17, whole=True)
+    described, parts = unpacked(picture)
+    assert app.slider(key=keys.WINDOW).value != 17  # Streamlit has not been told yet
+    moved(app, {keys.WINDOW: 17})
+    assert [matcher.window_size for matcher in computed] == [17]
+    shown = viewers(app)[0]["pictures"][0]
+    assert (header["title"], header["digest"], header["whole"]) == (shown["title"], shown["digest"], True)
+    assert described["digest"] == header["digest"]
+    assert values_of(described["readings"][0], parts).shape == (viewers(app)[0]["rows"], viewers(app)[0]["cols"])
+
+
+def test_while_it_is_dragged_the_map_is_of_smaller_images_and_says_so(open_page: OpenPage) -> None:
+    app = open_page(DEPTH)
+    header, (picture,) = answered(app, keys.BLOCK, 21, whole=False)
+    described, parts = unpacked(picture)
+    values = values_of(described["readings"][0], parts)
+    assert values.shape == (round(viewers(app)[0]["rows"] / 2), round(viewers(app)[0]["cols"] / 2))
+    assert header["figures"][0]["label"] == "Preview"
+    assert {one["label"] for one in header["figures"]} >= {"Coverage", "EPE"}
+    assert np.nanmax(values) > 32  # px of the whole images
+
+
+def test_there_is_no_map_if_it_would_take_long_or_the_settings_are_refused(
+    open_page: OpenPage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = open_page(DEPTH)
+    assert answered(app, keys.BLOCK, 20, whole=True)[1] == []  # even
+    assert answered(app, "depth.unknown", 20, whole=True)[1] == []
+    monkeypatch.setattr(results, "is_heavy", lambda _: True)
+    for whole in (True, False):
+        assert answered(app, keys.BLOCK, 45, whole=whole)[1] == []

@@ -17,31 +17,26 @@ from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.io.disparities import pfm
 from stereolag.io.images import image_png
 from stereolag.io.settings import settings_json
-from stereolag.pair import PairSet, Preparation, read_bundle
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.pair import Preparation, read_bundle
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.comparing import show_all_pairs, table_of
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.downloads import Download, archive, pair_files
+from stereolag.ui.depth.inputs import choose_pair
+from stereolag.ui.depth.maps import DepthView, coloured_alike, measured, shown_methods
 from stereolag.ui.depth.tuning import JudgedPairs
-from tests.app import keys, uploads
-from tests.app.depth_view import LEFT, RIGHT, SCENE, given, own_files, part_on_a_set, shown
-from tests.app.pages import captions
+from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
+from tests.app import keys
+from tests.app.depth_view import LEFT, RIGHT, SCENE, own_files, pair_of, part_on_a_set, shown
+from tests.app.pages import captions, uploaded
+from tests.app.uploads import pngs
 from tests.archives import zipped
-
-pytestmark = pytest.mark.usefixtures("small_pairs")
 
 
 def page() -> None:
-    import streamlit as st
-
-    from stereolag.stereo.methods import METHODS
-    from stereolag.ui.depth.downloads import Download, archive, pair_files
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
-    from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
-
     pair = choose_pair()
     matchers = {method: ask_matcher(matcher_as_set(method, pair)) for method in METHODS}
-    results = {}
+    results: dict[str, DisparityMap] = {}
     for method in shown_methods():
         results |= measured(pair, matchers[method])
     view = coloured_alike(pair, results)
@@ -51,7 +46,7 @@ def page() -> None:
 
 def stepping(files: dict[str, bytes]) -> AppTest:
     """Return the page on a set of pairs."""
-    return given(own_files(page, "several"), several=("pairs.zip", zipped(files)))
+    return uploaded(own_files(page, "several"), "pairs", several=("pairs.zip", zipped(files)))
 
 
 def settings(app: AppTest) -> dict[type[StereoMatcher], StereoMatcher]:
@@ -59,47 +54,36 @@ def settings(app: AppTest) -> dict[type[StereoMatcher], StereoMatcher]:
 
 
 def session_zip(**changes: Any) -> bytes:
+    files = {
+        "left.png": image_png(LEFT),
+        "right.png": image_png(RIGHT),
+        "truth.pfm": pfm(np.full((120, 200), 5.0, np.float32)),
+        "camera.json": b'{"focal_px": 400.5, "baseline_m": 0.25}',
+    }
+    methods = StereoBM(num_disparities=32, block_size=13, min_disparity=-4), StereoSGBM(num_disparities=16, mode="hh")
     document = {
         "pair": {
-            "files": {
-                "left": "left.png",
-                "right": "right.png",
-                "truth": "truth.pfm",
-                "calibration": "camera.json",
-            },
+            "files": dict(zip(("left", "right", "truth", "calibration"), files, strict=True)),
             "description": "A desk. ![x](http://e.org)",
             "history": ["It was rectified.", "<b>bold</b>"],
         },
-        "methods": [
-            json.loads(settings_json(StereoBM(num_disparities=32, block_size=13, min_disparity=-4))),
-            json.loads(settings_json(StereoSGBM(num_disparities=16, mode="hh"))),
-        ],
+        "methods": [json.loads(settings_json(one)) for one in methods],
         "shown": ["bm", "sgbm"],
         "size": "Full",
         "colours": {"low": -3.0, "high": 21.5, "palette": "turbo", "inverted": True},
     } | changes
     for entry in document["methods"]:
         entry.pop("stereolag", None)
-    files = {
-        "left.png": image_png(LEFT),
-        "right.png": image_png(RIGHT),
-        "truth.pfm": pfm(np.full((120, 200), 5.0, np.float32)),
-        "camera.json": b'{"focal_px": 400.5, "baseline_m": 0.25}',
-        "session.json": json.dumps(document).encode(),
-    }
-    return zipped(files)
+    return zipped(files | {"session.json": json.dumps(document).encode()})
 
 
 @pytest.mark.parametrize("box", ["left", "several"])
 def test_a_session_opens_the_page_as_it_was(box: str) -> None:
     app = own_files(page, "several" if box == "several" else "files")
-    given(app, **{box: ("stereolag-session.zip", session_zip())})
+    uploaded(app, "pairs", **{box: ("stereolag-session.zip", session_zip())})
     pair = shown(app)
-    np.testing.assert_array_equal(pair.left, LEFT)
-    np.testing.assert_array_equal(pair.right, RIGHT)
-    assert pair.truth is not None
+    assert np.array_equal([pair.left, pair.right], [LEFT, RIGHT])
     assert (pair.truth == 5).all()
-    assert pair.calibration is not None
     assert (pair.calibration.focal_px, pair.calibration.baseline_m) == (400.5, 0.25)
     found = settings(app)
     assert found[StereoBM] == StereoBM(num_disparities=32, block_size=13, min_disparity=-4)
@@ -117,15 +101,13 @@ def test_a_session_opens_the_page_as_it_was(box: str) -> None:
 
 def test_what_is_taken_away_comes_back_from_a_reduced_preview_too() -> None:
     large = cv2.resize(SCENE, (820, 480), interpolation=cv2.INTER_CUBIC)
-    left, right = (uploads.png(one) for one in (large[:, :-20], large[:, 20:]))
-    app = given(own_files(page), left=("l.png", left), right=("r.png", right))
+    app = uploaded(own_files(page), "pairs", **pngs(left=large[:, :-20], right=large[:, 20:]))
     app.button_group(key="pairs.size").set_value("1/2").run()
     app.slider(key=keys.BLOCK).set_value(13).run()
     before, pair = settings(app), shown(app)
     assert pair.left.shape == (240, 400, 3)
     data = app.session_state["taken"]
-    again = given(own_files(page), left=("session.zip", data))
-    assert shown(again).left.shape == (240, 400, 3)
+    again = uploaded(own_files(page), "pairs", left=("session.zip", data))
     np.testing.assert_array_equal(shown(again).left, pair.left)
     assert settings(again)[StereoBM].block_size == 13
     assert settings(again)[SemiGlobalMatcher] == before[SemiGlobalMatcher]
@@ -134,24 +116,13 @@ def test_what_is_taken_away_comes_back_from_a_reduced_preview_too() -> None:
 
 
 def test_what_a_session_does_not_say_is_as_at_first() -> None:
-    app = given(own_files(page), left=("s.zip", session_zip(methods=[], shown="x", size=3, colours=[])))
+    app = uploaded(own_files(page), "pairs", left=("s.zip", session_zip(methods=[], shown="x", size=3, colours=[])))
     assert settings(app)[StereoBM].block_size == StereoBM().block_size
     assert shown(app).left.shape == (120, 200, 3)
 
 
-def pair_of(number: int, shift: int) -> dict[str, bytes]:
-    scene = uploads.texture(120, 200 + shift, seed=number)
-    truth = np.full((120, 200), shift, np.float32)
-    return {
-        f"set/left{number}.png": uploads.png(scene[:, :200]),
-        f"set/right{number}.png": uploads.png(scene[:, shift:]),
-        f"set/disp{number}.pfm": pfm(truth),
-    }
-
-
 def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     app = stepping(pair_of(1, 5) | pair_of(2, 9) | pair_of(10, 7))
-    assert shown(app).truth is not None
     assert (shown(app).truth == 5).all()
     assert "“set/left1.png” is the left image, “set/right1.png” the right one." in captions(app)
     assert app.selectbox(key="pairs.step").options == ["1 of 3: 1", "2 of 3: 2", "3 of 3: 10"]
@@ -176,11 +147,9 @@ def test_a_pair_that_cannot_be_read_can_be_stepped_over() -> None:
 def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     files = pair_of(1, 5) | pair_of(2, 9) | {"set/left3.png": b"nothing", "set/right3.png": b"nothing"}
     del files["set/disp2.pfm"]
-    pairs = read_bundle([("pairs.zip", zipped(files))])
-    assert isinstance(pairs, PairSet)
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
-    table = table_of(pairs, matchers, Preparation(), told.append)
+    table = table_of(read_bundle([("pairs.zip", zipped(files))]), matchers, Preparation(), told.append)
     assert [*table.figures] == ["1: 1", "2: 2"]
     for row, known in zip(table.figures.values(), (True, False), strict=True):
         for name in ("StereoBM", "StereoSGBM"):
@@ -203,7 +172,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
     app = part_on_a_set(judge)
     assert app.session_state["judged"][1] == ""
     files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
-    given(app, several=("pairs.zip", zipped(files)))
+    uploaded(app, "pairs", several=("pairs.zip", zipped(files)))
     assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
     app.button(key="pairs.step.1").click().run()
     assert app.session_state["judged"][0] == [9, 5, 7]
@@ -212,10 +181,9 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
     app = part_on_a_set(show_all_pairs)
     assert "several pairs at once" in app.info[-1].value
-    given(app, several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
+    uploaded(app, "pairs", several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe
     app.button(key="depth.all_pairs.start").click().run()
-    assert not app.exception
     table = app.dataframe[0].value
     assert [*table.index] == ["1: 1", "2: 2", "Mean"]
     assert table.loc["Mean", "StereoBM: bad-2, %"] < 40

@@ -1,7 +1,10 @@
+"""The driving page: a drive is computed, played and told of, its camera is calibrated, and bad files are refused."""
+
 from __future__ import annotations
 
 import csv
 import io
+import json
 import time
 from collections.abc import Callable
 from functools import cache
@@ -13,29 +16,35 @@ import cv2
 import moving_drives
 import numpy as np
 import pytest
+import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
+from stereolag.assess.diagnosis import Diagnosis
 from stereolag.figures.pictures import coloured
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
+from stereolag.ui.depth.maps import HANDED
 from stereolag.ui.driving import inputs, work
 from stereolag.ui.driving.inputs import EXAMPLE, ONE, TWO
-from stereolag.ui.driving.work import LINES, _table
+from stereolag.ui.driving.work import LINES, OPENED, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
 from tests.app.driving import archive, finished, opened, page, player, work_of, zipped_frames
+from tests.app.pages import CALIBRATE, DRIVING, captions, labelled, moved, until, uploaded
 
 COUNT = 4
 ROWS, COLS = 120, 200
-
-pytestmark = pytest.mark.usefixtures("short_drive")
 
 
 @cache
 def road() -> dict[str, np.ndarray]:
     example = stereo_pairs()["road"]
     return {side: read_image(getattr(example, side))[200 : 200 + ROWS] for side in ("left", "right")}
+
+
+def table(app: AppTest) -> list[dict[str, str]]:
+    return [*csv.DictReader(io.StringIO(_table(work_of(app))))]
 
 
 def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
@@ -45,11 +54,6 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
     if damaged is not None:
         frames["right"][damaged] = frames["right"][damaged][: len(frames["right"][damaged]) // 2]
     return zipped_frames(frames)
-
-
-def methods(app: AppTest, chosen: list[str]) -> AppTest:
-    """Choose the methods whose maps are computed."""
-    return next(one for one in app.get("button_group") if one.key == "driving.methods").set_value(chosen).run()
 
 
 @pytest.mark.usefixtures("healthy_frames")
@@ -65,12 +69,7 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
     assert (fast > bm).all()
     assert shown["legends"][0]["words"] == ["FAR", "NEAR"]
     assert any(f"{COUNT} of {COUNT} frames" in one.value for one in app.caption)
-    video = b"".join(work_of(app).video.pieces)
-    with av.open(io.BytesIO(video), "r") as container:
-        assert sum(1 for _ in container.decode(video=0)) == COUNT
-        assert container.streams.video[0].width == 3 * COLS
-    table = _table(work_of(app))
-    assert len([*csv.DictReader(io.StringIO(table))]) == 2 * COUNT
+    assert len(table(app)) == 2 * COUNT
     assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
 
 
@@ -89,38 +88,37 @@ def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
 
 @pytest.mark.usefixtures("healthy_frames")
 def test_the_truth_is_shown_beside_the_maps() -> None:
-    app = page(EXAMPLE)
-    methods(app, ["bm"])
-    next(one for one in app.toggle if one.label == "True disparity").set_value(True).run()
-    app = finished(app)
+    app = moved(page(EXAMPLE), {"driving.methods": ["bm"]})
+    app = finished(labelled(app.toggle, "True disparity").set_value(True).run())
     assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
-    low, high = work_of(app).kept.colours or (0, 0)
     (example,) = inputs.drives().values()
-    truth = read_disparity(example.disparity[0])
     with av.open(io.BytesIO(b"".join(work_of(app).video.pieces)), "r") as container:
-        first = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(float)
-    width = truth.shape[1] // 2 * 2
-    shown = first[:, 2 * width :]
-    expected = coloured(truth, low, high).astype(float)[:, :width]
-    assert np.abs(shown - expected).mean() < 8  # of 255: the compression changes the colours this much
+        frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in container.decode(video=0)]
+    assert len(frames) == len(example)
+    expected = coloured(read_disparity(example.disparity[0]), *work_of(app).kept.colours).astype(float)
+    width = expected.shape[1] // 2 * 2
+    shown = frames[0][:, 2 * width :]
+    assert np.abs(shown - expected[:, :width]).mean() < 8  # of 255: the compression changes the colours this much
 
 
 @pytest.mark.usefixtures("healthy_frames")
 def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
     app = finished(opened(drive(count=2)))
-    before = player(app)["name"]
-    app = finished(methods(app, ["bm"]))
-    shown = player(app)
-    assert shown["titles"] == ["Left image", "StereoBM"]
-    assert shown["name"] != before
-    count = next(box for box in app.number_input if box.label == "Disparities searched")
-    count.set_value(32).run()
-    app = finished(app)
-    assert player(app)["name"] not in (before, shown["name"])
-    before = player(app)["name"]
-    next(one for one in app.toggle if one.label == "Steady").set_value(True).run()
-    assert player(finished(app))["name"] != before
-    app = methods(app, [])
+    names = [player(app)["name"]]
+
+    def computed_anew() -> None:
+        finished(app)
+        names.append(player(app)["name"])
+        assert len({*names}) == len(names)
+
+    moved(app, {"driving.methods": ["bm"]})
+    computed_anew()
+    assert player(app)["titles"] == ["Left image", "StereoBM"]
+    labelled(app.number_input, "Disparities searched").set_value(32).run()
+    computed_anew()
+    labelled(app.toggle, "Steady").set_value(True).run()
+    computed_anew()
+    moved(app, {"driving.methods": []})
     assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
 
 
@@ -148,10 +146,9 @@ def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_
     monkeypatch.setattr(work, "_examples", {})  # which the tests above have computed
     app = page(EXAMPLE)
     begun = work_of(app).job
-    app.button_group(key="driving.origin").set_value(ONE).run()
+    moved(app, {"driving.origin": ONE})
     assert begun.cancelled
-    app.button_group(key="driving.origin").set_value(EXAMPLE).run()
-    again = work_of(app).job
+    again = work_of(moved(app, {"driving.origin": EXAMPLE})).job
     assert again is not begun
     assert not again.cancelled
     again.cancel()
@@ -160,23 +157,14 @@ def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_
 @pytest.mark.usefixtures("healthy_frames")
 def test_what_is_cancelled_stays_and_can_go_on() -> None:
     app = opened(drive(count=CANCELLED))
-    end = time.monotonic() + 60
-    while not work_of(app).kept.records:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    start = time.monotonic()
+    until(lambda: work_of(app).kept.records)
     work_of(app).job.cancel()
-    while work_of(app).job.running:
-        assert time.monotonic() - start < 5
-        time.sleep(0.01)
-    app.run()
-    shown = player(app)
+    shown = player(finished(app))
     assert shown["done"]
     if shown["computed"] == CANCELLED:
         pytest.skip("it was done before it could be called off")
     assert 0 < shown["computed"] < CANCELLED
-    next(button for button in app.button if button.label == "Go on").click().run()
-    app = finished(app)
+    finished(labelled(app.button, "Go on").click().run())
     assert player(app)["computed"] == CANCELLED
     assert player(app)["name"] != shown["name"]
 
@@ -184,7 +172,6 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
 @pytest.mark.parametrize(("data", "said"), [(b"PK\x03\x04nothing", "ZIP"), (b"no video at all" * 9, "video")])
 def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) -> None:
     app = opened(data)
-    assert not app.exception
     assert said in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
@@ -192,7 +179,7 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
 
 def test_one_of_two_videos_is_refused_before_the_other_is_there() -> None:
     app = page(TWO)
-    app.file_uploader(key="driving.left").set_value(("report.pdf", b"%PDF-1.7", "application/pdf")).run()
+    uploaded(app, "driving", left=("report.pdf", b"%PDF-1.7"))
     assert "“report.pdf”: This is not a video" in app.error[0].value
 
 
@@ -202,21 +189,18 @@ def test_what_is_wrong_is_said_and_cameras_above_each_other_are_matched_after_a_
     above = [np.ascontiguousarray(np.rot90(one, -1)) for one in cube]
     app = finished(opened(archive((above[0], above[1]), count=1)))
     assert any("cameras stand above each other" in one.value for one in app.markdown)
-    assert {row["findings"] for row in csv.DictReader(io.StringIO(_table(work_of(app))))} == {"above_each_other"}
-    app.button(key="driving.turn").click().run()
-    app = finished(app)
+    assert {row["findings"] for row in table(app)} == {"above_each_other"}
+    finished(app.button(key="driving.turn").click().run())
     assert not app.warning
-    rows = [*csv.DictReader(io.StringIO(_table(work_of(app))))]
-    assert {row["findings"] for row in rows} == {""}
-    assert min(float(row["coverage"]) for row in rows) > 0.6
+    assert {row["findings"] for row in table(app)} == {""}
+    assert min(float(row["coverage"]) for row in table(app)) > 0.6
     assert player(app)["height"] == above[0].shape[0]
     app.button(key="driving.turn.undo").click().run()
     assert any("cameras stand above each other" in one.value for one in app.markdown)
 
 
 def with_motion(app: AppTest, how: str) -> AppTest:
-    next(one for one in app.get("button_group") if one.key == "driving.motion").set_value(how).run()
-    return finished(app)
+    return finished(moved(app, {"driving.motion": how}))
 
 
 @pytest.mark.usefixtures("healthy_frames")
@@ -231,18 +215,13 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
     app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
-    next(box for box in app.number_input if box.label == "Frames a second").set_value(2 * moving_drives.RATE).run()
+    labelled(app.number_input, "Frames a second").set_value(2 * moving_drives.RATE).run()
     app = with_motion(app, "arrows")
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
-    speeds = own_speeds(shown)
+    (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
     assert speeds["colour"] == LINES[2]["colour"] and speeds["values"][0] is None
     assert speeds["values"][1:] == pytest.approx([2 * moving_drives.OWN_KMH], rel=0.05)
-
-
-def own_speeds(shown: dict[str, Any]) -> dict[str, Any]:
-    (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
-    return dict(speeds)
 
 
 @pytest.mark.usefixtures("healthy_frames")
@@ -256,3 +235,80 @@ def test_a_cut_and_a_repeated_frame_are_said_in_place_of_a_motion() -> None:
     }
     app = with_motion(opened(zipped_frames(frames)), "colours")
     assert player(app)["problems"] == ["", MOTION_IN_WORDS["identical"], MOTION_IN_WORDS["unrelated"]]
+
+
+# The camera's calibration, and the disparity range that frames need
+
+
+def calibrated(app: AppTest, **entries: Any) -> AppTest:
+    data = json.dumps({name: np.asarray(value).tolist() for name, value in entries.items()}).encode()
+    app.file_uploader(key="driving.calibration").set_value([("calibration.json", data, "application/json")]).run()
+    return finished(app)
+
+
+def coverage(app: AppTest) -> float:
+    chart = next(chart for chart in player(app)["charts"] if chart["name"] == "Coverage")
+    return float(np.mean([one["values"] for one in chart["series"]]))
+
+
+@pytest.mark.usefixtures("healthy_frames")
+def test_raw_frames_are_rectified_with_the_calibration_and_that_can_be_undone() -> None:
+    app = finished(opened(archive(straight_and_raw.raw_pair())))
+    raw = coverage(app)
+    app = calibrated(app, **straight_and_raw.ENTRIES)
+    assert "Each frame was undistorted and rectified with its calibration: rows differ by 0." in captions(app)
+    assert coverage(app) > raw + 0.2
+    disparity = work_of(app).kept.colours
+    assert disparity is not None and disparity[0] <= straight_and_raw.DISPARITY <= disparity[1]
+    app.session_state[OPENED] = 1
+    app.run()
+    assert app.title[0].value == "Depth maps"
+    handed = app.session_state[HANDED]
+    assert "Frame 2" in handed.description
+    straight = straight_and_raw.straight_pair()[0]
+    middle = slice(60, -60), slice(60, -60)
+    assert np.abs(handed.left[middle].astype(float) - straight[middle]).mean() < 3
+    assert handed.calibration.rig is None
+    app.switch_page(DRIVING).run()
+    app.button(key="driving.rectifying.undo").click().run()
+    app = finished(app)
+    assert "Each frame is rectified already, as you said" in captions(app)
+    assert coverage(app) == pytest.approx(raw, abs=0.05)
+
+
+@pytest.mark.usefixtures("healthy_frames")
+def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rectified_frames_as_they_are() -> None:
+    app = opened(archive(straight_and_raw.straight_pair()))
+    calibrated(app, focal_px=500, baseline_m=0.1, width=640, height=640)
+    (error,) = app.error
+    assert "The calibration is for 640 × 640 pixels and the images are 320 × 240" in error.value
+    assert error.value.endswith("The drive is processed without it.")
+    assert player(app)["computed"] == 2
+    assert player(app)["legends"][0]["title"] == "disparity, px"
+    app = calibrated(app, **straight_and_raw.ENTRIES)
+    assert "Each frame is rectified already: rows differ by 0.0" in captions(app)
+    assert not app.error
+    assert player(app)["legends"][0]["title"] == "disparity, px, and distance"
+    # Nothing is computed anew after a visit to another page, and the settings are as they were.
+    before = work_of(finished(labelled(app.number_input, "Disparities searched").set_value(96).run()))
+    app.switch_page(CALIBRATE).run()
+    app.switch_page(DRIVING).run()
+    assert labelled(app.number_input, "Disparities searched").value == 96
+    assert work_of(app) is before
+
+
+@pytest.mark.parametrize(
+    ("found", "first", "count", "warned"),
+    [((300, 32), 240, 16, "up to about 332"), ((10, 240), 10, 240, ""), ((-16, 48), 0, 48, "down to about −16")],
+)
+def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[int, int], first: int, count: int, warned: str
+) -> None:
+    monkeypatch.setattr(inputs, "diagnose_sequence", lambda drive: Diagnosis((), None, found))
+    app = finished(opened(archive(straight_and_raw.straight_pair(seed=count), count=1)))
+    smallest = labelled(app.number_input, "Smallest disparity, px")
+    assert (smallest.value, labelled(app.number_input, "Disparities searched").value) == (first, count)
+    assert any(warned in one.value for one in app.warning) if warned else not app.warning
+    finished(smallest.set_value(200).run())
+    assert labelled(app.number_input, "Disparities searched").value <= 48
+    assert not any(player(app)["problems"])

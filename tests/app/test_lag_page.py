@@ -1,55 +1,45 @@
-"""The lag page: the verdict before the lag, recordings of one's own, all methods in a table, and the panels."""
+"""The lag page: verdicts, recordings of one's own, all methods, the panels, and microphones heard live."""
 
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
-import plotly.io
 import pytest
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
 from benchmarks.recording_bytes import filmed
-from benchmarks.verdict import drifting, tones
+from benchmarks.verdict import drifting, tones, unrelated
 from stereolag.core.typography import typeset
+from stereolag.signals import phasors
 from stereolag.signals.by_hand import MAX_LAG, Disturbances
-from stereolag.signals.phasors import LAG, SIZE
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag import parts
+from stereolag.ui.lag.inputs import Piece, answer
 from stereolag.ui.lag.parts import judged
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
-from tests.app import uploads
-from tests.app.pages import lag_found, numbers
-from tests.packed import told
+from tests.app import pages, uploads
+from tests.app.pages import LAG, OpenPage, address, captions, labelled, lag_found, moved, uploaded
+from tests.packed import told, unpacked
 from tests.snapshots import Snapshot
 
-OpenPage = Callable[..., AppTest]
 Sound = npt.NDArray[np.float64]
-PAGE = "pages/1_Sensor_lag.py"
 
 
-def measured(open_page: OpenPage, *files: tuple[str, bytes]) -> AppTest:
+def measured(open_page: OpenPage, first: tuple[str, bytes], second: tuple[str, bytes]) -> AppTest:
     """Return the page after uploading recordings."""
-    app = open_page(PAGE, {"recordings": "own"})
-    for number, (name, data) in enumerate(files, start=1):
-        app.file_uploader(key=f"recordings.file_{number}").upload(name, data, "application/octet-stream")
-    app.run()
-    assert not app.exception and not app.error
+    app = uploaded(open_page(LAG, {"recordings": "own"}), "recordings", file_1=first, file_2=second)
+    assert not app.error
     return app
 
 
 def two_waves(first: Sound, second: Sound) -> tuple[tuple[str, bytes], tuple[str, bytes]]:
     one, other = (uploads.wav(sound, 44_100) for sound in (first, second))
     return ("1.wav", one), ("2.wav", other)
-
-
-def captions(app: AppTest) -> str:
-    return "\n".join(f"{caption.value} {caption.proto.help}" for caption in app.caption)
 
 
 # The verdict
@@ -59,22 +49,20 @@ def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage) -> None:
     app = measured(open_page, *two_waves(*tones(6_000, 0.01, 0.0, 0)))
     assert app.header[0].value.startswith("Cannot tell: it repeats every **100 samples**.")
     assert " m" not in app.header[0].value
-    assert "Highest at" in numbers(app)
-    assert re.fullmatch(r"\d+\.\d of \d\.\d needed", numbers(app)["Evidence"])
+    assert "Highest at" in pages.numbers(app)
+    assert re.fullmatch(r"\d+\.\d of \d\.\d needed", pages.numbers(app)["Evidence"])
 
 
 def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
-    app = open_page(PAGE)
+    app = open_page(LAG)
     headline = (
         "Sensor 2 hears it **1.136 s** (50,082.00 ± 0.01 samples) after sensor 1: its path is **378.17 m** longer."
     )
     assert app.header[0].value == typeset(headline)
-    fair = drawn(app)
-    app.button_group(key="lag.curve").set_value("Not weighted").run()
-    plain = drawn(app)
-    assert fair[-1]["x"] == plain[-1]["x"] == [50_082]
-    assert fair[-1]["y"][0] == pytest.approx(plain[-1]["y"][0] * np.sqrt(1 - 50_082 / 176_401), abs=1e-3)
-    assert float(numbers(app)["Agreement"]) == pytest.approx(plain[-1]["y"][0], abs=1e-3)
+    fair, plain = marked(app), marked(moved(app, {"lag.curve": "Not weighted"}))
+    assert fair["x"] == plain["x"] == [50_082]
+    assert fair["y"][0] == pytest.approx(plain["y"][0] * np.sqrt(1 - 50_082 / 176_401), abs=1e-3)
+    assert float(pages.numbers(app)["Agreement"]) == pytest.approx(plain["y"][0], abs=1e-3)
 
 
 def test_what_was_assumed_stands_in_the_headline(open_page: OpenPage) -> None:
@@ -88,15 +76,14 @@ def test_the_score_of_a_lag_that_changes_is_that_of_the_aligned_recordings(open_
     app = measured(open_page, *two_waves(*drifting(60_000, 400, 900.0, 0.1, 1)))
     said = r"Sensor 2 hears it \*\*400 samples later at the start, 454 at the end \(\+90\d.\d ±\s0.1\sppm\)\*\*\."
     assert re.fullmatch(said, app.header[0].value), app.header[0].value
-    assert float(numbers(app)["Agreement"]) > 0.95  # at no single lag above 0.1
+    assert float(pages.numbers(app)["Agreement"]) > 0.95  # at no single lag above 0.1
     assert "A lag that changes spreads the peak over them" in captions(app)
 
 
-def drawn(app: AppTest) -> list[dict[str, list[float]]]:
-    """Return the traces of the correlation curve."""
-    specs = [plotly.io.from_json(one.proto.spec, skip_invalid=True).to_dict() for one in app.get("plotly_chart")]
-    (curve,) = [spec for spec in specs if "lag, samples" in str(spec["layout"]["xaxis"].get("title"))]
-    return list(curve["data"])
+def marked(app: AppTest) -> dict[str, list[float]]:
+    """Return the trace that marks the lag on the correlation curve."""
+    (curve,) = [chart for chart in pages.charts(app) if "lag, samples" in str(chart["layout"]["xaxis"].get("title"))]
+    return dict(curve["data"][-1])
 
 
 # Recordings of one's own
@@ -113,9 +100,8 @@ def test_another_rate_is_brought_to_the_lower_and_said(open_page: OpenPage) -> N
 
 
 def test_an_assumed_rate_is_said_aloud_and_mended_lines_are_counted(open_page: OpenPage) -> None:
-    lines = uploads.csv(SOUND).split(b"\n")
-    lines[7] += b"\0"
-    app = measured(open_page, ("a.csv", b"\n".join(lines)), ("b.csv", uploads.csv(SOUND)))
+    mended = uploads.csv(SOUND).replace(b"\n", b"\0\n", 1)
+    app = measured(open_page, ("a.csv", mended), ("b.csv", uploads.csv(SOUND)))
     assert typeset("no rate in the file: 44,100 Hz assumed unless set below, 1 damaged line mended.") in captions(app)
 
 
@@ -125,7 +111,7 @@ def test_a_time_column_gives_the_rate_and_its_gap_and_a_column_is_chosen_by_name
     there = (i for i in range(3000) if not 1000 <= i < 1300)
     gap = "\n".join(["t,A", *(f"{i / 100:.2f},{sound[i]}" for i in there)])
     app = measured(open_page, ("a.csv", whole.encode()), ("b.csv", gap.encode()))
-    chooser = app.selectbox(key=next(one.key for one in app.selectbox if one.label == "Channel"))
+    chooser = labelled(app.selectbox, "Channel")
     assert chooser.options == ["2: B (V)", "3: A (V)"]
     chooser.set_value(3).run()
     assert lag_found(app) == 37 and typeset("**0.37 s**") in app.header[0].value
@@ -136,7 +122,7 @@ def test_a_video_of_two_tracks_has_a_control_for_them(open_page: OpenPage) -> No
     film = filmed("matroska", "flac", SOUND[100:], SOUND[:-100], rate=16_000)
     app = measured(open_page, ("film.mkv", film), ("alone.wav", uploads.wav(SOUND[:-100], 16_000)))
     assert lag_found(app) == 100
-    next(one for one in app.selectbox if one.label == "Track").set_value(2).run()
+    labelled(app.selectbox, "Track").set_value(2).run()
     assert lag_found(app) == 0
     assert "track 2 of 2" in captions(app)
 
@@ -144,31 +130,21 @@ def test_a_video_of_two_tracks_has_a_control_for_them(open_page: OpenPage) -> No
 # All methods
 
 
-def waited(app: AppTest) -> AppTest:
-    """Return the page once its job is done."""
-    for _ in range(300):
-        if not any(one.label == "Cancel" for one in app.button):
-            return app
-        time.sleep(0.2)
-        app.run()
-    raise AssertionError("the job goes on and on")
-
-
 def test_every_method_has_a_row_and_runs_are_timed(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "LONGEST_METHOD_S", 3.0)
-    app = open_page(PAGE, {"lag.part": "Methods"})
+    app = open_page(LAG, {"lag.part": "Methods"})
     assert not app.dataframe
     app.button(key="lag.comparison.recordings coast.start").click().run()
-    table = waited(app).dataframe[0].value
+    table = pages.finished(app).dataframe[0].value
     assert list(table["Method"]) == ["FFT", "GCC-PHAT", "Sampled", "Direct"]
     assert list(table["Lag, samples"]) == ["50,082"] * 3 + ["–"]
     assert list(table["Verdict"]) == ["sure"] * 3 + ["left out"]
     assert table["Time"][3].startswith("about ")
-    app.slider(key="lag.runs").set_value(10).run()
+    moved(app, {"lag.runs": 10})
     app.button(key="lag.run_times.recordings coast.start").click().run()
-    waited(app)
+    pages.finished(app)
     assert "FFT: half of the runs took less than " in captions(app)
-    app.slider(key="lag.runs").set_value(20).run()
+    moved(app, {"lag.runs": 20})
     assert "half of the runs" not in captions(app)
 
 
@@ -189,7 +165,7 @@ def examples(app: AppTest, panel: str) -> list[dict[str, Any]]:
 
 
 def test_the_panels_hold_the_recordings_measured_and_examples(open_page: OpenPage) -> None:
-    app = open_page(PAGE)
+    app = open_page(LAG)
     for panel, (_, names, said) in EXAMPLES.items():
         found = examples(app, panel)
         assert [example["name"] for example in found] == names
@@ -198,9 +174,10 @@ def test_the_panels_hold_the_recordings_measured_and_examples(open_page: OpenPag
     assert all(len(one["cut"]) < len(one["recording"]) for one in slides)
     assert [one["name"] for one in slides if one["whole"]] == ["seven"]
     assert "The peak is at 50,082 samples, as over the whole recordings" in slides[0]["said"]["plain"]
-    assert all(len(one[part]) == SIZE // 2 for one in arrows for part in ("magnitude_1", "magnitude_2", "turns"))
+    parts = ("magnitude_1", "magnitude_2", "turns")
+    assert all(len(one[part]) == phasors.SIZE // 2 for one in arrows for part in parts)
     coast = arrows[1]
-    assert coast["offset"] + LAG * coast["step"] == 50_082
+    assert coast["offset"] + phasors.LAG * coast["step"] == 50_082
     assert f"mean of {coast['step']} samples" in coast["try"] and f"{coast['offset']:,} samples later" in coast["try"]
     app.button_group(key="recordings").set_value("harbour").run()
     assert examples(app, "phasors") == arrows  # as before: painted values stay in the browser
@@ -213,7 +190,7 @@ def test_ones_own_arrows_come_first_once_their_lag_is_found(open_page: OpenPage)
     own, *others = examples(measured(open_page, *two_waves(scene[:-500], scene[500:])), "phasors")
     assert [example["name"] for example in others] == EXAMPLES["phasors"][1]
     assert own["title"] == "Your recordings"
-    assert own["offset"] + LAG * own["step"] == -500
+    assert own["offset"] + phasors.LAG * own["step"] == -500
     assert own["said"]["whitened"] == "The chain reaches furthest at lag 4, as in the whole recordings."
     app = measured(open_page, *two_waves(uploads.noise(9_000, seed=1), uploads.noise(9_000, seed=2)))
     assert [one["name"] for one in examples(app, "phasors")] == EXAMPLES["phasors"][1]
@@ -232,3 +209,83 @@ def test_what_is_said_of_every_disturbance(snapshot: Snapshot) -> None:
     noisy = examples["Noise"]
     assert len(noisy["curve"]) == 2 * MAX_LAG + 1 and [len(part) for part in noisy["recordings"]] == [240, 240]
     assert set(DISTURBED_VERDICTS) == set(DISTURBED_LESSONS) == {*get_args(Reason), "wrong"} - {"few_votes"}
+
+
+# Microphones heard live
+
+RATE = 16_000
+Sounds = npt.NDArray[np.int16]
+
+
+def sounds(first: npt.ArrayLike, second: npt.ArrayLike) -> Sounds:
+    both = np.stack([first, second])
+    return np.asarray(8000 * both / np.abs(both).max(), dtype=np.int16)
+
+
+DRIFTING = sounds(*drifting(2 * RATE, 40, 150, 0.2, 3))
+STEADY = sounds(*drifting(2 * RATE, 40, 0, 0.2, 3))
+
+
+def heard(piece: Sounds, *, devices: int = 1, kept: dict[str, Any] | None = None, **header: Any) -> dict[str, Any]:
+    """Return what the panel is told after a piece."""
+    parts = tuple(one.tobytes() for one in piece)
+    message = Piece.model_validate({"rate": RATE, "devices": devices, "begun": 1, "parts": parts} | header)
+    return unpacked(answer({} if kept is None else kept, message, speed=340.0, max_lag=None))[0]
+
+
+def test_a_sure_lag_has_metres_only_from_one_device_and_while_it_stays() -> None:
+    steady = heard(STEADY)
+    assert (steady["sure"], steady["lag"], steady["difference"]) == (True, "40", pytest.approx(0.85, abs=0.01))
+    assert "its path is 0.85\N{NO-BREAK SPACE}m longer" in steady["said"]
+    assert heard(DRIFTING)["said"] == "The source moves: the lag was 40 samples and is 45 now."
+    assert heard(STEADY[::-1])["lag"] == "−40"
+    two, apart = heard(STEADY, devices=2)["said"], heard(DRIFTING, devices=2)["said"]
+    assert two.startswith("Sensor 2 hears it 40.0 samples later. Two devices start at different moments")
+    assert "at the start, 45 at the end (+1" in apart
+    assert apart.endswith("Two devices have two clocks, and these run apart.")
+
+
+def test_without_a_sure_lag_it_is_said_why() -> None:
+    sound, silence = STEADY[0], np.zeros_like(STEADY[0])
+    for piece, said in (
+        (np.stack([silence, silence]), "It is quiet"),
+        (np.stack([sound, silence]), "Only sensor 1 hears something: sensor 2 is silent."),
+        (np.stack([sound, sound]), "One channel only"),
+        (STEADY[:, :100], "Listening …"),
+        (sounds(*unrelated("noise and noise", RATE, 0)), "Nothing in common found"),
+    ):
+        found = heard(piece)
+        assert found["said"].startswith(said)
+        assert (found["sure"], found["lag"], found["difference"]) == (False, "", None)
+
+
+def test_microphones_switched_on_anew_begin_anew() -> None:
+    kept: dict[str, Any] = {}
+    for begun, count in ((1, 1000), (1, 2000), (2, 1000)):
+        heard(STEADY[:, :1000], kept=kept, begun=begun)
+        assert kept["listening"].samples.shape == (2, count)
+
+
+def test_what_is_frozen_becomes_the_recordings_of_the_page(open_page: Callable[..., AppTest]) -> None:
+    app = open_page(LAG, {"recordings": "live"})
+    assert not app.header
+    assert address(app) == {"recordings": "live"}
+    kept = app.session_state["live.lag"].kept
+    assert "frozen" not in heard(STEADY, kept=kept)
+    assert "frozen" not in kept
+    assert heard(STEADY, kept=kept, freeze=7)["frozen"] == 7
+    heard(STEADY[:, ::-1], kept=kept)  # what is heard before the page runs again is no part of it
+    app.run()
+    assert lag_found(app) == 40
+    assert app.tabs[-1].label == "Take away"
+    assert "32,000 samples, 16,000 Hz, channel 2 of 2" in "\n".join(one.value for one in app.caption).replace(
+        "\xa0", " "
+    )
+    digest = kept["frozen"].file.digest
+    assert app.number_input(key=f"lag.speed.{digest} 1 {digest} 2").value == 340
+    app.number_input(key=f"lag.max_lag.{digest} 1 {digest} 2").set_value(100).run()
+    assert address(app) == {"recordings": "live", "max_lag": "100"}
+    heard(np.zeros_like(STEADY), kept=kept, begun=2, freeze=8)
+    app.run()
+    assert "is constant" in app.error[0].value
+    assert lag_found(app) == 40

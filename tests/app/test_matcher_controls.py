@@ -5,23 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+import streamlit as st
+from pydantic import Field
 from streamlit.testing.v1 import AppTest
 
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import Bounds, Settings, SettingsError
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
+from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
 from stereolag.ui.controls import class_of
+from stereolag.ui.depth.inputs import choose_pair
+from stereolag.ui.depth.maps import show_controls, show_presets
+from stereolag.ui.matcher_controls import matcher_as_set, matcher_moved, matchers_in_use
 from tests.app import keys
-from tests.app.pages import controls
+from tests.app.pages import controls, page_of
 
 
 def page() -> None:
-    import streamlit as st
-
-    from stereolag.stereo.methods import METHODS
-    from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.maps import show_controls, show_presets
-    from stereolag.ui.matcher_controls import matcher_as_set, matcher_moved, matchers_in_use
-
     pair = choose_pair()
     as_set = {method: matcher_as_set(method, pair) for method in METHODS}
     show_presets(pair)
@@ -32,12 +34,8 @@ def page() -> None:
 
 
 def opened(pair: str) -> AppTest:
-    app = AppTest.from_function(page, default_timeout=60)
-    app.session_state["pairs"] = pair
-    app.session_state["depth.head"] = True
-    for method in METHODS:
-        app.session_state[keys.more(method.short_name)] = True
-    return app.run()
+    unfolded = {keys.more(method.short_name): True for method in METHODS}
+    return page_of(page, {"pairs": pair, "depth.head": True, **unfolded})
 
 
 def agree(app: AppTest) -> None:
@@ -75,19 +73,18 @@ def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_
     settings = [key for key in controls(app) if key.startswith(f"depth.{method}.")]
     assert len(settings) > 5
     for key in settings:
-        before = controls(app)[key].value
+        before, is_slider = controls(app)[key].value, controls(app)[key].type == "slider"
         for value in other_values(controls(app)[key]):
             controls(app)[key].set_value(value).run()
-            assert not app.exception, key
             agree(app)
             moved = app.session_state["met"][1]
             changed = [one != other for one, other in zip(at_first, moved, strict=True)]
-            if any(changed):
+            if is_slider and any(changed):
                 app.session_state["drag"] = class_of(key), value
             controls(app)[key].set_value(before).run()
             if any(changed):
                 break
-        if controls(app)[key].type == "slider":
+        if is_slider:
             assert app.session_state["dragged"] == moved[mine], key
         assert changed == [number == mine for number in range(len(METHODS))], key
         assert app.session_state["met"][1] == at_first, key
@@ -96,8 +93,7 @@ def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_
 @pytest.mark.parametrize("method", [method.short_name for method in METHODS])
 def test_at_the_ends_of_every_slider_also_of_a_smaller_picture(method: str) -> None:
     app = opened("road")
-    app.session_state[keys.TAB] = method
-    app.run()
+    app.button_group(key=keys.TAB).set_value(method).run()
     for end in ("max", "min"):
         for key in [slider.key for slider in app.slider]:
             slider = app.slider(key=key)
@@ -106,3 +102,76 @@ def test_at_the_ends_of_every_slider_also_of_a_smaller_picture(method: str) -> N
                 agree(app)
         app.segmented_control(key="pairs.size").set_value("1/4" if end == "max" else "Full").run()
         agree(app)
+
+
+# The values that a control offers are those that its field allows
+
+CLASSES = (*METHODS, CentredSearch, RectifiedSearch, LagSearch, TemplateQuery)
+
+
+def numeric_fields() -> list[tuple[type[Settings], str]]:
+    return [
+        (settings, name)
+        for settings in CLASSES
+        for name, field in settings.model_fields.items()
+        if isinstance(field.default, int | float)
+    ]
+
+
+@pytest.mark.parametrize(("settings", "name"), numeric_fields())
+def test_what_a_slider_can_be_set_to_is_what_the_field_allows(settings: type[Settings], name: str) -> None:
+    field = settings.model_fields[name]
+    bounds = Bounds.of(field).through(field.default)
+    for value in (bounds.low, bounds.high, field.default + bounds.step):
+        if value is not None and value <= (bounds.high or value):
+            one_field = {name: value}
+            try:
+                settings(**one_field)
+            except SettingsError as error:  # fields that constrain each other may refuse; the field itself must not
+                assert not any("allowed" in problem.sentence and problem.name for problem in error.problems), error
+
+
+class Example(Settings):
+    odd: int = Field(7, ge=2, le=12, json_schema_extra={"step": 2})
+    sixteens: int = Field(64, ge=1, le=100, multiple_of=16)
+    share: float = Field(0.95, ge=0, lt=1, json_schema_extra={"step": 0.05})
+    open_end: float = Field(1.0, gt=0)
+    perhaps: int | None = Field(None, ge=0)
+
+
+def bounds_of(name: str) -> Bounds:
+    return Bounds.of(Example.model_fields[name])
+
+
+def test_sliders_move_in_whole_steps_through_the_default_within_bounds_that_are_never_widened() -> None:
+    assert bounds_of("odd").through(7) == Bounds(3, 11, 2)
+    assert bounds_of("sixteens").through(64) == Bounds(16, 96, 16)
+    assert bounds_of("share").through(0.95) == Bounds(0.0, 0.95, 0.05)
+    assert bounds_of("open_end") == Bounds(1.0, None, 1.0)
+    assert bounds_of("perhaps") == Bounds(0, None, 1)
+    assert bounds_of("odd").narrowed(5, 20) == Bounds(5, 12, 2)
+    assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(1.0, 9.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "bad", "said"),
+    [
+        (Example, {"odd": 13}, "odd is 13; allowed are whole numbers from 2 to 12."),
+        (Example, {"sixteens": 15}, "sixteens is 15; allowed are multiples of 16 from 1 to 100."),
+        (Example, {"share": "much"}, "share is 'much'; allowed are numbers from 0 below 1."),
+        (StereoBM, {"block_size": 20}, "block_size is 20; OpenCV allows odd sizes only."),
+    ],
+)
+def test_a_refusal_is_one_sentence(kind: type[Settings], bad: dict[str, Any], said: str) -> None:
+    with pytest.raises(SettingsError) as refusal:
+        kind(**bad)
+    assert str(refusal.value) == said
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "nearest"),
+    [(5, 99, 21, 21), (5, 6, 21, 5), (5, 3, 21, 5), (3, 8, 20, 8), (16, 40, 64, 32), (5, 99, 1, 5)],
+)
+def test_a_value_moves_by_whole_steps_into_narrower_bounds(low: int, high: int, value: int, nearest: int) -> None:
+    steps = {21: 2, 20: 1, 64: 16, 1: 2}
+    assert Bounds(low, high, steps[value]).nearest(value) == nearest

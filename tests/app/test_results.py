@@ -3,44 +3,35 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from stereolag.core.jobs import Estimate
+from stereolag.core.jobs import Estimate, Progress
 from stereolag.core.typography import typeset
 from stereolag.ui import results
-from stereolag.ui.results import (
-    HEAVY_MEMORY,
-    HEAVY_S,
-    Job,
-    Limiter,
-    RecentResults,
-    SharedRoom,
-    computed,
-    computed_at_once,
-    is_heavy,
-)
+from stereolag.ui.results import HEAVY_MEMORY, Job
 from stereolag.ui.sentences import duration
+from tests.app.pages import page_of, until
 
 
 def of_bytes(count: int) -> SimpleNamespace:
     return SimpleNamespace(array=np.zeros(count, dtype=np.uint8))
 
 
-def filled(store: RecentResults, **counts: int) -> RecentResults:
+def filled(store: results.RecentResults, **counts: int) -> results.RecentResults:
     for name, count in counts.items():
         store.put(name, of_bytes(count))
     return store
 
 
 def test_results_used_longest_ago_are_forgotten_first_and_never_the_newest() -> None:
-    store = filled(RecentResults(max_bytes=300), a=100, b=100, c=100)
+    store = filled(results.RecentResults(max_bytes=300), a=100, b=100, c=100)
     assert store.get("a") is not None
     filled(store, d=100)
     assert [store.get(name) is not None for name in "abcd"] == [True, False, True, True]
@@ -49,13 +40,13 @@ def test_results_used_longest_ago_are_forgotten_first_and_never_the_newest() -> 
 
 
 def test_the_size_is_that_of_what_is_kept() -> None:
-    store = filled(RecentResults(max_bytes=300), a=100, b=150, c=20)
+    store = filled(results.RecentResults(max_bytes=300), a=100, b=150, c=20)
     assert filled(store, b=50).size == 170
     assert filled(store, d=200).size == 270  # without "a"
 
 
 def test_more_visitors_have_less_room_each_and_who_has_left_takes_none() -> None:
-    room = SharedRoom(max_bytes=400, most_each=300)
+    room = results.SharedRoom(max_bytes=400, most_each=300)
     visitors = [room.results() for _ in range(4)]
     for visitor in visitors:
         filled(visitor, a=100, b=100, c=100)
@@ -68,14 +59,14 @@ def test_more_visitors_have_less_room_each_and_who_has_left_takes_none() -> None
 def test_what_was_computed_is_kept_and_a_refusal_is_not() -> None:
     calls = []
 
-    def compute(settings: str) -> SimpleNamespace:
+    def compute(settings: str) -> None:
         def work(progress: object) -> SimpleNamespace:
             calls.append(settings)
             if settings == "bad":
                 raise ValueError("no")
             return of_bytes(1)
 
-        return computed("counting", work, inputs="inputs", settings=settings, shared=True, label="Computing …")
+        results.computed("counting", work, inputs="inputs", settings=settings, shared=True, label="Computing …")
 
     for settings in ("one", "two", "one"):
         compute(settings)
@@ -88,31 +79,21 @@ def test_what_was_computed_is_kept_and_a_refusal_is_not() -> None:
 def test_only_what_is_short_is_computed_at_once() -> None:
     def at_once(seconds: float) -> SimpleNamespace | None:
         given = {"inputs": "inputs", "settings": "", "shared": True}
-        return computed_at_once("pausing", lambda progress: of_bytes(1), Estimate(1, seconds), **given)
+        return results.computed_at_once("pausing", lambda progress: of_bytes(1), Estimate(1, seconds), **given)
 
     assert at_once(seconds=2.0) is None
     made = at_once(seconds=0.1)
-    assert made is not None
-    assert at_once(seconds=2.0) is made  # in memory
+    assert at_once(seconds=2.0) is made is not None  # in memory
 
 
 def test_durations_have_the_unit_that_suits_them() -> None:
-    assert [duration(seconds) for seconds in (0.0171, 0.9, 1.28, 111)] == [
-        *map(typeset, ("17 ms", "900 ms", "1.28 s", "111.00 s"))
-    ]
+    said = {0.0171: "17 ms", 0.9: "900 ms", 1.28: "1.28 s", 111: "111.00 s"}
+    assert {seconds: duration(seconds) for seconds in said} == {one: typeset(text) for one, text in said.items()}
 
 
 # Jobs
 
-PATIENCE_S = 20.0
 MEMORY = 100
-
-
-def until(holds: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 class Work:
@@ -138,38 +119,30 @@ def limit(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Return a function that sets the number of jobs computed at once, and the memory of all."""
 
     def set_to(at_once: int, memory: int = MEMORY) -> None:
-        limiter = Limiter(memory, at_once)
+        limiter = results.Limiter(memory, at_once)
         monkeypatch.setattr(results, "limiter", lambda: limiter)
 
     return set_to
 
 
-def test_jobs_are_computed_in_the_order_in_which_they_came(limit: Callable[..., None]) -> None:
+@pytest.mark.parametrize(("called_off", "computed"), [("", "abc"), ("a", "abc"), ("b", "ac")])
+def test_jobs_are_computed_in_the_order_in_which_they_came_but_for_those_called_off(
+    limit: Callable[..., None], called_off: str, computed: str
+) -> None:
     limit(1)
     begun: list[str] = []
     works = {name: Work(name, 60, begun) for name in "abc"}
     assert [work.job.ahead for work in works.values()] == [0, 1, 2]
+    for name in called_off:
+        gone = works.pop(name).job
+        gone.cancel()
+        with pytest.raises(CancelledError):
+            gone.result()
     for name, work in works.items():
         until(lambda name=name: name in begun)
         work.end.set()
         assert work.job.result() == name
-    assert begun == ["a", "b", "c"]
-
-
-@pytest.mark.parametrize("called_off", [0, 1], ids=["computed", "waiting"])
-def test_a_job_can_be_called_off(limit: Callable[..., None], called_off: int) -> None:
-    limit(1)
-    begun: list[str] = []
-    works = [Work(name, 60, begun) for name in "abc"]
-    gone = works.pop(called_off)
-    gone.job.cancel()
-    with pytest.raises(CancelledError):
-        gone.job.result()
-    until(lambda: works[-1].job.ahead == 1)
-    for work in works:
-        work.end.set()
-        assert work.job.result()
-    assert begun == [["a", "b", "c"], ["a", "c"]][called_off]
+    assert "".join(begun) == computed
 
 
 @pytest.mark.parametrize(("memory", "together"), [((60, 60), 1), ((60, 40), 2), ((1, 1, 1), 2), ((300, 20), 1)])
@@ -200,37 +173,25 @@ def test_a_job_that_fails_gives_its_turn_back(limit: Callable[..., None]) -> Non
 
 
 def test_what_is_light() -> None:
-    assert not is_heavy(Estimate(HEAVY_MEMORY - 1, HEAVY_S / 2))
-    assert is_heavy(Estimate(HEAVY_MEMORY, 0.0))
-    assert is_heavy(Estimate(0, HEAVY_S))
+    assert not results.is_heavy(Estimate(HEAVY_MEMORY - 1, results.HEAVY_S / 2))
+    assert results.is_heavy(Estimate(HEAVY_MEMORY, 0.0))
+    assert results.is_heavy(Estimate(0, results.HEAVY_S))
 
 
 # A job on a page
 
 
 def page() -> None:
-    import streamlit as st
-
-    from stereolag.core.jobs import Estimate
-    from stereolag.ui.results import computed_in_turn
-
     gate, number = st.session_state["gate"], st.session_state["number"]
 
-    def compute(progress):
+    def compute(progress: Progress) -> bytes:
         progress(0.25)
         while not gate.wait(0.005):
             progress(0.25)
         return f"result {number}".encode()
 
-    result = computed_in_turn(
-        "counting",
-        compute,
-        Estimate(st.session_state["memory"], 0.0),
-        inputs=st.session_state["inputs"],
-        settings=str(number),
-        shared=True,
-        label="Counting …",
-    )
+    given = {"inputs": "inputs", "settings": str(number), "shared": True, "label": "Counting …"}
+    result = results.computed_in_turn("counting", compute, Estimate(st.session_state["memory"], 0.0), **given)
     st.markdown("nothing yet" if result is None else result.decode())
 
 
@@ -243,11 +204,8 @@ def gate(limit: Callable[..., None], empty_caches: None) -> Iterator[threading.E
     gate.set()
 
 
-def opened(gate: threading.Event, inputs: str, memory: int = HEAVY_MEMORY, number: int = 1) -> AppTest:
-    app = AppTest.from_function(page, default_timeout=60)
-    for name, value in {"gate": gate, "inputs": inputs, "memory": memory, "number": number}.items():
-        app.session_state[name] = value
-    return app.run()
+def opened(gate: threading.Event, memory: int = HEAVY_MEMORY) -> AppTest:
+    return page_of(page, {"gate": gate, "memory": memory, "number": 1})
 
 
 def open_gate() -> threading.Event:
@@ -256,17 +214,18 @@ def open_gate() -> threading.Event:
     return gate
 
 
-def finished(app: AppTest) -> AppTest:
+def answer(app: AppTest) -> str:
+    """Return what the page shows at last."""
     until(lambda: app.run().markdown[0].value != "nothing yet")
-    return app
+    return str(app.markdown[0].value)
 
 
 def test_a_heavy_job_does_not_hold_the_page(gate: threading.Event) -> None:
-    app = opened(gate, "first")
+    app = opened(gate)
     assert app.markdown[0].value == "nothing yet"
     assert app.button(key="results.cancel.counting")
     gate.set()
-    assert finished(app).markdown[0].value == "result 1"
+    assert answer(app) == "result 1"
     assert not app.button
 
 
@@ -280,43 +239,43 @@ def somebody_else(gate: threading.Event) -> Job[bool]:
         return gate.wait()
 
     job = Job(work, Estimate(HEAVY_MEMORY, 10.0))
-    assert begun.wait(20)
+    begun.wait()
     return job
 
 
 def test_who_comes_second_is_told_the_place_in_the_queue(gate: threading.Event, somebody_else: Job[bool]) -> None:
-    app = opened(gate, "mine").run()
+    app = opened(gate).run()
     assert "number 2" in app.info[0].value
     gate.set()
     assert somebody_else.result()
-    assert finished(app).markdown[0].value == "result 1"
+    assert answer(app) == "result 1"
 
 
 def test_a_light_job_does_not_wait(gate: threading.Event, somebody_else: Job[bool]) -> None:
-    assert opened(open_gate(), "mine", memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
+    assert opened(open_gate(), memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
     assert somebody_else.running
 
 
 def test_a_job_is_cancelled_and_computed_again(gate: threading.Event) -> None:
-    app = opened(gate, "first")
+    app = opened(gate)
     app.button(key="results.cancel.counting").click().run()
     assert app.caption[0].value == "Cancelled."
     gate.set()
-    app.run()
-    assert app.caption[0].value == "Cancelled."
+    assert app.run().caption[0].value == "Cancelled."
     app.button(key="results.again.counting").click().run()
-    assert finished(app).markdown[0].value == "result 1"
+    assert answer(app) == "result 1"
 
 
 def test_other_settings_call_the_job_before_off(gate: threading.Event) -> None:
-    app = opened(gate, "first")
+    app = opened(gate)
     app.session_state["number"], app.session_state["gate"] = 2, open_gate()
     app.run()
     # The previous job would run for as long as its gate is closed, and the new one would wait for it.
-    assert finished(app).markdown[0].value == "result 2"
+    assert answer(app) == "result 2"
 
 
 def test_what_is_too_much_does_not_wait_to_be_refused(gate: threading.Event) -> None:
     gate.set()
-    app = opened(gate, "first", memory=2**60)
-    assert app.markdown[0].value == "result 1"  # called directly: the job itself reports that it is too much
+    assert (
+        opened(gate, memory=2**60).markdown[0].value == "result 1"
+    )  # called directly: the job itself reports that it is too much

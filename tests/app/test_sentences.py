@@ -12,94 +12,34 @@ from typing import get_args
 import numpy as np
 from pairs import shifted_pair
 
+import stereolag as sl
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
+from stereolag.assess import findings, suggestion
 from stereolag.assess.diagnosis import Diagnosis, judge_range
 from stereolag.assess.explaining import ExampleKind, MatchExplanation, MatchKind, explain_match
-from stereolag.assess.findings import (
-    Finding,
-    FindingCode,
-    Remedy,
-    judge_above,
-    judge_bent_rows,
-    judge_border,
-    judge_exposure,
-    judge_identical,
-    judge_layout,
-    judge_matches,
-    judge_mirrored,
-    judge_moments,
-    judge_raw_sides,
-    judge_rotation,
-    judge_rows,
-    judge_sides,
-    judge_texture,
-)
+from stereolag.assess.findings import Finding, FindingCode, Remedy
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.layout import Epipole, Layout
 from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.suggestion import Outcome, Suggestion
-from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.arrays import Box
-from stereolag.core.searches import TemplateQuery
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.figures import verdicts
 from stereolag.figures.match import window_grid
-from stereolag.figures.verdicts import (
-    REASON_WORDS,
-    curve_in_words,
-    doubtful,
-    framed_in_words,
-    headline,
-    verdict_explained,
-    verdict_in_words,
-)
 from stereolag.io.clocks import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
-from stereolag.signals import phasors, signal_lag
+from stereolag.signals import phasors
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.finishing.stages import MedianFilter
-from stereolag.stereo.matcher import Reason
-from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
-from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.by_hand import reduced_search
 from stereolag.templates.identity import Kind
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial, opencv_search, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
-from stereolag.ui.depth import sentences
-from stereolag.ui.depth.sentences import (
-    EXAMPLE_LABELS,
-    HIDDEN_FROM_RIGHT,
-    HOVER_WORDS,
-    NO_EXAMPLE,
-    match_in_words,
-    match_verdict,
-    problems_in_words,
-    remedy_in_words,
-)
-from stereolag.ui.lag.sentences import (
-    blocks_in_words,
-    drift_in_words,
-    heard_in_words,
-    own_facts,
-    own_in_words,
-    ribbon_in_words,
-    run_times_in_words,
-    waveforms_in_words,
-)
-from stereolag.ui.search.sentences import (
-    differences,
-    found_in_words,
-    left_out_in_words,
-    lesson,
-    nearest_in_words,
-    numbers_of,
-    scale_of,
-    table,
-    why_no_score_map,
-    why_not_found,
-)
-from stereolag.ui.sentences import REASONS_EXPLAINED
+from stereolag.ui import sentences
+from stereolag.ui.depth import sentences as depth
+from stereolag.ui.lag import sentences as lag
+from stereolag.ui.search import sentences as search
 from tests.app import uploads
 from tests.snapshots import Snapshot
 
@@ -114,71 +54,68 @@ def test_lags(snapshot: Snapshot) -> None:
     loud[0, 3_000:3_060] += clip[:60]
     loud[1, 5_000:5_060] += clip[60:120]
     results = {
-        "sure": signal_lag(*common(20_000, 441, 0, colour=0.0)),
-        "heard first": signal_lag(late, clip),
-        "at the same time": signal_lag(clip, clip),
-        "tone": signal_lag(*tones(6000, 0.01, 0.0, 0)),
-        "tone of a broken period": signal_lag(*tones(6000, 0.1234, 0.0, 0)),
-        "one rival": signal_lag(clip, np.concatenate((clip, random.normal(size=5000), clip))),
-        "unrelated": signal_lag(*unrelated("noise and noise", 3000, 0)),
-        "unrelated, loud moments": signal_lag(*loud),
-        "three lags": signal_lag(clip, np.concatenate((clip, loud[0], clip, clip[::-1], clip))),
-        "few votes": signal_lag(*common(20_000, 300, 0), method="sampled", seed=0),
-        "unrelated, by votes": signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0),
-        "by votes": signal_lag(clip, late, method="sampled", seed=0),
-        "reversed microphone": signal_lag(whole[1000:5000], -whole[:4000]),
-        "drift": signal_lag(first, second, max_lag=2000),
-        "drift the other way": signal_lag(second[403:], first, max_lag=2000),
-        "step": signal_lag(first, np.delete(second, slice(60_000, 61_000))),
-        "echo": signal_lag(clip, np.pad(clip, (25, 500)) + 0.5 * np.pad(clip, (525, 0))),
+        "sure": sl.signal_lag(*common(20_000, 441, 0, colour=0.0)),
+        "heard first": sl.signal_lag(late, clip),
+        "at the same time": sl.signal_lag(clip, clip),
+        "tone": sl.signal_lag(*tones(6000, 0.01, 0.0, 0)),
+        "tone of a broken period": sl.signal_lag(*tones(6000, 0.1234, 0.0, 0)),
+        "one rival": sl.signal_lag(clip, np.concatenate((clip, random.normal(size=5000), clip))),
+        "unrelated": sl.signal_lag(*unrelated("noise and noise", 3000, 0)),
+        "unrelated, loud moments": sl.signal_lag(*loud),
+        "three lags": sl.signal_lag(clip, np.concatenate((clip, loud[0], clip, clip[::-1], clip))),
+        "few votes": sl.signal_lag(*common(20_000, 300, 0), method="sampled", seed=0),
+        "unrelated, by votes": sl.signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0),
+        "by votes": sl.signal_lag(clip, late, method="sampled", seed=0),
+        "reversed microphone": sl.signal_lag(whole[1000:5000], -whole[:4000]),
+        "drift": sl.signal_lag(first, second, max_lag=2000),
+        "drift the other way": sl.signal_lag(second[403:], first, max_lag=2000),
+        "step": sl.signal_lag(first, np.delete(second, slice(60_000, 61_000))),
+        "echo": sl.signal_lag(clip, np.pad(clip, (25, 500)) + 0.5 * np.pad(clip, (525, 0))),
     }
-    said = {
-        name: [verdict_in_words(one), *verdict_explained(one), f"curve: {curve_in_words(one)}"]
-        for name, one in results.items()
-    }
+    said = {}
     for name, one in results.items():
+        said[name] = [verdicts.verdict_in_words(one), *verdicts.verdict_explained(one)]
+        said[name].append(f"curve: {verdicts.curve_in_words(one)}")
         if one.lags is not None:
-            said[name].append(f"below it: {ribbon_in_words(one, 'fair')}")
+            said[name].append(f"below it: {lag.ribbon_in_words(one, 'fair')}")
         if one.over_time is not None:
-            said[name].append(f"over time: {blocks_in_words(one.over_time, 44_100.0)}")
-            said[name] += [f"below it: {drift_in_words(one.over_time)}"] if one.over_time.shows else []
+            said[name].append(f"over time: {lag.blocks_in_words(one.over_time, 44_100.0)}")
+            if one.over_time.shows:
+                said[name].append(f"below it: {lag.drift_in_words(one.over_time)}")
     said["assumed"] = [
-        verdict_in_words(results[name], given)
+        verdicts.verdict_in_words(results[name], given)
         for name, given in (("sure", {"speed"}), ("sure", {"speed", "sampling_rate"}), ("step", {"sampling_rate"}))
     ]
-    said["recordings"] = [waveforms_in_words(clip, late, 1000.0), run_times_in_words(np.array([0.1, 0.2, 0.4]))]
+    said["recordings"] = [lag.waveforms_in_words(clip, late, 1000.0), lag.run_times_in_words(np.array([0.1, 0.2, 0.4]))]
     rows = np.zeros((1, 16))
     own = (Recording(rows, None, mended_lines=2), Recording(rows, 8_000.0, resampled_from=16_000.0))
-    said["heard"] = [
-        heard_in_words(signal_lag(clip, late, sampling_rate=100)),
-        heard_in_words(results["sure"]),
-        heard_in_words(results["at the same time"]),
-        heard_in_words(results["unrelated"]),
-    ]
+    heard = [results[name] for name in ("sure", "at the same time", "unrelated")]
+    said["heard"] = [lag.heard_in_words(one) for one in (sl.signal_lag(clip, late, sampling_rate=100), *heard)]
     far, near = phasors.tone(), phasors.common_stretch("own", clip, clip, 0)
     assert near is not None
-    said["arrows"] = [own_in_words(one)["said"]["plain"] for one in (near, far)]
-    snapshot(said | {"own recordings": own_facts(own, (1, 2), (1, 2))})
+    said["arrows"] = [lag.own_in_words(one)["said"]["plain"] for one in (near, far)]
+    snapshot(said | {"own recordings": lag.own_facts(own, (1, 2), (1, 2))})
 
 
-def answer(*scores: float, reason: SearchReason, clear: int = 0) -> TemplateSearch:
+def answer(*scores: float, reason: SearchReason, clear: int = 0) -> sl.TemplateSearch:
     kind: Kind = reason if reason in get_args(Kind) else "same"  # type: ignore[assignment]
     agrees = ((kind not in ("partly_covered", "differs", "not_there"), True),)
     contrast = {"lower_contrast": 0.35, "higher_contrast": 1.6}.get(reason, 1.0)
     places = [
-        TemplateMatch(0, 50 * index, 10, 10, score, kind=kind, contrast=contrast, blocks=agrees)
+        sl.TemplateMatch(0, 50 * index, 10, 10, score, kind=kind, contrast=contrast, blocks=agrees)
         for index, score in enumerate(scores)
     ]
     best = places[0] if places else None
-    return TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
+    return sl.TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
 
 
 def test_searches(snapshot: Snapshot) -> None:
-    turned = TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
+    covered = answer(0.9, reason="partly_covered", clear=1)
+    turned = sl.TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
     results = {
         "one": answer(0.9, 0.3, reason="clear", clear=1),
         "two": answer(0.9, 0.9, 0.3, reason="clear", clear=2),
-        "turned": TemplateSearch([turned], None, 9, 0.1, turned, [], 1, "clear"),
+        "turned": sl.TemplateSearch([turned], None, 9, 0.1, turned, [], 1, "clear"),
         "look-alikes": answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"),
         "equal": answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"),
         "many": answer(*[0.5] * 12, 0.45, reason="look_alikes"),
@@ -192,37 +129,27 @@ def test_searches(snapshot: Snapshot) -> None:
         "mirrored": answer(0.8, 0.3, reason="mirrored"),
         "low score": answer(0.3, reason="low_score"),
         "nothing": answer(reason="low_score"),
-        "cut off": replace(answer(0.9, reason="partly_covered", clear=1), score_map=np.zeros((9, 0), np.float32)),
-        "found by parts": replace(
-            answer(0.9, reason="partly_covered", clear=1), score_map=np.zeros((9, 9), np.float32)
-        ),
+        "cut off": replace(covered, score_map=np.zeros((9, 0), np.float32)),
+        "found by parts": replace(covered, score_map=np.zeros((9, 9), np.float32)),
         "missing values": replace(answer(0.9, reason="clear", clear=1), left_out=0.124),
         "few missing values": replace(answer(0.9, reason="clear", clear=1), left_out=0.001),
     }
-    queries = {
-        "": TemplateQuery(),
-        " by exact pixels": TemplateQuery(method="sampled"),
-        " turned": TemplateQuery(max_rotation=30),
-    }
-    said = {
-        name: [
-            headline(one),
-            framed_in_words(one),
-            *(
-                filter(None, (found_in_words(one), nearest_in_words(one), left_out_in_words(one)))
-                if one.found
-                else [why_not_found(one, queries[""])]
-            ),
-        ]
-        for name, one in results.items()
-    }
-    for name, query in queries.items():
-        said |= {f"{one}{name}": [why_not_found(results[one], query)] for one in ("low score", "nothing") if name}
-        said |= {f"no score map{name}": [why_no_score_map(query)] for _ in name[:1]}
+    said = {}
+    for name, one in results.items():
+        said[name] = [verdicts.headline(one), verdicts.framed_in_words(one)]
+        if one.found:
+            more = search.found_in_words(one), search.nearest_in_words(one), search.left_out_in_words(one)
+            said[name] += [sentence for sentence in more if sentence]
+        else:
+            said[name].append(search.why_not_found(one, TemplateQuery()))
+    for how, query in {"by exact pixels": {"method": "sampled"}, "turned": {"max_rotation": 30}}.items():
+        asked = TemplateQuery(**query)
+        said |= {f"{name} {how}": [search.why_not_found(results[name], asked)] for name in ("low score", "nothing")}
+        said[f"no score map {how}"] = [search.why_no_score_map(asked)]
     scene = uploads.texture(60, 90)
     small = reduced_search(scene, scene[20:40, 30:50], None)
-    said["by hand"] = [scale_of(replace(small, factor=one, part=part)) for one, part in ((1, False), (4, True))]
-    counts = [doubtful(results[name]) for name in ("one", "look-alikes", "low score")]
+    said["by hand"] = [search.scale_of(replace(small, factor=one, part=part)) for one, part in ((1, False), (4, True))]
+    counts = [verdicts.doubtful(results[name]) for name in ("one", "look-alikes", "low score")]
     assert [len(one) for one in counts] == [0, 4, 1]
     snapshot(said)
 
@@ -246,9 +173,9 @@ def test_damage(snapshot: Snapshot) -> None:
         "all covered": ((nothing, lost, opencv), Degradation(cover=1)),
         "refused": ((fft, refused, opencv), Degradation(noise=5)),
     }
-    said = {name: lesson((trials[0], trials[1], trials[2]), damage, 0.5) for name, (trials, damage) in cases.items()}
+    said = {name: search.lesson((*trials,), damage, 0.5) for name, (trials, damage) in cases.items()}
     numbers = {"found": found[0], "missed": missed, "no place": lost, "cannot": refused}
-    snapshot(said | {"numbers": [f"{name}: {numbers_of(trial)}" for name, trial in numbers.items()]})
+    snapshot(said | {"numbers": [f"{name}: {search.numbers_of(trial)}" for name, trial in numbers.items()]})
 
 
 def test_opencv_beside(snapshot: Snapshot) -> None:
@@ -265,22 +192,22 @@ def test_opencv_beside(snapshot: Snapshot) -> None:
         ("not found", scene, other, None),
         ("nothing varies", np.full_like(scene, 7), scene[30:50, 40:64], mask),
     ):
-        ours = replace(match_template(image, template, mask=given), elapsed_s=0.1)
+        ours = replace(sl.match_template(image, template, mask=given), elapsed_s=0.1)
         theirs = replace(opencv_search(image, template, mask=given), elapsed_s=0.2)
         said[name] = [
-            *table(ours, theirs, "fft", given is not None).splitlines()[2:],
-            *differences(ours, theirs, "fft"),
+            *search.table(ours, theirs, "fft", given is not None).splitlines()[2:],
+            *search.differences(ours, theirs, "fft"),
         ]
         if not ours.found:
-            said[f"{name}, by exact pixels"] = differences(replace(ours, score_map=None), theirs, "sampled")
-    ours = match_template(scene, scene[30:50, 40:64])
+            said[f"{name}, by exact pixels"] = search.differences(replace(ours, score_map=None), theirs, "sampled")
+    ours = sl.match_template(scene, scene[30:50, 40:64])
     assert ours.score_map is not None
     for name, here, score in (("flat there", np.nan, 1.0), ("several copies", 1.0, 1.0), ("imprecise", 0.6, 0.9)):
         ours.score_map[3, 3] = here
         theirs = OpenCVSearch(3, 3, score, 0, ours.score_map, 0.1)
-        said[name] = differences(ours, theirs, "fft")
+        said[name] = search.differences(ours, theirs, "fft")
     for name, method in (("few places", "sampled"), ("other sizes", "fft")):
-        said[name] = differences(replace(ours, score_map=None), theirs, method)
+        said[name] = search.differences(replace(ours, score_map=None), theirs, method)
     snapshot(said)
 
 
@@ -291,7 +218,7 @@ TRUTHS = {"right": 6.2, "wrong": 15.0, "unknown": math.nan}
 @cache
 def match_of(kind: MatchKind) -> MatchExplanation:
     """Return a match of the given kind, with a disparity of about 6 px and searched from 0 to 23 px."""
-    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
+    matcher = sl.CorrelationMatcher(window_size=11, search=sl.SearchArea.rectified(24))
     seen = replace(
         explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60),
         offset=(0.0, 0.0),
@@ -309,10 +236,10 @@ def match_of(kind: MatchKind) -> MatchExplanation:
     return seen
 
 
-def said_of(kind: MatchKind, outcome: str, reason: Reason | None, visible: bool) -> str:
+def said_of(kind: MatchKind, outcome: str, reason: sl.Reason | None, visible: bool) -> str:
     seen = match_of(kind)
-    kept = {Reason.MEASURED: seen.disparity, Reason.FILLED: 11.0}.get(reason or Reason.SPECKLE, math.nan)
-    return match_verdict(seen, TRUTHS[outcome], visible=visible, reason=reason, disparity=kept)
+    kept = {sl.Reason.MEASURED: seen.disparity, sl.Reason.FILLED: 11.0}.get(reason or sl.Reason.SPECKLE, math.nan)
+    return depth.match_verdict(seen, TRUTHS[outcome], visible=visible, reason=reason, disparity=kept)
 
 
 def test_matches(snapshot: Snapshot) -> None:
@@ -320,70 +247,72 @@ def test_matches(snapshot: Snapshot) -> None:
     clear, repeats = match_of(MatchKind.CLEAR), match_of(MatchKind.REPEATS)
     said["hidden"] = [said_of(MatchKind.CLEAR, "wrong", None, False)]
     said["in the map"] = [
-        *(said_of(MatchKind.CLEAR, "right", reason, True) for reason in Reason),
-        said_of(MatchKind.CLEAR, "wrong", Reason.SPECKLE, True),
-        match_verdict(clear, 6.0, reason=Reason.MEASURED, disparity=7.5),
+        *(said_of(MatchKind.CLEAR, "right", reason, True) for reason in sl.Reason),
+        said_of(MatchKind.CLEAR, "wrong", sl.Reason.SPECKLE, True),
+        depth.match_verdict(clear, 6.0, reason=sl.Reason.MEASURED, disparity=7.5),
     ]
-    said["without a runner-up"] = [match_in_words(replace(clear, runner_up=None, runner_up_score=math.nan))]
-    said["a deep valley and a shallow one"] = [match_in_words(replace(repeats, valley=one)) for one in (-0.3, 0.8)]
-    said["the truth elsewhere"] = [match_verdict(repeats, 20.3), match_verdict(match_of(MatchKind.AT_EDGE), 40.0)]
+    said["without a runner-up"] = [depth.match_in_words(replace(clear, runner_up=None, runner_up_score=math.nan))]
+    valleys = [replace(repeats, valley=one) for one in (-0.3, 0.8)]
+    said["a deep valley and a shallow one"] = [depth.match_in_words(one) for one in valleys]
+    elsewhere = ((repeats, 20.3), (match_of(MatchKind.AT_EDGE), 40.0))
+    said["the truth elsewhere"] = [depth.match_verdict(one, truth) for one, truth in elsewhere]
     snapshot(said)
 
 
 def test_no_verdict_on_a_match_contradicts_itself() -> None:
-    for kind, outcome, reason, visible in product(MatchKind, TRUTHS, [None, *Reason], [True, False]):
+    for kind, outcome, reason, visible in product(MatchKind, TRUTHS, [None, *sl.Reason], [True, False]):
         said = said_of(kind, outcome, reason, visible)
         bold = {word for word in ("right", "wrong") if f"**{word}**" in said}
         assert bold == ({outcome} & {"right", "wrong"} if kind not in WITHOUT_DISPARITY else set())
         assert not any(word in said for word in ("chance", "luck", "nan", "  ", "decides"))
         assert ("The scores cannot tell" in said) <= (outcome == "unknown")
         assert ("as it should be" in said) <= (outcome == "wrong" and kind not in WITHOUT_DISPARITY)
-        assert ("The map keeps it" in said) <= (reason == Reason.MEASURED)
-        assert ("blank" in said) == (reason not in (None, Reason.MEASURED, Reason.FILLED))
-        assert (HIDDEN_FROM_RIGHT in said) != visible
+        assert ("The map keeps it" in said) <= (reason == sl.Reason.MEASURED)
+        assert ("blank" in said) == (reason not in (None, sl.Reason.MEASURED, sl.Reason.FILLED))
+        assert (depth.HIDDEN_FROM_RIGHT in said) != visible
         assert said.rstrip("*").endswith(".")
 
 
 HEALTHY = (
-    judge_matches(300),
-    judge_sides(3.2, 40.0),
-    judge_raw_sides(3.2, 40.0, 0.9, 0.0),
-    judge_raw_sides(-9.0, 8.0, 0.4, 0.5),
-    judge_identical(0.1, None, 1.0),
-    judge_identical(0.1, 12.3, 1.0),
-    judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None),
-    judge_rows(-0.31, 0.2),
-    judge_rotation(0.02, 1.001),
-    judge_exposure(1.0, 2.0, 200.0),
-    judge_texture(0.06),
-    judge_border(0.0, 0.004),
-    judge_mirrored(0),
-    judge_layout(None),
-    judge_above(0),
-    *judge_moments(None),
+    findings.judge_matches(300),
+    findings.judge_sides(3.2, 40.0),
+    findings.judge_raw_sides(3.2, 40.0, 0.9, 0.0),
+    findings.judge_raw_sides(-9.0, 8.0, 0.4, 0.5),
+    findings.judge_identical(0.1, None, 1.0),
+    findings.judge_identical(0.1, 12.3, 1.0),
+    findings.judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None),
+    findings.judge_rows(-0.31, 0.2),
+    findings.judge_rotation(0.02, 1.001),
+    findings.judge_exposure(1.0, 2.0, 200.0),
+    findings.judge_texture(0.06),
+    findings.judge_border(0.0, 0.004),
+    findings.judge_mirrored(0),
+    findings.judge_layout(None),
+    findings.judge_above(0),
+    *findings.judge_moments(None),
     judge_range(Diagnosis((), (2.0, 50.0), (0, 64)), 0, 64),
 )
 ILL = (
-    judge_matches(12),
-    judge_matches(0),
-    judge_sides(-40.0, -3.0),
-    judge_raw_sides(-90.0, -3.0, 0.0, 0.9),
-    judge_identical(0.0, None, 1.0),
-    judge_identical(0.01, 0.1, 1.0),
-    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
-    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, -0.2)),
-    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, 0.0)),
-    judge_rows(3.04, 0.2),
-    judge_rows(-3.04, 0.2),
-    judge_rotation(-1.0, 0.98),
-    judge_exposure(0.6, -5.0, 200.0),
-    judge_texture(0.5),
-    judge_border(0.031, 0.12),
-    judge_mirrored(240),
-    judge_layout(Layout.OVER_UNDER),
-    judge_layout(Layout.HALF_BESIDE),
-    judge_above(1),
-    *judge_moments(Epipole(0.58, 0.46)),
+    findings.judge_matches(12),
+    findings.judge_matches(0),
+    findings.judge_sides(-40.0, -3.0),
+    findings.judge_raw_sides(-90.0, -3.0, 0.0, 0.9),
+    findings.judge_identical(0.0, None, 1.0),
+    findings.judge_identical(0.01, 0.1, 1.0),
+    findings.judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
+    findings.judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, -0.2)),
+    findings.judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, 0.0)),
+    findings.judge_rows(3.04, 0.2),
+    findings.judge_rows(-3.04, 0.2),
+    findings.judge_rotation(-1.0, 0.98),
+    findings.judge_exposure(0.6, -5.0, 200.0),
+    findings.judge_texture(0.5),
+    findings.judge_border(0.031, 0.12),
+    findings.judge_mirrored(240),
+    findings.judge_layout(Layout.OVER_UNDER),
+    findings.judge_layout(Layout.HALF_BESIDE),
+    findings.judge_above(1),
+    *findings.judge_moments(Epipole(0.58, 0.46)),
     judge_range(Diagnosis((), (2.0, 50.0), (0, 64)), 0, 16),
     judge_range(Diagnosis((), (2.0, 15.0), (0, 16), 24.0), 0, 48),
     judge_range(Diagnosis((), (2.0, 2.4), (-3, 16)), -3, 256),
@@ -391,12 +320,12 @@ ILL = (
 
 
 def test_findings(snapshot: Snapshot) -> None:
-    def told(findings: Sequence[Finding]) -> list[str]:
-        remedies = [remedy_in_words(one) for one in findings]
-        assert [bool(remedy) for remedy in remedies] == [one.remedy is not None for one in findings]
+    def told(judged: Sequence[Finding]) -> list[str]:
+        remedies = [depth.remedy_in_words(one) for one in judged]
+        assert [bool(remedy) for remedy in remedies] == [one.remedy is not None for one in judged]
         return [
             f"{one.code}: {finding_in_words(one)}{f' [{remedy}]' if remedy else ''}"
-            for one, remedy in zip(findings, remedies, strict=True)
+            for one, remedy in zip(judged, remedies, strict=True)
         ]
 
     assert all(one.healthy for one in HEALTHY) and not any(one.healthy for one in ILL)
@@ -409,7 +338,7 @@ def test_findings(snapshot: Snapshot) -> None:
         {
             "healthy": told(HEALTHY),
             "ill": told(ILL),
-            "count": [problems_in_words(1), problems_in_words(3)],
+            "count": [depth.problems_in_words(1), depth.problems_in_words(3)],
             "rectified": rectified,
         }
     )
@@ -419,50 +348,53 @@ def test_every_code_has_words() -> None:
     assert {one.code for one in HEALTHY} == {one.code for one in ILL} == {*FindingCode}
     assert {one.remedy for one in ILL} - {None} == {*Remedy}
     assert {*REMEDIES_DONE} == {*Remedy} - {Remedy.SET_RANGE}
-    assert {*REASON_WORDS} == {*Reason}
-    assert {*REASONS_EXPLAINED} == {*Reason} - {Reason.MEASURED}
-    assert {*HOVER_WORDS["kinds"]} == {*MatchKind}
-    assert {*EXAMPLE_LABELS} == {*NO_EXAMPLE} == {*ExampleKind}
+    assert {*verdicts.REASON_WORDS} == {*sl.Reason}
+    assert {*sentences.REASONS_EXPLAINED} == {*sl.Reason} - {sl.Reason.MEASURED}
+    assert {*depth.HOVER_WORDS["kinds"]} == {*MatchKind}
+    assert {*depth.EXAMPLE_LABELS} == {*depth.NO_EXAMPLE} == {*ExampleKind}
+    of_lag, of_search = ({*get_args(one.model_fields["method"].annotation)} for one in (LagSearch, TemplateQuery))
+    assert {*sentences.LAG_METHODS} == {*sentences.LAG_METHODS_EXPLAINED} == {*sentences.CURVES} == of_lag
+    assert {*sentences.TEMPLATE_METHODS} == {*sentences.TEMPLATE_METHODS_EXPLAINED} == of_search
 
 
 def test_alternatives_of_depth_maps(snapshot: Snapshot) -> None:
     disparity = np.tile(np.linspace(10, 50, 200, dtype=np.float32), (100, 1))
     disparity[:, :50] = np.nan
     disparity[0, 199] = 900  # an outlier does not widen the range
-    reason = np.full((10, 10), Reason.MEASURED, np.uint8)
-    reason[0] = Reason.AMBIGUOUS
-    reason[1, :4] = Reason.SPECKLE
-    measured = np.full((2, 2), Reason.MEASURED, np.uint8)
+    reason = np.full((10, 10), sl.Reason.MEASURED, np.uint8)
+    reason[0] = sl.Reason.AMBIGUOUS
+    reason[1, :4] = sl.Reason.SPECKLE
+    measured = np.full((2, 2), sl.Reason.MEASURED, np.uint8)
     truth, map_of_five = np.zeros((1, 5), np.float32), np.array([[0, 1, 3, np.nan, 0]], np.float32)
     curves = {
         "One": CoverageCurve(np.array([0.25, 0.5, 1.0]), np.array([1.0, 2.0, 8.0])),
         "Other": CoverageCurve(np.array([0.8]), np.array([9.0])),
     }
     scene = uploads.texture(60, 90)
-    seen = explain_match(CorrelationMatcher(window_size=11), scene[:, :-5], scene[:, 5:], 30, 40)
+    seen = explain_match(sl.CorrelationMatcher(window_size=11), scene[:, :-5], scene[:, 5:], 30, 40)
     snapshot(
         {
-            "map": sentences.map_in_words(disparity),
-            "empty map": sentences.map_in_words(np.full((8, 8), np.nan, np.float32)),
-            "photograph": sentences.photograph_in_words(scene),
-            "blanks": sentences.all_blanks_in_words({"One": reason, "Other": measured}),
-            "errors": sentences.errors_in_words(map_of_five, truth, "the ground truth"),
+            "map": depth.map_in_words(disparity),
+            "empty map": depth.map_in_words(np.full((8, 8), np.nan, np.float32)),
+            "photograph": depth.photograph_in_words(scene),
+            "blanks": depth.all_blanks_in_words({"One": reason, "Other": measured}),
+            "errors": depth.errors_in_words(map_of_five, truth, "the ground truth"),
             "differences": [
-                sentences.difference_in_words(np.array([0.5, 2, -2, np.nan, 0], np.float32)),
-                sentences.difference_in_words(np.array([np.nan], np.float32)),
+                depth.difference_in_words(np.array([0.5, 2, -2, np.nan, 0], np.float32)),
+                depth.difference_in_words(np.array([np.nan], np.float32)),
             ],
-            "error over coverage": sentences.coverage_curves_in_words(curves),
-            "scores": [sentences.scores_in_words(seen, "Scores"), sentences.fit_in_words(seen)],
+            "error over coverage": depth.coverage_curves_in_words(curves),
+            "scores": [depth.scores_in_words(seen, "Scores"), depth.fit_in_words(seen)],
         }
     )
 
 
 def test_settings_and_windows(snapshot: Snapshot) -> None:
-    start, other = StereoBM(), StereoBM(block_size=11)
+    start, other = sl.StereoBM(), sl.StereoBM(block_size=11)
     trials = (
-        SettingsTrial(other, 25, 3.1, whole=False),
-        SettingsTrial(other, 26.8, 3.2, whole=True),
-        SettingsTrial(StereoBM(block_size=9), 31, -1, whole=True),
+        suggestion.Trial(other, 25, 3.1, whole=False),
+        suggestion.Trial(other, 26.8, 3.2, whole=True),
+        suggestion.Trial(sl.StereoBM(block_size=9), 31, -1, whole=True),
     )
     outcomes = [Outcome.AS_GOOD, Outcome.BETTER, Unjudged.TOO_LITTLE_MEASURED, Unjudged.JUDGES_ITSELF]
     found = [Suggestion(start, other, one, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials) for one in outcomes]
@@ -473,9 +405,9 @@ def test_settings_and_windows(snapshot: Snapshot) -> None:
     grids = [(window_grid((300, 300), Box(0, 0, size, size), step), asked) for size, step, asked in windows]
     snapshot(
         {
-            "outcome of a search": [sentences.suggestion_in_words(one) for one in found],
-            "a search so far": [sentences.search_so_far(one) for one in found[-2:]],
-            "values of settings": [sentences.value_in_words(one) for one in values],
-            "overlap of windows": [sentences.overlap_in_words(grid, asked) for grid, asked in grids],
+            "outcome of a search": [depth.suggestion_in_words(one) for one in found],
+            "a search so far": [depth.search_so_far(one) for one in found[-2:]],
+            "values of settings": [depth.value_in_words(one) for one in values],
+            "overlap of windows": [depth.overlap_in_words(grid, asked) for grid, asked in grids],
         }
     )

@@ -10,14 +10,12 @@ from streamlit.testing.v1 import AppTest, local_script_runner
 
 from tests.app import keys
 from tests.app.conftest import figures
-from tests.app.pages import DEPTH, FIND, LAG, address, arrive, linked
+from tests.app.pages import DEPTH, FIND, LAG, address, arrive, linked, moved, uploaded
 from tests.app.uploads import noise, wav
 
 HARBOUR = "recordings harbour"
 
 Step = Callable[..., None]
-
-pytestmark = pytest.mark.usefixtures("small_mazes", "small_pairs")
 
 
 @pytest.fixture
@@ -60,8 +58,8 @@ def test_a_step_back_undoes_the_last_move() -> None:
 
 def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: Step) -> None:
     app = linked(LAG)
-    app.button_group(key="recordings").set_value("harbour").run()
-    app.button_group(key="lag.method").set_value("phat").run()
+    moved(app, {"recordings": "harbour"})
+    moved(app, {"lag.method": "phat"})
     step(app, recordings="harbour")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
     step(app)
@@ -70,9 +68,7 @@ def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: 
     step(app, recordings="harbour", method="phat")
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
 
-    app = linked(FIND)
-    app.button_group(key="pictures").set_value("maze_dulled")
-    app.slider(key="template.min_score").set_value(0.7).run()
+    app = moved(linked(FIND), {"pictures": "maze_dulled", "template.min_score": 0.7})
     step(app)
     assert app.button_group(key="pictures").value == "maze"
     assert app.slider(key="template.min_score").value == 0.5
@@ -80,13 +76,13 @@ def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: 
 
 
 def test_the_browser_that_does_not_know_the_new_address_yet_takes_nothing_back() -> None:
-    app = linked(LAG, method="phat")
-    app.button_group(key="recordings").set_value("harbour").run()
+    app = moved(linked(LAG, method="phat"), {"recordings": "harbour"})
+    chosen = {"recordings": "harbour", "method": "phat"}
     arrive(app, method="phat")
-    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+    assert set_on_lag_page(app) == chosen
     arrive(app)
-    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
-    assert address(app) == {"recordings": "harbour", "method": "phat"}
+    assert set_on_lag_page(app) == chosen
+    assert address(app) == chosen
 
 
 def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_over_them(step: Step) -> None:
@@ -108,19 +104,15 @@ def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_
 
 def test_a_page_that_was_all_as_at_first_when_a_link_led_to_it_goes_back_to_that(step: Step) -> None:
     app = linked("app.py")
-    arrive(app, LAG)
-    app.button_group(key="lag.method").set_value("phat").run()
+    moved(arrive(app, LAG), {"lag.method": "phat"})
     step(app)
     assert set_on_lag_page(app) == {"recordings": "coast", "method": "fft"}
 
 
 def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
-    app = linked(LAG)
-    app.button_group(key="recordings").set_value("own").run()
-    sound = noise(4100)
-    app.file_uploader[0].upload("1.wav", wav(sound[100:]), "audio/wav")
-    app.file_uploader[1].upload("2.wav", wav(sound[:4000]), "audio/wav").run()
-    app.button_group(key="lag.method").set_value("phat").run()
+    app, sound = moved(linked(LAG), {"recordings": "own"}), noise(4100)
+    files = {"file_1": ("1.wav", wav(sound[100:])), "file_2": ("2.wav", wav(sound[:4000]))}
+    moved(uploaded(app, "recordings", **files), {"lag.method": "phat"})
     for settings in ({}, {"method": "phat"}, {"speed": "1500.0"}):
         parameters = {"recordings": "own", **settings}
         step(app, **parameters)
@@ -130,18 +122,16 @@ def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
         assert address(app) == parameters
     step(app, recordings="harbour")
     assert app.button_group(key="recordings").value == "harbour"
-    app.button_group(key="recordings").set_value("own").run()
+    moved(app, {"recordings": "own"})
     assert any(one.value.startswith("Your own recordings.") for one in app.caption)
 
 
 def test_settings_wait_while_files_are_refused(step: Step) -> None:
-    app = linked(LAG)
-    app.button_group(key="recordings").set_value("own").run()
-    app.file_uploader[0].upload("1.wav", b"no sound", "audio/wav").run()
-    assert app.error
+    app = moved(linked(LAG), {"recordings": "own"})
+    assert uploaded(app, "recordings", file_1=("1.wav", b"no sound")).error
     step(app, recordings="own", method="phat")
     assert app.error
-    app.button_group(key="recordings").set_value("harbour").run()
+    moved(app, {"recordings": "harbour"})
     assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
 
 
@@ -150,7 +140,7 @@ def test_a_step_back_on_the_depth_page(step: Step) -> None:
     step(app, pair="square", size="1/2", window_size="31")
     assert list(figures(app)) == ["Convolution", "StereoBM"]
     assert app.slider(key=keys.BLOCK).value == 21
-    app.button_group(key=keys.TAB).set_value("correlation").run()
+    moved(app, {keys.TAB: "correlation"})
     assert app.slider(key=keys.WINDOW).value == 31
     step(app, pair="square")
     assert app.button_group(key="pairs.size").value == "Automatic"

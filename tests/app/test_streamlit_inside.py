@@ -31,17 +31,16 @@ from streamlit.testing.v1 import AppTest
 from streamlit.web.server.starlette import starlette_app
 
 from stereolag.ui import streamlit_inside as inside
+from stereolag.ui.results import remembered
+from tests.app.pages import page_of
 
 PACKAGE = Path(inside.__file__).parents[1]
 STATIC = Path(st.__file__).parent / "static" / "static" / "js"
 
 
-@pytest.mark.parametrize(
-    "names",
-    [("Container", "DeltaGenerator"), ("Expander", "ExpanderContainer"), ("UploadedFile",), ("ComponentRenderer",)],
-)
-def test_types_of_returned_values_are_not_exported(names: tuple[str, ...]) -> None:
-    assert not any(hasattr(st, name) for name in names)
+def test_types_of_returned_values_are_not_exported() -> None:
+    types = "Container DeltaGenerator Expander ExpanderContainer UploadedFile ComponentRenderer"
+    assert not [name for name in types.split() if hasattr(st, name)]
 
 
 def test_the_context_of_a_run_does_not_tell_of_steps_through_the_history() -> None:
@@ -67,21 +66,15 @@ def test_a_slider_tells_only_where_it_was_released() -> None:
 
 
 def page_with_work() -> None:
-    import streamlit as st
-
-    from stereolag.ui.results import remembered
-    from stereolag.ui.streamlit_inside import in_this_session
-
-    kept = {"task": "own", "inputs": "pair", "settings": "", "shared": False}
-    st.session_state["size"] = 21
-    remembered(make=lambda: b"of this visitor", **kept)  # type: ignore[arg-type]
-    st.session_state["work"] = in_this_session(
-        lambda name: (st.session_state[name], remembered(make=lambda: b"made anew", **kept))  # type: ignore[arg-type]
+    kept = {"inputs": "pair", "settings": "", "shared": False}
+    remembered("own", make=lambda: b"of this visitor", **kept)
+    st.session_state["work"] = inside.in_this_session(
+        lambda name: (st.session_state[name], remembered("own", make=lambda: b"made anew", **kept))
     )
 
 
 def test_work_in_another_thread_has_the_state_and_the_results_of_its_session() -> None:
-    works = [AppTest.from_function(page_with_work).run().session_state["work"] for _ in range(2)]
+    works = [page_of(page_with_work, {"size": 21}).session_state["work"] for _ in range(2)]
     with ThreadPoolExecutor(1) as pool:
         for work in works:
             assert pool.submit(work, "size").result() == (21, b"of this visitor")

@@ -109,9 +109,20 @@ def told(socket: ClientConnection) -> dict[str, Any]:
 
 
 def next_answer(socket: ClientConnection) -> dict[str, Any]:
-    while "state" in (received := told(socket)):
-        pass
+    received = told(socket)
+    while "state" in received:
+        received = told(socket)
     return received
+
+
+def send(socket: ClientConnection, number: int = 0) -> None:
+    socket.send(packed_item({"number": number}).data)
+
+
+def number_answered(socket: ClientConnection, number: int) -> Any:
+    """Send a number, and return the one that is answered."""
+    send(socket, number)
+    return next_answer(socket)["number"]
 
 
 def code_of_end(socket: ClientConnection, *messages: Any) -> int:
@@ -185,12 +196,8 @@ FIELDS = {
     "begun": st.integers(0, 2),
     "at": st.floats(0, 1e6),
 }
-PARTS = [as_jpeg(*shape) for shape in ((40, 80), (1, 1), (1, 2), (9, 30))] + [
-    b"",
-    b"\xff\xd8\xff",
-    bytes(4000),
-    bytes(4001),
-]
+PARTS = [as_jpeg(*shape) for shape in ((40, 80), (1, 1), (1, 2), (9, 30))]
+PARTS += [b"", b"\xff\xd8\xff", bytes(4000), bytes(4001)]
 
 
 @pytest.mark.parametrize("page", ["depth", "calibrate", "lag", "search", "driving"])
@@ -246,12 +253,9 @@ def test_a_message_that_lacks_what_its_page_needs_is_refused(
 
 def test_every_message_is_answered_in_order_by_the_latest_settings(open_stream: Any) -> None:
     stream, socket = open_stream()
-    for number in range(20):
-        socket.send(packed_item({"number": number}, [b"part"]).data)
-        assert next_answer(socket)["number"] == number
+    assert [number_answered(socket, number) for number in range(20)] == [*range(20)]
     stream.answer = lambda message: packed_item({"number": -message.number}).data
-    socket.send(packed_item({"number": 21}).data)
-    assert next_answer(socket)["number"] == -21
+    assert number_answered(socket, 21) == -21
 
 
 def test_a_refused_message_is_answered_with_a_sentence(open_stream: Any) -> None:
@@ -259,7 +263,7 @@ def test_a_refused_message_is_answered_with_a_sentence(open_stream: Any) -> None
         raise ValueError("No board.")
 
     _, socket = open_stream(refuse)
-    socket.send(packed_item({}).data)
+    send(socket)
     assert next_answer(socket)["error"] == "No board."
 
 
@@ -274,8 +278,7 @@ def test_only_the_page_that_knows_the_token_is_answered(port: int, open_stream: 
     stream, first_socket = open_stream()
     with connected(port) as second:  # of the same page, in another tab or after a reload
         second.send(stream.token)
-        second.send(packed_item({"number": 1}).data)
-        assert next_answer(second)["number"] == 1
+        assert number_answered(second, 1) == 1
         assert code_of_end(first_socket, packed_item({}).data) == streams.WRONG_TOKEN
 
 
@@ -298,37 +301,33 @@ def test_a_connection_that_breaks_the_rules_is_closed(messages: list[Any], code:
         _, socket = open_stream(slow)
         assert code_of_end(socket, *messages) == code
         _, another = open_stream()
-        another.send(packed_item({"number": 1}).data)
-        assert next_answer(another)["number"] == 1
+        assert number_answered(another, 1) == 1
 
 
 def test_a_message_far_too_large_is_refused_before_it_has_come(open_stream: Any) -> None:
     _, socket = open_stream()
-    socket.send(packed_item({"number": 1}).data)
-    assert next_answer(socket)["number"] == 1
+    assert number_answered(socket, 1) == 1
     socket.socket.sendall(b"\x82\xff" + (50 * 2**20).to_bytes(8) + bytes(4))  # it announces 50 MB, and none of it comes
     assert code_of_end(socket) == streams.TOO_LARGE
     _, another = open_stream()
-    another.send(packed_item({"number": 1}).data)
-    assert next_answer(another)["number"] == 1
+    assert number_answered(another, 1) == 1
 
 
 def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streams, "IDLE_S", 0.5)
     with limited(max_live_streams=1):
         _, first = open_stream()
-        first.send(packed_item({"number": 1}).data)
+        send(first)
         assert told(first) == {"state": "running", "ahead": 0}
         sockets = [open_stream()[1] for _ in range(streams.QUEUE_PER_PLACE)]
         for ahead, socket in enumerate(sockets, 1):
-            socket.send(packed_item({"number": ahead}).data)
+            send(socket, ahead)
             assert told(socket) == {"state": "waiting", "ahead": ahead}
         _, brief = open_stream(brief=True)
-        brief.send(packed_item({"number": 9}).data)
+        send(brief, 9)
         assert told(brief)["number"] == 9  # it needs no place
         _, one_too_many = open_stream()
-        one_too_many.send(packed_item({}).data)
-        assert code_of_end(one_too_many) == streams.FULL
+        assert code_of_end(one_too_many, packed_item({}).data) == streams.FULL
         first.close()
         assert told(sockets[0]) == {"state": "running", "ahead": 0}
         assert told(sockets[0])["number"] == 1
@@ -342,16 +341,16 @@ def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pyte
     monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
     with limited(max_live_minutes=1):
         _, socket = open_stream()
-        socket.send(packed_item({}).data)
-        assert code_of_end(socket) == streams.TOO_LONG
+        assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
 
 
-def by_streamlit(stream: Stream, number: int, data: bytes) -> dict[str, Any]:
-    """Return the answer, or the end, of a message that came over Streamlit's own connection."""
-    stream.carrier.take(stream, {"number": number, "data": base64.b64encode(data).decode()})
+def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:
+    """Send a message or a number over Streamlit's own connection; return the number answered, or how that ended."""
+    packed = packed_item({"number": data}).data if isinstance(data, int) else data
+    stream.carrier.take(stream, {"number": number, "data": base64.b64encode(packed).decode()})
     header, parts = unpacked(stream.carrier.item)
     assert (header["token"], header["number"]) == (stream.token, number)
-    return header if "end" in header else unpacked(parts[0])[0]
+    return int(header["end"] if "end" in header else unpacked(parts[0])[0]["number"])
 
 
 def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_the_same_rules(
@@ -366,27 +365,25 @@ def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_
 
     first, second = (Stream(name, Numbered, noted) for name in ("first", "second"))
     with limited(max_live_message_mb=1, max_live_streams=1):
-        assert by_streamlit(first, 5, packed_item({"number": 1}).data)["number"] == 1
-        assert by_streamlit(first, 5, packed_item({"number": 1}).data)["number"] == 1  # sent again
-        assert answered == [1]
-        assert by_streamlit(second, 1, packed_item({}).data)["end"] == streams.FULL
+        assert [by_streamlit(first, 5, 1) for _ in range(2)] == [1, 1]
+        assert answered == [1]  # and not again
+        assert by_streamlit(second, 1) == streams.FULL
         _, socket = open_stream()
-        socket.send(packed_item({"number": 7}).data)
+        send(socket, 7)
         assert told(socket) == {"state": "waiting", "ahead": 1}
-        assert by_streamlit(first, 6, packed_item({"number": 2}).data)["number"] == 2
+        assert by_streamlit(first, 6, 2) == 2
         assert next_answer(socket)["number"] == 7  # nothing more came, and the place is the next one's
-        assert by_streamlit(first, 7, packed_item({}).data)["end"] == streams.FULL
+        assert by_streamlit(first, 7) == streams.FULL
         socket.close()
-        assert by_streamlit(first, 8, bytes(2 * 2**20))["end"] == streams.TOO_LARGE
-        assert by_streamlit(first, 9, b"garbage")["end"] == streams.MALFORMED
+        assert by_streamlit(first, 8, bytes(2 * 2**20)) == streams.TOO_LARGE
+        assert by_streamlit(first, 9, b"garbage") == streams.MALFORMED
         first.carrier.take(first, {"number": 10, "data": "no base64"})
         assert unpacked(first.carrier.item)[0]["end"] == streams.MALFORMED
     monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.0)
     with limited(max_live_minutes=1):
         timed = Stream("timed", Numbered, echo)
-        ends = ["end" in by_streamlit(timed, number, packed_item({}).data) for number in (1, 2, 3)]
-        assert ends == [False, True, False]  # the third begins anew
-        assert by_streamlit(timed, 4, packed_item({}).data)["end"] == streams.TOO_LONG
+        ends = [by_streamlit(timed, number) for number in (1, 2, 3, 4)]
+        assert ends == [0, streams.TOO_LONG] * 2  # the third begins anew
 
 
 def test_frames_are_decoded_within_limits() -> None:

@@ -1,3 +1,8 @@
+"""Files of visitors: what a page makes of good ones, and how it answers bad ones and keeps its previous contents.
+
+Which files are bad, and the sentence about each, is tested in ``tests/core``.
+"""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -10,30 +15,26 @@ from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
 from tests.app import keys, pages, uploads
 from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage, lag_found
-
-pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
+from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown, captions, labelled, lag_found, moved, uploaded
+from tests.app.uploads import pngs
 
 PAGES = {"recordings": LAG, "pictures": FIND, "pairs": DEPTH}
 
 SCENE = uploads.texture(60, 90)
 SOUND = uploads.noise(3_000)
+PAIR = pngs(left=SCENE[:, :-5], right=SCENE[:, 5:])
+
+OpenOwn = Callable[..., AppTest]
 
 
 @pytest.fixture
-def with_uploads(open_page: OpenPage) -> Callable[..., AppTest]:
+def open_own(open_page: OpenPage) -> OpenOwn:
     """Return a function that opens the page of some inputs and uploads files to it."""
 
     def opened(inputs: str, **files: tuple[str, bytes]) -> AppTest:
-        return upload(open_page(PAGES[inputs], {inputs: "own"}), inputs, **files)
+        return uploaded(open_page(PAGES[inputs], {inputs: "own"}), inputs, **files)
 
     return opened
-
-
-def upload(app: AppTest, inputs: str, **files: tuple[str, bytes]) -> AppTest:
-    for name, (file_name, data) in files.items():
-        app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
-    return app.run()
 
 
 def numbers(app: AppTest) -> dict[str, str]:
@@ -42,66 +43,55 @@ def numbers(app: AppTest) -> dict[str, str]:
     return pages.numbers(app) | next(iter(maps.values()), {})
 
 
-def test_a_recording_without_a_rate_takes_that_of_the_other(with_uploads: Callable[..., AppTest]) -> None:
-    first, second = SOUND[:2_000], SOUND[700:][:2_000]
-    app = with_uploads("recordings", file_1=("a.csv", uploads.csv(first)), file_2=("b.wav", uploads.wav(second)))
+def test_a_recording_without_a_rate_takes_that_of_the_other(open_own: OpenOwn) -> None:
+    first, second = SOUND[:2_000], SOUND[700:2_700]
+    app = open_own("recordings", file_1=("a.csv", uploads.csv(first)), file_2=("b.wav", uploads.wav(second)))
     assert lag_found(app) == -700
     assert typeset("**0.0875 s**") in app.header[0].value
 
 
-def test_one_file_of_two_channels_is_enough(with_uploads: Callable[..., AppTest]) -> None:
+def test_one_file_of_two_channels_is_enough(open_own: OpenOwn) -> None:
     both = np.column_stack((SOUND[100:], SOUND[:-100]))
-    app = with_uploads("recordings", file_1=("both.wav", uploads.wav(both)))
+    app = open_own("recordings", file_1=("both.wav", uploads.wav(both)))
     assert not app.error
     assert lag_found(app) == 100
-    said = "\n".join(caption.value for caption in app.caption)
-    assert "channel 1 of 2." in said and "channel 2 of 2." in said
-    assert typeset("At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one") in said
+    assert "channel 1 of 2." in captions(app) and "channel 2 of 2." in captions(app)
+    allowed = "At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one"
+    assert typeset(allowed) in captions(app)
     app.selectbox[0].set_value(2)
     app.selectbox[1].set_value(1).run()
     assert lag_found(app) == -100
 
 
-def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTest]) -> None:
-    template = uploads.texture(20, 30, seed=1)
+def test_only_what_a_mask_marks_is_looked_for(open_own: OpenOwn) -> None:
+    template, mask = uploads.texture(20, 30, seed=1), np.zeros((20, 30), dtype=np.uint8)
     template[:, :6] = SCENE[20:40, 30:36]
     template[:, 6:] = 255 - SCENE[20:40, 36:60]
-    mask = np.zeros((20, 30), dtype=np.uint8)
     mask[:, :6] = 255
-    app = with_uploads("pictures", picture=("scene.png", uploads.png(SCENE)), template=("t.png", uploads.png(template)))
+    app = open_own("pictures", **pngs(picture=SCENE, template=template))
     assert app.header[0].value == "Not found"
-    upload(app, "pictures", mask=("mask.png", uploads.png(mask)))
-    assert not app.exception
+    uploaded(app, "pictures", **pngs(mask=mask))
     assert not app.error
     assert app.header[0].value == "Found at row 20, column 30"
 
 
-def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone(
-    with_uploads: Callable[..., AppTest],
-) -> None:
+def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone(open_own: OpenOwn) -> None:
     scene = uploads.texture(200, 400)
-    app = with_uploads(
-        "pairs", left=("l.png", uploads.png(scene[:, :-90])), right=("r.png", uploads.png(scene[:, 90:]))
-    )
+    app = open_own("pairs", **pngs(left=scene[:, :-90], right=scene[:, 90:]))
     assert not app.error
-    slider = next(slider for slider in app.slider if slider.label == "Disparities searched")
-    first = next(slider for slider in app.slider if slider.label == "Smallest disparity")
+    slider, first = (labelled(app.slider, name) for name in ("Disparities searched", "Smallest disparity"))
     assert first.value <= 90 < first.value + slider.value
     assert app.slider(key=keys.WINDOW).value == 11
-    assert "range found for this pair" in pages.captions(app)
+    assert "range found for this pair" in captions(app)
     assert not app.session_state[keys.FOLD]
     app.button(key="depth.start.undo").click().run()
     assert app.slider(key=slider.key).value == 64
     assert app.slider(key=keys.WINDOW).value == 20
-    assert "range found for this pair" not in pages.captions(app)
+    assert "range found for this pair" not in captions(app)
 
 
-def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another(
-    with_uploads: Callable[..., AppTest],
-) -> None:
-    truth = np.full((60, 85), 40, dtype=np.uint8)
-    pair = {"left": ("l.png", uploads.png(SCENE[:, :-5])), "right": ("r.png", uploads.png(SCENE[:, 5:]))}
-    app = with_uploads("pairs", **pair, truth=("t.png", uploads.png(truth)))
+def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another(open_own: OpenOwn) -> None:
+    app = open_own("pairs", **PAIR, **pngs(truth=np.full((60, 85), 40, dtype=np.uint8)))
     assert not app.error
     divisors = next(group for group in app.button_group if "÷ divisor" in group.label)
     assert divisors.value == 8
@@ -109,32 +99,34 @@ def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_anoth
     before = numbers(app)["EPE"]
     divisors.set_value(4).run()
     assert numbers(app)["EPE"] != before
-    app.number_input(key="pairs.divisor").set_value(8.0).run()
+    moved(app, {"pairs.divisor": 8.0})
     assert not app.error
     assert numbers(app)["EPE"] == before
 
 
-def test_uploads_are_still_there_when_the_visitor_comes_back(with_uploads: Callable[..., AppTest]) -> None:
-    truth = uploads.png(np.full((60, 85), 40, dtype=np.uint8))
-    app = with_uploads("pairs", left=("l.png", uploads.png(SCENE[:, :-5])), right=("r.png", uploads.png(SCENE[:, 5:])))
+def test_uploads_are_still_there_when_the_visitor_comes_back(open_own: OpenOwn) -> None:
+    app = open_own("pairs", **PAIR)
     app.number_input(key="pairs.divisor").set_value(8.0)
-    before = numbers(upload(app, "pairs", truth=("t.png", truth)))
+    before = numbers(uploaded(app, "pairs", **pngs(truth=np.full((60, 85), 40, dtype=np.uint8))))
     assert "EPE" in before
-    upload(app, "pairs", left=("another name.png", uploads.png(SCENE[:, :-5])))
+    uploaded(app, "pairs", left=("another name.png", PAIR["left"][1]))
     assert numbers(app)["Computed in"] == before["Computed in"]  # the same pixels are not computed again
-    for place in ("cube", LAG):
-        if place == LAG:
-            app.switch_page(LAG).run()
-            app.switch_page(DEPTH).run()
-        else:
-            app.button_group(key="pairs").set_value(place).run()
-            app.button_group(key="pairs").set_value("own").run()
-        assert not app.exception
+
+    def visit_the_example() -> None:
+        moved(app, {"pairs": "cube"})
+        moved(app, {"pairs": "own"})
+
+    def visit_another_page() -> None:
+        app.switch_page(LAG).run()
+        app.switch_page(DEPTH).run()
+
+    for visit in (visit_the_example, visit_another_page):
+        visit()
         assert not app.error
         assert not app.info
         assert numbers(app) == before
         assert app.number_input(key="pairs.divisor").value == 8
-    app.number_input(key="pairs.divisor").set_value(20.0).run()
+    moved(app, {"pairs.divisor": 20.0})
     assert numbers(app)["EPE"] != before["EPE"]
     app.button(key="pairs.truth.remove").click().run()
     assert "EPE" not in numbers(app)
@@ -142,42 +134,147 @@ def test_uploads_are_still_there_when_the_visitor_comes_back(with_uploads: Calla
     assert "the page shows the example" in app.info[0].value
 
 
-def test_a_file_that_is_taken_out_is_no_longer_used(with_uploads: Callable[..., AppTest]) -> None:
-    app = with_uploads("recordings", file_1=("a.csv", uploads.csv(SOUND)), file_2=("b.csv", uploads.csv(SOUND)))
+def test_a_file_that_is_taken_out_is_no_longer_used(open_own: OpenOwn) -> None:
+    app = open_own("recordings", file_1=("a.csv", uploads.csv(SOUND)), file_2=("b.csv", uploads.csv(SOUND)))
     assert not app.info
     app.file_uploader(key="recordings.file_2").set_value(None).run()
     assert "the page shows the example" in app.info[0].value
     assert not [button for button in app.button if button.key == "recordings.file_2.remove"]
 
 
-def test_one_picture_twice_is_said(with_uploads: Callable[..., AppTest]) -> None:
-    same = ("same.png", uploads.png(uploads.texture(120, 200)))
-    app = with_uploads("pairs", left=same, right=same)
+def test_one_picture_twice_is_said(open_own: OpenOwn) -> None:
+    scene = uploads.texture(120, 200)
+    app = open_own("pairs", **pngs(left=scene, right=scene))
     assert not app.error
-    assert any("are the same image" in caption.value for caption in app.caption)
+    assert "are the same image" in captions(app)
 
 
-def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
-    with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_takes_too_much_memory_is_refused(open_own: OpenOwn, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", "256")
     limits.cache_clear()
     long = ("long.wav", uploads.wav(uploads.noise(2_000_000)))
-    app = with_uploads("recordings", file_1=long, file_2=long)
+    app = open_own("recordings", file_1=long, file_2=long)
     monkeypatch.undo()
     limits.cache_clear()
-    assert not app.exception
-    assert len(app.error) == 1
-    assert typeset("one job may take 268 MB") in app.error[0].value
+    assert_one_sentence(app, "one job may take 268 MB")
     assert not app.header  # no lag
 
 
-def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(with_uploads: Callable[..., AppTest]) -> None:
-    app = with_uploads("pairs", left=("l.png", uploads.png(SCENE)), right=("r.png", uploads.png(SCENE[:, ::-1])))
+def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(open_own: OpenOwn) -> None:
+    app = open_own("pairs", **pngs(left=SCENE, right=SCENE[:, ::-1]))
     assert not app.error
     for name in ("left", "right"):
         app.file_uploader(key=f"pairs.{name}").set_value(None)
     app.run()
-    upload(app, "pairs", left=("a.png", uploads.png(SCENE)), right=("b.png", uploads.png(SCENE[:20])))
+    uploaded(app, "pairs", **pngs(left=SCENE, right=SCENE[:20]))
     assert len(app.error) == 1
     assert not numbers(app)
+
+
+# Bad files
+
+GOOD = {
+    "recordings": {box: ("a.wav", uploads.wav(SOUND)) for box in ("file_1", "file_2")},
+    "pairs": pngs(right=SCENE, left=SCENE),
+    "pictures": pngs(template=SCENE[:20, :20], picture=SCENE),
+}
+NO_PICTURE = "b.png", b"not a picture at all\n" * 20
+BAD = {
+    "recordings": [
+        (("a.wav", uploads.wav_without_channels()), "0 channels"),
+        (("a.wav", uploads.wav(np.array([0.5]))), "at least 2 are needed"),
+        # Must be last: the file is readable, so it stays in use.
+        (("a.wav", uploads.wav(np.full(500, 0.25))), "constant"),
+    ],
+    "pictures": [(NO_PICTURE, "accepted are")],
+    "pairs": [(NO_PICTURE, "accepted are")],
+}
+
+
+def assert_one_sentence(app: AppTest, fragment: str) -> None:
+    (error,) = app.error
+    assert typeset(fragment) in error.value
+    assert error.value.endswith(".")
+    assert "Traceback" not in error.value
+    assert "\n" not in error.value
+
+
+@pytest.mark.parametrize("inputs", GOOD)
+def test_a_bad_file_leaves_the_page_as_it_was(open_own: OpenOwn, shown: Shown, inputs: str) -> None:
+    app = open_own(inputs, **GOOD[inputs])
+    assert not app.error and not app.info
+    if inputs == "recordings":
+        next(box for box in app.number_input if box.label.startswith("Sampling rate")).set_value(12_345.0).run()
+    before = shown(app)
+    for number, (box, good) in enumerate(GOOD[inputs].items()):
+        for bad, fragment in BAD[inputs][: 1 if number else None]:
+            uploaded(app, inputs, **{box: bad})
+            assert_one_sentence(app, fragment)
+            assert shown(app) == before
+        uploaded(app, inputs, **{box: good})
+        assert not app.error
+        assert shown(app) == before
+
+
+def test_recordings_refused_at_first_leave_no_answer_of_the_example(open_own: OpenOwn) -> None:
+    app = open_own("recordings", file_1=("bro*ken*.wav", b"nothing"))
+    assert app.error[0].value.startswith("“bro?ken?.wav”: ")
+    assert app.error[0].icon == ":material/block:"
+    uploaded(app, "recordings", file_2=GOOD["recordings"]["file_2"])
+    for bad, fragment in BAD["recordings"]:
+        uploaded(app, "recordings", file_1=bad)
+        assert_one_sentence(app, fragment)
+        assert not app.header
+        assert not app.metric
+    uploaded(app, "recordings", file_1=GOOD["recordings"]["file_1"])
+    assert not app.error
+    assert "at the same time" in app.header[0].value
+
+
+def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage, open_own: OpenOwn) -> None:
+    app = moved(open_page(DEPTH), {"pairs": "own"})
+    assert viewers(app)
+    for files, fragment in (
+        ({"left": NO_PICTURE}, "accepted are"),
+        (pngs(left=SCENE, right=SCENE[:30]), "give or take 3 %"),
+    ):
+        assert_one_sentence(uploaded(app, "pairs", **files), fragment)
+        assert not viewers(app)
+    app = open_own("pictures", **pngs(picture=SCENE, template=uploads.texture(70, 100)))
+    assert_one_sentence(app, "change them over")
+    assert "stay in use" not in app.error[0].value
+
+
+@pytest.mark.parametrize(
+    ("inputs", "bad", "fragment"),
+    [
+        ("pairs", pngs(left=SCENE[:-10]), "both images must have the same size"),
+        ("pairs", pngs(truth=np.full((10, 10), 256, dtype=np.uint16)), "must have the same size"),
+        ("pictures", pngs(template=uploads.texture(70, 20)), "must fit into the image. The previous files"),
+        ("pictures", pngs(mask=np.zeros((20, 20), np.uint8)), "black all over"),
+    ],
+)
+def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
+    open_own: OpenOwn, shown: Shown, inputs: str, bad: dict[str, tuple[str, bytes]], fragment: str
+) -> None:
+    app = open_own(inputs, **GOOD[inputs])
+    before = shown(app)
+    assert_one_sentence(uploaded(app, inputs, **bad), fragment)
+    assert shown(app) == before
+
+
+def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(open_own: OpenOwn) -> None:
+    app = open_own("pairs", **pngs(left=uploads.texture(1, 1, 0), right=uploads.texture(1, 1, 1)))
+    for part in app.button_group(key=keys.PART).options:
+        moved(app, {keys.PART: part})
+    app.button(key=keys.preset_key("report")).click().run()
+    assert any("px and the images are" in error.value for error in app.error)
+    moved(app, {"pairs": "cube"})
+    app.button(key=keys.preset_key("reset")).click().run()
+    assert not app.error
+    assert app.slider(key=keys.WINDOW).value == 20
+
+
+def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
+    app = open_page(DEPTH, {"pairs": "own", "pairs.arrangement": "beside"})
+    assert_one_sentence(uploaded(app, "pairs", **pngs(beside=SCENE[:, :1])), "at least 2 are needed")

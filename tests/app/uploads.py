@@ -18,6 +18,11 @@ def png(picture: npt.NDArray[Any], **options: Any) -> bytes:
     return file.getvalue()
 
 
+def pngs(**pictures: npt.NDArray[Any]) -> dict[str, tuple[str, bytes]]:
+    """Return a file for each box, named after it."""
+    return {box: (f"{box}.png", png(picture)) for box, picture in pictures.items()}
+
+
 def wav(samples: npt.NDArray[np.float64], sampling_rate: int = 8_000) -> bytes:
     file = io.BytesIO()
     soundfile.write(file, samples, sampling_rate, format="WAV")
