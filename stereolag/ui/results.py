@@ -19,6 +19,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from queue import SimpleQueue
 from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -212,7 +213,7 @@ class Visit:
         """Cancel all jobs, and give the memory back later."""
         for _, job in self.jobs.values():
             job.cancel()
-        _departures().note()
+        _departures().put(time.monotonic())
 
 
 @st.cache_resource(scope="session", show_spinner=False, on_release=Visit.end)
@@ -221,30 +222,23 @@ def this_visit() -> Visit:
     return Visit()
 
 
-class _Departures:
-    """Gives memory back once no ended session can be resumed any more, and not too often."""
-
-    def __init__(self) -> None:
-        self._last = 0.0
-        self._noted = threading.Event()
-        threading.Thread(target=self._give_memory_back, daemon=True).start()
-
-    def note(self) -> None:
-        """Give memory back later; if that is already scheduled, keep its time and do it once more."""
-        self._last = time.monotonic()
-        self._noted.set()
-
-    def _give_memory_back(self) -> None:
-        while self._noted.wait():
-            self._noted.clear()
-            wait_s = st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S
-            time.sleep(max(0.0, self._last + wait_s - time.monotonic()))
-            give_memory_back()
-
-
 @functools.cache
-def _departures() -> _Departures:
-    return _Departures()
+def _departures() -> SimpleQueue[float]:
+    """Return the queue of the times at which visitors left; a thread waits at its other end."""
+    departures: SimpleQueue[float] = SimpleQueue()
+    threading.Thread(target=_give_memory_back_after, args=(departures,), daemon=True).start()
+    return departures
+
+
+def _give_memory_back_after(departures: SimpleQueue[float]) -> None:
+    """Give memory back once no ended session can be resumed any more, and once for all that ended meanwhile."""
+    while True:
+        last = departures.get()
+        while not departures.empty():
+            last = departures.get()
+        wait_s = st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S
+        time.sleep(max(0.0, last + wait_s - time.monotonic()))
+        give_memory_back()
 
 
 def give_memory_back() -> None:
