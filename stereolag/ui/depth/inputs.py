@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 import streamlit as st
@@ -79,8 +78,6 @@ from stereolag.ui.uploads import (
     upload_part,
     upload_picture,
 )
-
-T = TypeVar("T")
 
 KEPT = f"{PAIR}.kept_settings"
 """Session-state key of the :class:`Kept` settings."""

@@ -94,19 +94,16 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
 
 def _facts(recording: Recording, channel: int, count: int, stated: float | None) -> list[str]:
     samples, rate = recording.channels.shape[1], recording.sampling_rate
-    facts = [f"{samples:,} samples"]
-    if rate:
-        facts = [f"{samples / rate:,.4g} s", *facts, f"{rate:,.10g} Hz"]
-    if recording.resampled_from:
-        facts.append(f"resampled from {recording.resampled_from:,.10g} Hz")
-    if not rate and stated:
-        facts.append(f"no rate in the file: {stated:,.10g} Hz assumed, as in the other")
-    elif not rate:
-        default = LagSearch().sampling_rate
-        facts.append(f"no rate in the file: {default:,.10g} Hz assumed unless set below")
-    if count > 1:
-        facts.append(f"channel {channel} of {count}")
-    return [*facts, *recording.remarks]
+    assumed = f"{stated or LagSearch().sampling_rate:,.10g} Hz assumed"
+    facts = (
+        f"{samples / rate:,.4g} s" if rate else "",
+        f"{samples:,} samples",
+        f"{rate:,.10g} Hz" if rate else "",
+        f"resampled from {recording.resampled_from:,.10g} Hz" if recording.resampled_from else "",
+        "" if rate else f"no rate in the file: {assumed}{', as in the other' if stated else ' unless set below'}",
+        f"channel {channel} of {count}" if count > 1 else "",
+    )
+    return [*filter(None, facts), *recording.remarks]
 
 
 def upload_limits() -> str:
