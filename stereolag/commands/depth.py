@@ -16,9 +16,8 @@ import stereolag as sl
 from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, read, read_frames, tell
 from stereolag.commands.pairs import (
     MatcherFlags,
-    add_calibration,
+    add_calibration_and_trust,
     add_layout,
-    add_trust,
     calibration_as_asked,
     findings_as_figures,
     metres_are_doubtful,
@@ -80,12 +79,8 @@ def run(arguments: Sequence[str]) -> int:
         loaded = aside.submit(_load_loops, matcher, pair)
         diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
         loaded.result()
-    known = None if diagnosis is None else diagnosis.suggested_range
-    if pair.num_disparities is not None:
-        known = pair.min_disparity, pair.num_disparities
-    matcher = flags.over_known_range(matcher, options, known)
-    if diagnosis is not None:
-        diagnosis = diagnosis.over(matcher.search_range())
+    known = None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+    matcher, diagnosis = flags.over_known_range(matcher, options, diagnosis, known)
 
     result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
     pair = upright(pair)
@@ -121,8 +116,7 @@ def _add_files(parser: CommandParser) -> None:
         type=float,
         help="its stored values ÷ this are px, below 0 for the other sign (default: what fits a quick map)",
     )
-    add_calibration(files)
-    add_trust(files)
+    add_calibration_and_trust(files)
     files.add_argument(
         "--depth",
         metavar="FILE",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,8 +23,11 @@ SHORTCUTS = {"search.num-disparities": "num-disparities", "search.min-disparity"
 """Short flags for the range, the same for every method."""
 
 
-def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
-    """Add the flags for the calibration of the cameras; `further` is another purpose of it."""
+def add_calibration_and_trust(files: argparse._ArgumentGroup, further: str = "") -> None:
+    """Add the flags for the calibration of the cameras, and the one that skips the input doctor.
+
+    `further` is another purpose of the calibration.
+    """
     files.add_argument(
         "--calibration",
         metavar="FILE",
@@ -43,10 +45,15 @@ def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
         default="auto",
         help="with a calibration of both cameras: whether the images are raw (default: auto, judged by their rows)",
     )
+    files.add_argument(
+        "--trust",
+        action="store_true",
+        help="take the pair as good: no look at it beforehand, no range found for it, no finding",
+    )
 
 
 def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
-    """Return the calibration that `add_calibration`'s flags name, None if they name none.
+    """Return the calibration that `add_calibration_and_trust`'s flags name, None if they name none.
 
     Raises
     ------
@@ -84,21 +91,12 @@ def add_layout(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_trust(files: argparse._ArgumentGroup) -> None:
-    """Add the flag that skips the input doctor."""
-    files.add_argument(
-        "--trust",
-        action="store_true",
-        help="take the pair as good: no look at it beforehand, no range found for it, no finding",
-    )
-
-
 def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
     """Return the findings that make a map doubtful, for JSON; none of a pair that was not examined."""
     return [
         {
             "code": finding.code.value,
-            "numbers": {name: value if math.isfinite(value) else None for name, value in finding.numbers.items()},
+            "numbers": dict(finding.numbers),
             "remedy": finding.remedy,
             "sentence": finding_in_words(finding),
         }
@@ -109,7 +107,7 @@ def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
 def rectified_as_asked(
     pair: Pair, options: argparse.Namespace, raw: str, done: str, already: str
 ) -> tuple[Pair, tuple[str, ...]]:
-    """Return a pair rectified as `add_calibration`'s flags say, and sentences about it.
+    """Return a pair rectified as `add_calibration_and_trust`'s flags say, and sentences about it.
 
     Parameters
     ----------
@@ -171,23 +169,33 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         super().__init__(parser, start, SHORTCUTS if "search" in type(start).model_fields else {}, _elsewhere)
 
     def over_known_range(
-        self, matcher: StereoMatcher, options: argparse.Namespace, known: tuple[int, int] | None
-    ) -> StereoMatcher:
+        self,
+        matcher: StereoMatcher,
+        options: argparse.Namespace,
+        diagnosis: Diagnosis | None,
+        known: tuple[int, int] | None,
+    ) -> tuple[StereoMatcher, Diagnosis | None]:
         """Return a matcher that searches a known range, unless flags or a settings file set another.
 
         Parameters
         ----------
         matcher, options
             The settings and arguments that were parsed.
+        diagnosis
+            The pair's; it is returned with the range judged that is searched. None: not examined.
         known
-            First disparity and number of disparities, px; None if unknown.
+            First disparity and number of disparities of the calibration, px; None: those that the diagnosis suggests.
         """
+        if diagnosis is not None:
+            known = known or diagnosis.suggested_range
         initial = self.settings.search_range()
         chosen = initial is None or options.settings is not None or matcher.search_range() != initial
         # Flags may give the very numbers that the settings begin with.
         flags = {name.rpartition(".")[2].replace("_", "-") for name in vars(options)}
         chosen = chosen or not flags.isdisjoint(SHORTCUTS.values())
-        return matcher if chosen or known is None else matcher.with_search_range(*known)
+        if known is not None and not chosen:
+            matcher = matcher.with_search_range(*known)
+        return matcher, diagnosis and diagnosis.over(matcher.search_range())
 
 
 def _add_choice(parser: CommandParser, otherwise: PresetName) -> None:

@@ -21,9 +21,8 @@ from stereolag.commands.arguments import (
 )
 from stereolag.commands.pairs import (
     MatcherFlags,
-    add_calibration,
+    add_calibration_and_trust,
     add_layout,
-    add_trust,
     calibration_as_asked,
     findings_as_figures,
     metres_are_doubtful,
@@ -75,11 +74,8 @@ def run(arguments: Sequence[str]) -> int:
 
     sequence, calibration, said = _read_sequence(options)
     diagnosis = None if options.trust else diagnose_sequence(sequence)
-    known = None if diagnosis is None else diagnosis.suggested_range
-    if calibration is not None and calibration.num_disparities is not None:
-        known = 0, calibration.num_disparities
-    matcher = flags.over_known_range(matcher, options, known)
-    diagnosis = None if diagnosis is None else diagnosis.over(matcher.search_range())
+    count = None if calibration is None else calibration.num_disparities
+    matcher, diagnosis = flags.over_known_range(matcher, options, diagnosis, None if count is None else (0, count))
     findings = findings_as_figures(diagnosis)
     sequence = replace(sequence, findings=() if diagnosis is None else diagnosis.doubts)
     matchers = _matchers(matcher, options)
@@ -152,8 +148,7 @@ def _add_frames(parser: CommandParser) -> None:
         help="write a video of the left pictures beside the maps, in one range of colours",
     )
     files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
-    add_calibration(files, "; gives the nearest obstacle in metres")
-    add_trust(files)
+    add_calibration_and_trust(files, "; gives the nearest obstacle in metres")
     files.add_argument(
         "--frame-rate", type=float, metavar="HZ", help="frames a second (default: that of the video; 10 for pictures)"
     )
