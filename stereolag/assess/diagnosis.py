@@ -17,20 +17,15 @@ from stereolag.assess.findings import (
     Finding,
     FindingCode,
     Remedy,
-    judge_above,
+    judge,
     judge_bent_rows,
-    judge_border,
     judge_exposure,
     judge_identical,
     judge_layout,
     judge_matches,
-    judge_mirrored,
     judge_moments,
     judge_raw_sides,
-    judge_rotation,
-    judge_rows,
     judge_sides,
-    judge_texture,
     judged,
 )
 from stereolag.assess.layout import Anaglyph, find_views, likely_layout, mirrored_matches, repetition
@@ -202,8 +197,8 @@ def diagnose(
         *arrangement,
         *geometry,
         judge_exposure(*_exposure(*images, points), range_of_greys),
-        judge_texture(_flat_share(grey, range_of_greys)),
-        judge_border(*map(_border_share, images)),
+        judge(FindingCode.TEXTURE, flat_share=_flat_share(grey, range_of_greys)),
+        judge(FindingCode.EMPTY_BORDER, left_share=_border_share(images[0]), right_share=_border_share(images[1])),
     )
     if any(not finding.healthy for finding in findings):
         divided = None
@@ -223,15 +218,17 @@ def diagnose(
 
 def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
     """Judge whether the pictures are of two cameras side by side, at one moment, and the same way round."""
-    mirrored = judge_mirrored(mirrored_matches(*images, len(found)))
+    count = mirrored_matches(*images, len(found))
+    mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=count)
     if not mirrored.healthy:
         return (mirrored,)
     views = find_views(found)
     if views is None:
-        return mirrored, judge_above(0), *judge_moments(None)
+        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None)
     above = views.above_each_other
     quarters = quarters_upright(found) if above else 0
-    return mirrored, judge_above(quarters), *judge_moments(None if above else views.epipole)
+    stand = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
+    return mirrored, stand, *judge_moments(None if above else views.epipole)
 
 
 def quarters_upright(found: Correspondences) -> int:
@@ -303,7 +300,7 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     offset = median(points.dy)
     spread = 1.4826 * median(np.abs(points.dy - offset))
     (_, sine, growth), residuals = vertical_plane(points)
-    turned, (grid, lens) = (float(np.degrees(sine)), float(1 + growth)), bend_of(points)
+    grid, lens = bend_of(points)
     bent, noise, ends = row_spread(residuals), match_noise(points, residuals), percentiles(residuals, 2, 98)
     bend = float(np.std(grid))
     doubted = max(bent, bend) * points.scale > BENT_PX or abs(lens) > LENS_LEFT
@@ -318,17 +315,18 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         None if straight is None else (straight.spread_px, straight.lens),
         lens=lens,
     )
+    # The remedy for bent rows also corrects offset and rotation; that for a rotation also the offset.
+    turns = {"rotation_deg": float(np.degrees(sine)), "scale": float(1 + growth)}
+    rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if rows.remedy is None else None, **turns)
+    alone = rows.remedy is None and rotation.healthy
+    moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
     if straight is None or rows.remedy is None:
-        rotation = judge_rotation(*turned)
-        # The remedy for a rotation also corrects the offset.
-        beside = Remedy.ALIGN_ROWS if rotation.healthy else None
-        return judge_sides(*_disparities_of(points)), judge_rows(offset, spread, remedy=beside), rotation, rows
+        return judge_sides(*_disparities_of(points)), moved, rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = percentiles(disparities, 2, 98)
     in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
     sides = judge_raw_sides(float(lowest), float(highest), in_front, behind)
-    # The remedy for bent rows also corrects offset and rotation.
-    return sides, judge_rows(offset, spread, remedy=None), judge_rotation(*turned, remedy=None), rows
+    return sides, moved, rotation, rows
 
 
 COARSE_WIDTH = 320

@@ -13,9 +13,6 @@ from stereolag.assess.features import FEWEST_MATCHES
 from stereolag.assess.layout import Epipole, Layout
 from stereolag.assess.orientation import LENS_LEFT
 
-ROW_OFFSET_PX = 0.75
-ROTATION_DEG = 0.15
-SCALE_DIFFERENCE = 0.006
 BENT_PX = 0.6
 """Beyond noise, at the size at which features were matched, which limits the precision. Public drives, rectified by
 their makers, bend by up to 0.57 px."""
@@ -26,11 +23,6 @@ SAME_PLACE_PX = 0.35
 GAIN_DIFFERENCE = 0.10
 OFFSET_SHARE = 0.04
 """Share of the image's grey-level range."""
-FLAT_SHARE = 0.4
-"""Share of the pixels."""
-
-BORDER_SHARE = 0.01
-"""Share of the pixels from which on borders that no camera took count."""
 
 SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
 """The sides of a raw pair are known if more than the first share of its features agree and less than the second
@@ -132,6 +124,23 @@ class Finding:
         return type(self), (self.code, self.healthy, dict(self.numbers), self.remedy)
 
 
+USUAL: Mapping[FindingCode, Mapping[str, tuple[float, float]]] = {
+    FindingCode.MIRRORED: {"count": (0, 0)},
+    FindingCode.ABOVE_EACH_OTHER: {"quarters": (0, 0)},
+    FindingCode.ROWS: {"offset_px": (0, 0.75)},
+    FindingCode.ROTATION: {"rotation_deg": (0, 0.15), "scale": (1, 0.006)},
+    FindingCode.TEXTURE: {"flat_share": (0, 0.4)},
+    FindingCode.EMPTY_BORDER: {"left_share": (0, 0.01), "right_share": (0, 0.01)},
+}
+"""What is healthy, where each number decides for itself: its usual value, and how far from it it may be."""
+
+
+def judge(code: FindingCode, remedy: Remedy | None = None, **numbers: float) -> Finding:
+    """Judge the numbers of a question of :data:`USUAL`; with this remedy if something is ill."""
+    ill = any(abs(numbers[name] - usual) > most for name, (usual, most) in USUAL[code].items())
+    return judged(code, ill, remedy, **numbers)
+
+
 def judge_matches(count: int) -> Finding:
     """Judge the number of features matched between the images."""
     return Finding(FindingCode.MATCHES, count >= FEWEST_MATCHES, {"count": count, "needed": FEWEST_MATCHES})
@@ -152,16 +161,6 @@ def judge_layout(layout: Layout | None) -> Finding:
     """Judge how both views stand in the left image, None if it holds one."""
     numbers = {} if layout is None else {part: float(part in layout.value) for part in ("beside", "half")}
     return judged(FindingCode.LAYOUT, layout is not None, None, **numbers)
-
-
-def judge_mirrored(count: int) -> Finding:
-    """Judge the number of features that agree once the right image is mirrored; 0 unless far more than as given."""
-    return judged(FindingCode.MIRRORED, count > 0, Remedy.MIRROR_RIGHT, count=count)
-
-
-def judge_above(quarters: int) -> Finding:
-    """Judge the quarters of a turn, counter-clockwise, that bring cameras side by side; 0 if they are so already."""
-    return judged(FindingCode.ABOVE_EACH_OTHER, quarters != 0, Remedy.TURN_UPRIGHT, quarters=quarters)
 
 
 def judge_moments(epipole: Epipole | None) -> tuple[Finding, Finding]:
@@ -189,17 +188,6 @@ def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: floa
     known = max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
     numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
     return judged(FindingCode.SWAPPED, known and behind > in_front, Remedy.SWAP_SIDES, **numbers)
-
-
-def judge_rows(offset: float, spread: float, remedy: Remedy | None = Remedy.ALIGN_ROWS) -> Finding:
-    """Judge the median and the spread of dy, px."""
-    return judged(FindingCode.ROWS, abs(offset) > ROW_OFFSET_PX, remedy, offset_px=offset, spread_px=spread)
-
-
-def judge_rotation(degrees: float, scale: float, remedy: Remedy | None = Remedy.LEVEL) -> Finding:
-    """Judge the rotation, degrees, and the scale of the right image relative to the left one."""
-    unrectified = abs(degrees) > ROTATION_DEG or abs(scale - 1) > SCALE_DIFFERENCE
-    return judged(FindingCode.ROTATION, unrectified, remedy, rotation_deg=degrees, scale=scale)
 
 
 def judge_bent_rows(
@@ -236,17 +224,6 @@ def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding
     """Judge ``right ≈ gain * left + offset`` relative to the image's grey-level range."""
     unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys
     return judged(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
-
-
-def judge_texture(flat_share: float) -> Finding:
-    """Judge the share of the pixels without texture."""
-    return judged(FindingCode.TEXTURE, flat_share > FLAT_SHARE, None, flat_share=flat_share)
-
-
-def judge_border(left_share: float, right_share: float) -> Finding:
-    """Judge the shares of the images in black borders, where nothing was seen."""
-    empty = max(left_share, right_share) > BORDER_SHARE
-    return judged(FindingCode.EMPTY_BORDER, empty, None, left_share=left_share, right_share=right_share)
 
 
 def judged(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
