@@ -465,9 +465,7 @@ own program may count with the other sign."""
 
 def fitting_divisor(stored: StoredDisparity, left: Image, right: Image) -> float:
     """Return the divisor of a ground truth that fits the pair, which may be another than its file speaks for."""
-    values = stored.divided(1.0)
-    if values.shape != left.shape[:2]:
-        values = halved_truth(values, left.shape[:2])
+    values = halved_truth(stored.divided(1.0), left.shape[:2])
     if stored.divisor is None:
         return likely_divisor(values, left, right)
     if values.shape != left.shape[:2]:  # refused with the pair

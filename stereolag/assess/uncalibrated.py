@@ -78,7 +78,8 @@ class UncalibratedRectification:
 
     def row_errors(self, points: Correspondences) -> DoubleMap:
         """Return the remaining row differences of matches, right minus left, px."""
-        return _row_errors(self.parameters, points)
+        straight = _straightened(self.parameters, points.shape, points.left, points.right)
+        return _row_differences(self.parameters, points.shape, *straight)
 
     def agrees(self, points: Correspondences, tolerance: float) -> Mask:
         """Return which matches are on the same row to `tolerance` px, at the size at which they were matched."""
@@ -182,12 +183,6 @@ def cost_of_errors(errors: DoubleMap, noise: float, parameters: DoubleMap) -> fl
     with np.errstate(all="ignore"):
         total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
     return total if np.isfinite(total) else np.inf
-
-
-def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
-    return _row_differences(
-        parameters, points.shape, *_straightened(parameters, points.shape, points.left, points.right)
-    )
 
 
 def _row_differences(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> DoubleMap:
