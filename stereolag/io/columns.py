@@ -18,20 +18,23 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
+    DAY_S,
     Channels,
     Gap,
     Recording,
     Times,
     check_size,
     chosen_track,
+    date_and_clock,
     filled,
     granule,
+    is_stamp,
     on_even_clock,
+    read_stamps,
     rises_evenly,
 )
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import HEADER_BYTES, quote
-from stereolag.io.stamps import DAY_S, date_and_clock, is_stamp, read_stamps
 
 ALLOWED = "allowed are numbers, times and words in columns separated by comma, semicolon, tab, bar or space"
 MAX_TEXT_BYTES = 64 * 2**20
