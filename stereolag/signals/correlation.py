@@ -479,10 +479,13 @@ def block_products(
     return np.asarray(fft.irfft(total, size, overwrite_x=True)[:lags])
 
 
-def faded(signal: Vector) -> Vector:
-    """Return a copy faded in from zero at its start and out to zero at its end, by raised cosines."""
+def faded(signal: Vector, length: int | None = None) -> Vector:
+    """Return a copy faded in from zero at its start and out to zero at its end, by raised cosines.
+
+    Over so many samples each; None: 3 % of them.
+    """
     faded = signal.copy()
-    length = round(_FADED_SHARE * signal.size)
+    length = round(_FADED_SHARE * signal.size) if length is None else length
     rise = np.sin(0.5 * np.pi * (np.arange(length) + 0.5) / max(length, 1)) ** 2
     faded[:length] *= rise
     faded[signal.size - length :] *= rise[::-1]
@@ -617,9 +620,10 @@ def peak_ratio(curve: Vector, peak: int) -> float:
     return float(curve[peak]) / second if second > 0 else float("inf")
 
 
-def refine_peak(window: Vector) -> float:
-    """Return the subsample position of a band-limited curve's peak: see :func:`interpolate_peak`."""
-    return interpolate_peak(window)[0]
+def around_peak(peak: int, size: int, reach: int = REACH) -> slice:
+    """Return the part of a curve of `size` values around a peak that reaches equally far both ways, at most `reach`."""
+    near = min(reach, peak, size - 1 - peak)
+    return slice(peak - near, peak + near + 1)
 
 
 def interpolate_peak(window: Vector) -> tuple[float, float]:
@@ -658,10 +662,7 @@ def best_cycle(curve: npt.NDArray[np.floating[Any]], peak: int, reach: int) -> i
     low = max(0, peak - reach - _MARGIN)
     part = curve[low : peak + reach + _MARGIN + 1].astype(np.float64)
     # Continued and faded out at both ends: an edge would ring.
-    part = np.pad(part, _MARGIN, mode="edge")
-    fade = np.sin(0.5 * np.pi * (np.arange(_MARGIN) + 0.5) / _MARGIN) ** 2
-    part[:_MARGIN] *= fade
-    part[-_MARGIN:] *= fade[::-1]
+    part = faded(np.pad(part, _MARGIN, mode="edge"), _MARGIN)
     points = int(fft.next_fast_len(part.size))
     spectrum = fft.rfft(part, points)
     fine = fft.irfft(np.pad(spectrum, (0, _FINER * points // 2 + 1 - spectrum.size)), _FINER * points)

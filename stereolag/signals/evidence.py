@@ -28,7 +28,14 @@ import numpy.typing as npt
 from scipy import fft, ndimage
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import REACH, Lags, best_cycle, interpolate_peak, overlap_length, transform_length
+from stereolag.signals.correlation import (
+    Lags,
+    around_peak,
+    best_cycle,
+    interpolate_peak,
+    overlap_length,
+    transform_length,
+)
 
 MARGIN = 1.8
 """Standard deviations above the highest that chance reaches, from which on an agreement is convincing."""
@@ -108,7 +115,7 @@ def _in_blocks(values: Samples, size: int) -> Vector:
     return np.asarray(values[: count * size].reshape(count, size).sum(axis=1, dtype=np.float64))
 
 
-def _participating(values: Vector) -> float:
+def participating(values: Vector) -> float:
     """Return how many equal values would have the same sum and sum of squares; 0 for a sum that is not positive."""
     return max(float(values.sum()), 0.0) ** 2 / (float(values @ values) + 1e-300)
 
@@ -267,10 +274,6 @@ class Evidence:
         """Return the lags around which the whitened curves have the most power: clocks apart smear a peak over many."""
         return [self.first + self.curves[number].center_of_power() for number in _UNLIKE]
 
-    def rivals(self, peak: Peak) -> list[float]:
-        """Return the lags that fit as well as a peak, the highest first."""
-        return self.curves[peak.weight].rivals(peak)
-
     def prefers_opposite(self, peak: Peak) -> bool:
         """Return whether the curve of a peak reaches farther down than up."""
         return -float(self.curves[peak.weight].curve.min()) > peak.height
@@ -413,8 +416,7 @@ class WeightedCurve:
         return replace(peak, score=max(local / needed, leads), clear=clear, repetition=factor)
 
     def _between(self, index: int) -> tuple[float, float]:
-        around = min(REACH, index, self.curve.size - 1 - index)
-        return interpolate_peak(self.curve[index - around : index + around + 1].astype(np.float64))
+        return interpolate_peak(self.curve[around_peak(index, self.curve.size)].astype(np.float64))
 
     def _repetition(self, offset: float, part: Vector, middle: int) -> tuple[float, Vector]:
         """Return the factor from the own curve to the curve around a peak, and the part that it explains.
@@ -466,12 +468,12 @@ class WeightedCurve:
         lobe = 2 * self.lobe + 1
         if products.size < _STRETCHES * lobe:
             return 0.0
-        if _participating(_in_blocks(products, products.size // _STRETCHES)) < _FEWEST_STRETCHES:
+        if participating(_in_blocks(products, products.size // _STRETCHES)) < _FEWEST_STRETCHES:
             return 0.0
         size = max(lobe, products.size // _EVENT_BLOCKS)
-        met = _participating(_in_blocks(products, size))
+        met = participating(_in_blocks(products, size))
         blocks = products.size / size
-        first, second = (_participating(_in_blocks(one * one, size)) for one in heard)
+        first, second = (participating(_in_blocks(one * one, size)) for one in heard)
         chance = first * second / blocks * lobe / size
         return math.sqrt(2 * (met * math.log(met / chance) - met + chance)) / _DEPENDENT if met > chance else 0.0
 

@@ -386,7 +386,7 @@ def signal_lag(
             Phase correlation (GCC-PHAT): sharp to fractions of a sample, even in rooms with echoes.
         ``"sampled"``
             Random samples of one recording, looked up by value in the other, vote for a lag (see
-            :func:`stereolag.signals.sampling.sampled_votes`). Reliable while the noise of each recording stays 10 dB
+            :func:`stereolag.signals.search.sampled_votes`). Reliable while the noise of each recording stays 10 dB
             below the sound; reads no more of the recordings than necessary.
         ``"direct"``
             The curve of "fft", with the products summed lag by lag: slow, and simple enough to trust.

@@ -21,7 +21,7 @@ from scipy import fft, ndimage
 
 from stereolag.core.arrays import FloatMap, Vector
 from stereolag.loops.compilation import compiled
-from stereolag.signals.correlation import Lags, Recording, interpolate_peak, transform_length
+from stereolag.signals.correlation import Lags, Recording, around_peak, interpolate_peak, transform_length
 from stereolag.signals.evidence import Samples
 
 FARTHEST_PPM = 12_000
@@ -223,12 +223,8 @@ class LagOverTime:
     @property
     def steps(self) -> tuple[Step, ...]:
         """The jumps of the lag, in order of time."""
-        borders = [(one.end, one.lag_at(one.end), two.lag_at(one.end)) for one, two in self._neighbours]
+        borders = [(one.end, one.lag_at(one.end), two.lag_at(one.end)) for one, two in pairwise(self.stretches)]
         return tuple(Step(float(place), before, after) for place, before, after in borders)
-
-    @property
-    def _neighbours(self) -> list[tuple[Stretch, Stretch]]:
-        return list(pairwise(self.stretches))
 
     @property
     def shows(self) -> bool:
@@ -476,8 +472,7 @@ def _line(places: npt.NDArray[np.floating], lags: npt.NDArray[np.floating]) -> S
 
 def _top(row: Samples, top: int) -> float:
     """Return the position of a peak between the lags."""
-    around = min(16, top, row.size - 1 - top)
-    return top + interpolate_peak(row[top - around : top + around + 1].astype(np.float64))[0]
+    return top + interpolate_peak(row[around_peak(top, row.size, 16)].astype(np.float64))[0]
 
 
 def _plane(

@@ -9,7 +9,8 @@ import numpy as np
 
 from stereolag.core.arrays import Vector
 from stereolag.signals.by_hand import STEPS
-from stereolag.signals.correlation import HeldRecording, loudest_stretch, overlap_slices
+from stereolag.signals.correlation import HeldRecording, faded, loudest_stretch, overlap_slices
+from stereolag.signals.evidence import participating
 
 SIZE = 125
 """Points of the transform; odd, so that every frequency above 0 is an arrow, with none at half the sampling rate."""
@@ -149,7 +150,7 @@ def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> P
     part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
     loudest = _loudest_block(signal_1[part_1], signal_2[part_2])
     stretches = _stretches(name, signal_1[part_1][loudest], signal_2[part_2][loudest], lag)
-    return max(stretches, key=lambda one: _taking_part(one.lengths), default=None)
+    return max(stretches, key=lambda one: participating(one.lengths), default=None)
 
 
 def _loudest_block(common_1: Vector, common_2: Vector) -> slice:
@@ -177,15 +178,8 @@ def _stretches(name: str, common_1: Vector, common_2: Vector, lag: int) -> Itera
             yield phasors(name, stretch_1, stretch_2, offset=lag - left, step=step)
 
 
-def _taking_part(lengths: Vector) -> float:
-    """Return the effective number of arrows: (sum of lengths)² / sum of squared lengths."""
-    return float(lengths.sum() ** 2 / (lengths @ lengths))
-
-
 def _faded(stretch: Vector) -> Vector:
-    rise = np.sin(0.5 * np.pi * (np.arange(FADED) + 0.5) / FADED) ** 2
-    window = np.concatenate((rise, np.ones(stretch.size - 2 * FADED), rise[::-1]))
-    return np.asarray((stretch - stretch.mean()) * window)
+    return faded(stretch - stretch.mean(), FADED)
 
 
 def knock() -> Phasors:

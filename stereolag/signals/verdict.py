@@ -30,8 +30,7 @@ from stereolag.signals.correlation import (
 )
 from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, follow_lag, median_line, on_first_clock, with_steps_placed
-from stereolag.signals.sampling import enough_votes
-from stereolag.signals.search import FoundLag, lags_within
+from stereolag.signals.search import FoundLag, enough_votes, lags_within
 
 Recordings: TypeAlias = tuple[Recording, Recording]
 
@@ -203,7 +202,7 @@ class _Alignment:
         A horn blown twice fits itself again under one weight or another, but the sounds around it do not: far from the
         best, another lag fits without any weight as well.
         """
-        lags = self.evidence.rivals(self.peaks[0])
+        lags = self.evidence.curves[self.peaks[0].weight].rivals(self.peaks[0])
         for weight in self.evidence.curves:
             leader = next((peak for peak in self.peaks if peak.weight == weight and peak.score > 1), None)
             if leader is not None and not self.is_at(self.shift + leader.lag):
