@@ -248,10 +248,14 @@ class SignalLag(Shown):
         """The judgement, and Pearson's correlation at its lag; the recordings are let go."""
         assert self._recordings is not None
         judgement = judge(self._recordings, self._found, self._reach, bound=self._bound)
-        lag = round(judgement.lag)
+        lag = self._whole(judgement.lag)
         score = self._score if lag == self._found.lag else overlap_pearson(*self._recordings, lag)
         object.__setattr__(self, "_recordings", None)
         return judgement, score
+
+    def _whole(self, lag: float) -> int:
+        """Return the whole lag of one with its fraction: halfway between two, the one that the search found."""
+        return self._found.lag if abs(lag - self._found.lag) <= 0.5 else round(lag)
 
     @property
     def judgement(self) -> LagJudgement:
@@ -270,8 +274,7 @@ class SignalLag(Shown):
     @property
     def lag(self) -> int:
         """Samples; positive if signal 2 records the event later."""
-        near = abs(self.lag_subsample - self._found.lag) <= 0.5
-        return self._found.lag if near else round(self.lag_subsample)
+        return self._whole(self.lag_subsample)
 
     @property
     def time_s(self) -> float:
