@@ -32,7 +32,7 @@ from stereolag.figures.pictures import (
 from stereolag.templates import TemplateMatch
 from stereolag.templates.by_hand import best_of_blocks, block_side
 from stereolag.templates.patterns import opaque_pixels
-from stereolag.templates.trials import Trial
+from stereolag.templates.trials import Trial, pixels_around
 
 Point: TypeAlias = tuple[int, int]
 Shape: TypeAlias = tuple[int, ...]
@@ -80,8 +80,8 @@ def match_close_up(
 ) -> bytes:
     """Return the match and its surroundings, 4:3 and enlarged, as a PNG; its frame is dashed if doubtful."""
     height = 2 * max(match.height, match.width)
-    rows = _around(match.row + match.height // 2, height, picture.shape[0])
-    cols = _around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
+    rows = pixels_around(match.row + match.height // 2, height, picture.shape[0])
+    cols = pixels_around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
     part = as_rgb(picture[rows, cols])
     scale = CLOSE_UP_WIDTH / max(part.shape[:2])
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
@@ -113,12 +113,6 @@ def score_map_png(
 def score_legend() -> go.Figure:
     """Return the legend of the score colours, made once; it must not be changed."""
     return legend(0, 1, VIRIDIS, "score")
-
-
-def _around(centre: int, length: int, end: int) -> slice:
-    """Return `length` pixels around `centre`, shifted (or cut) to stay within 0 … `end`."""
-    start = max(0, min(centre - length // 2, end - length))
-    return slice(start, min(end, start + length))
 
 
 def _draw_frame(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.patterns import FULL_WEIGHT, Pattern
+from stereolag.templates.patterns import FULL_WEIGHT, Pattern, blurred
 
 Plane: TypeAlias = npt.NDArray[np.float32]
 Matrix: TypeAlias = npt.NDArray[np.float64]
@@ -407,7 +407,7 @@ class _Blur:
     def __init__(self, weights: Plane) -> None:
         self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
         self._shares = {
-            blur: np.maximum(_spread(weights, blur), 1e-3)[:, :, np.newaxis]
+            blur: np.maximum(blurred(weights, blur, cv2.BORDER_CONSTANT), 1e-3)[:, :, np.newaxis]
             for blur in (BLUR, BLUR_OF_COLOURS, BLUR_BESIDE)
         }
 
@@ -424,11 +424,7 @@ class _Blur:
 
     def _of(self, image: Plane, blur: float) -> Plane:
         weighted = image if self._weights is None else image * self._weights
-        return np.asarray(_spread(weighted, blur).reshape(image.shape) / self._shares[blur])
-
-
-def _spread(image: Plane, blur: float) -> Plane:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur, borderType=cv2.BORDER_CONSTANT))
+        return np.asarray(blurred(weighted, blur, cv2.BORDER_CONSTANT) / self._shares[blur])
 
 
 def _bright(image: Plane) -> Plane:

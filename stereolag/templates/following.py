@@ -18,12 +18,11 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateQuery
 from stereolag.templates.exact_pixels import exact_positions
-from stereolag.templates.hidden_parts import NOWHERE, hidden_places
+from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.identity import Identity, identity
 from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
-from stereolag.templates.places import Places, peaks
 from stereolag.templates.poses import Pose, PoseRange
-from stereolag.templates.score_maps import fft_score_map
+from stereolag.templates.score_maps import NOWHERE, Places, fft_score_map, peaks, peaks_near
 from stereolag.templates.verdict import FAR_BELOW, reliable
 
 State: TypeAlias = Literal["found", "partly_seen", "look_alikes", "lost"]
@@ -341,31 +340,18 @@ def _near(view: _View, last: Pose, min_score: float) -> Followed:
     """Look for the template near its last place, and if it is not there for what is left of one that is covered."""
     (height, width), (row, col) = view.pattern.shape, view.corner(last)
     reach = _reach(view.pattern)
-    followed = view.judged(_around(view, row, col, reach), min_score, last)
+    followed = view.judged(peaks_near(view.image, view.pattern, row, col, (reach, reach)), min_score, last)
     if followed.place is not None:
         return followed
     top, left = max(0, row - reach), max(0, col - reach)
     window = view.image[top : row + height + reach, left : col + width + reach]
     hidden = hidden_places(window, view.pattern, silent) if window.size else NOWHERE
-    return view.judged(_moved(hidden, top, left), min_score, last)
+    return view.judged(hidden.moved(top, left), min_score, last)
 
 
 def _reach(pattern: Pattern) -> int:
     """Return the distance from the last place up to which a template is looked for first, px."""
     return max(LEAST_REACH, *pattern.shape)
-
-
-def _around(view: _View, row: int, col: int, reach: int) -> Places:
-    """Return the peaks among the places within `reach` px of one."""
-    (height, width), top, left = view.pattern.shape, max(0, row - reach), max(0, col - reach)
-    window = np.ascontiguousarray(view.image[top : row + height + reach, left : col + width + reach])
-    if window.shape[0] < height or window.shape[1] < width:
-        return NOWHERE
-    return _moved(peaks(fft_score_map(window, view.pattern, silent), view.pattern.shape), top, left)
-
-
-def _moved(places: Places, top: int, left: int) -> Places:
-    return Places(places.rows + top, places.cols + left, places.scores, places.shape)
 
 
 def _anywhere(view: _View, min_score: float) -> Followed:
@@ -379,11 +365,11 @@ def _anywhere(view: _View, min_score: float) -> Followed:
         return Followed("lost", None, None, near=False)
     found = peaks(fft_score_map(little, small, silent), small.shape)
     down, across = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
-    near = []
+    near, reach = [], math.ceil(factor / 2) + 1
     for one in found.best(TRIED, share=0.5):
         row = round((found.rows[one] + small.shape[0] / 2) * down - pattern.shape[0] / 2)
         col = round((found.cols[one] + small.shape[1] / 2) * across - pattern.shape[1] / 2)
-        places = _around(view, row, col, math.ceil(factor / 2) + 1)
+        places = peaks_near(image, pattern, row, col, (reach, reach))
         near += [(places.rows[best], places.cols[best], places.scores[best]) for best in places.best(1)]
     rows, cols, scores = np.array(near).reshape(-1, 3).T
     places = Places(rows.astype(np.intp), cols.astype(np.intp), scores, pattern.shape)

@@ -20,9 +20,8 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.loops.bands import in_threads
 from stereolag.loops.compilation import compiled
-from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
-from stereolag.templates.places import Places, peaks
-from stereolag.templates.score_maps import Plane, fft_score_map, scores_at
+from stereolag.templates.patterns import Pattern, blurred, in_grey, pattern_of, reduced, warped
+from stereolag.templates.score_maps import NOWHERE, Places, Plane, fft_score_map, peaks, scores_at
 
 ALONG = 4
 """Blocks along each side of the template."""
@@ -60,8 +59,6 @@ the best place's it may be."""
 
 FLAT = 20 * float(np.finfo(np.float32).eps)
 """A block is flat up to this energy, as a share of its sum of squares."""
-
-NOWHERE = Places(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0), (0, 0))
 
 
 def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
@@ -261,17 +258,14 @@ def _roughly(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[i
 
 def _evened(image: Image, weights: Plane | None, least: float) -> Image:
     """Return each pixel's difference from the mean around it over the contrast there, :data:`MIDDLE` for none."""
-
-    def blurred(plane: Plane) -> Plane:
-        border = cv2.BORDER_REFLECT if weights is None else cv2.BORDER_CONSTANT
-        spread = cv2.GaussianBlur(plane, (7, 7), EVENED, borderType=border)
-        return np.asarray(spread, dtype=np.float32).reshape(plane.shape)
+    border = cv2.BORDER_REFLECT if weights is None else cv2.BORDER_CONSTANT
+    softened = partial(blurred, spread=EVENED, border=border, size=(7, 7))
 
     def averaged(plane: Plane) -> Plane:
-        return blurred(plane) if counts is None else np.asarray(blurred(plane * counts) / share)
+        return softened(plane) if counts is None else np.asarray(softened(plane * counts) / share)
 
     counts = None if weights is None else weights[:, :, np.newaxis]
-    share = 1.0 if counts is None else np.maximum(blurred(counts), 1e-3)
+    share = 1.0 if counts is None else np.maximum(softened(counts), 1e-3)
     away = image.astype(np.float32)
     away -= averaged(away)
     squares = np.square(away) if away.shape[2] == 1 else np.square(away).sum(axis=2, keepdims=True)
@@ -283,22 +277,16 @@ def _evened(image: Image, weights: Plane | None, least: float) -> Image:
     return np.asarray(cv2.add(away, np.array([MIDDLE] * 4, dtype=np.float64), dtype=cv2.CV_8U)).reshape(image.shape)
 
 
-class HiddenAmounts(NamedTuple):
-    """What :func:`hidden_places` needs."""
-
-    memory: float
-    """Bytes."""
-    values: float
-    """Pixel values read or written, one after the other."""
-
-
 def hidden_amounts(
     image_shape: Sequence[int], template_shape: Sequence[int], channels: int, itemsize: int
-) -> HiddenAmounts:
-    """Return what :func:`hidden_places` needs for an image of so many compared channels and bytes a value."""
+) -> dict[str, float]:
+    """Return what :func:`hidden_places` needs for an image of so many compared channels and bytes a value.
+
+    Bytes, and pixel values read or written, one after the other, under their names in the cost table.
+    """
     (height, width), pixels = template_shape[:2], math.prod(image_shape[:2])
     if min(height, width) < LEAST_SIDE:
-        return HiddenAmounts(0, 0)
+        return {"hidden": 0, "hidden_values": 0}
     factor, score = max(1.0, math.sqrt(height * width) / SIDE), 4
     rows, cols = ((length + side) / factor for length, side in zip(image_shape, template_shape[:2], strict=False))
     places = rows * cols
@@ -307,7 +295,7 @@ def hidden_amounts(
     # The luminance and the reduced image; what is left of it and its squares.
     memory = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
     scored = LIKELY * around * channels * height * width
-    return HiddenAmounts(memory, scored + 100 * places + pixels)
+    return {"hidden": memory, "hidden_values": scored + 100 * places + pixels}
 
 
 def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> Plane:

@@ -366,14 +366,9 @@ def _is_in_another_state(fit: Fit, differ: Mask) -> bool:
     most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0]))
     if any(has_outline(fit.template, _thing(one)) for one in (differ, most)):
         return True
-    given, seen = fit.sharp
-    apart, in_order = (np.abs(one - other).mean() for one, other in _both(given[differ], seen[differ]))
-    return bool(in_order <= EXCHANGED * apart)
-
-
-def _both(given: Plane, seen: Plane) -> tuple[tuple[Plane, Plane], tuple[Plane, Plane]]:
-    """Return the values of two sets of pixels as they are, and in order."""
-    return (given, seen), (np.sort(given, axis=0), np.sort(seen, axis=0))
+    given, seen = (plane[differ] for plane in fit.sharp)
+    in_order = np.abs(np.sort(given, axis=0) - np.sort(seen, axis=0)).mean()
+    return bool(in_order <= EXCHANGED * np.abs(given - seen).mean())
 
 
 def _thing(differ: Mask) -> Mask:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -229,8 +230,7 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     layers = np.dstack([pattern.colours.astype(np.float32) * weight[:, :, np.newaxis], weight, weight > 0])
     if scale < 1:
         # As wide as the area of the source that one pixel then covers.
-        blur = math.sqrt((1 / scale**2 - 1) / 12)
-        layers = cv2.GaussianBlur(layers, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
+        layers = blurred(layers, math.sqrt((1 / scale**2 - 1) / 12), cv2.BORDER_CONSTANT)
     layers = cv2.warpAffine(layers, matrix, (cols, rows), flags=cv2.INTER_LINEAR)
     if pattern.silhouette:  # beyond its box it is as transparent as in its corners
         colours, weights = layers[:, :, :-2], np.ones((rows, cols))
@@ -260,6 +260,14 @@ def in_grey(image: Image, pattern: Pattern) -> tuple[Image, Pattern]:
     if colours.shape[2] == 1 or not np.ptp(as_grey(colours)[pattern.weights > 0]):
         return image, pattern
     return as_grey(image)[:, :, np.newaxis], pattern_of(as_grey(colours)[:, :, np.newaxis], pattern.weights)
+
+
+def blurred(
+    plane: npt.NDArray[np.floating[Any]], spread: float, border: int, size: tuple[int, int] = (0, 0)
+) -> npt.NDArray[np.float32]:
+    """Return a plane or an image blurred by a Gaussian of that spread, px; `size`: of its filter, by default enough."""
+    soft = cv2.GaussianBlur(plane, size, spread, borderType=border)
+    return np.asarray(soft, dtype=np.float32).reshape(plane.shape)
 
 
 def reduced(image: Image, factor: float) -> Image:

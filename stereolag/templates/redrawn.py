@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.fits import Plane, explained
-from stereolag.templates.patterns import Pattern
+from stereolag.templates.patterns import Pattern, blurred
 
 SOFT = 0.55
 """Spread of the blur, px of the template, after which two drawings are compared: 0.4 and 0.8 tell siblings less."""
@@ -80,6 +81,9 @@ In screens reduced to 50 to 80 % and compressed: in 8 of 9, and by height and wi
 ON_GROUND, BESIDE, RULED = 0.05, 0.05, 0.85
 """Largest ink of the ground and of a gap in a line, as a share of the most; share of the rim that may have more; and
 least share of a row or column of a frame that has more. Frames are rounded less than letters, and tell the size."""
+
+
+_blurred = partial(blurred, border=cv2.BORDER_REPLICATE)
 
 
 @dataclass(frozen=True)
@@ -320,8 +324,8 @@ def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> flo
     """Return the largest squared difference of a letter, as a share of its variance."""
 
     def about(plane: Plane) -> Plane:
-        blurred = _blurred(plane * weights[:, :, np.newaxis], LETTER * scale) / shares[:, :, np.newaxis]
-        return np.asarray(blurred, dtype=np.float32)
+        soft = _blurred(plane * weights[:, :, np.newaxis], LETTER * scale)
+        return np.asarray(soft / shares[:, :, np.newaxis], dtype=np.float32)
 
     shares = np.maximum(_blurred(weights, LETTER * scale), 1e-3)
     variances = [np.maximum(about(one * one) - np.square(about(one)), 0).sum(axis=2) for one in (drawn, seen)]
@@ -348,8 +352,3 @@ def _light(plane: Plane, seen: Plane, weights: Plane) -> tuple[Plane, Callable[[
     energy = np.maximum((about * plane).sum(axis=(0, 1)), 1e-12)
     gain = np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
     return gain, lambda one: np.asarray((one - level) * gain + wanted, dtype=np.float32)
-
-
-def _blurred(plane: Plane, blur: float) -> Plane:
-    blurred = cv2.GaussianBlur(plane, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(blurred, dtype=np.float32).reshape(plane.shape)

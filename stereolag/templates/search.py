@@ -19,9 +19,8 @@ from stereolag.loops.bands import available_cores
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_amounts, hidden_places
 from stereolag.templates.patterns import Pattern, compared
-from stereolag.templates.places import peaks
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
-from stereolag.templates.score_maps import direct_score_map, fft_score_map, tiling, with_gaps
+from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling, with_gaps
 from stereolag.templates.verdict import TemplateSearch, judged
 
 Shape = tuple[int, ...]
@@ -72,13 +71,12 @@ def estimate_search(
         return COSTS["template by products"].estimate(
             grey=grey,
             values=values,
-            hidden=hidden.memory,
-            hidden_values=hidden.values,
             planes=channels * pixels,
             pixels=pixels,
             places=places,
             sums=channels * places,
             products=places * height * width * (2 * channels + 1),
+            **hidden,
         )
     poses = checked_poses(method, scales, rotations)
     if poses is not None:
@@ -91,11 +89,10 @@ def estimate_search(
         grey=grey,
         values=values,
         places=places,
-        hidden=hidden.memory,
-        hidden_values=hidden.values,
         # 8 bits are transformed in single precision.
         points=(tiles.shared + at_once * tiles.points) / (2 if single else 1),
         turns=tiles.turns / at_once,
+        **hidden,
     )
 
 
@@ -244,7 +241,7 @@ def match_template(
     parts = method != "sampled" and poses is None  # then a place of which a part is hidden may be looked for too
     first, second = (part(report, number, 2) for number in range(2)) if parts else (report, silent)
     started = time.perf_counter()
-    score_map: npt.NDArray[np.float32] | None
+    score_map: npt.NDArray[np.float32] | None = None
     if method == "sampled":
         if searched.dtype != pattern.colours.dtype:
             raise ValueError(
@@ -252,10 +249,8 @@ def match_template(
                 "the method 'sampled' compares exact values and needs one type (or use 'fft')."
             )
         places, candidates = exact_positions(searched, pattern, min_score, seed, first)
-        score_map = None
     elif poses is not None:
         places, candidates = posed_places(searched, pattern, poses, first)
-        score_map = None
     else:
         score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, first)
         places, candidates = peaks(score_map, pattern.shape), score_map.size
@@ -279,6 +274,16 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
         raise ValueError(f"min_score is {min_score}; a correlation coefficient lies between -1 and 1.")
 
 
+def check_fits(image: Image, template: Image, least: float = 1.0) -> None:
+    """Raise a ValueError for a template that, at the least of its sizes, is larger than the image."""
+    if template.shape[0] * least > image.shape[0] or template.shape[1] * least > image.shape[1]:
+        resized = "" if least == 1 else f" at {least:g} of its size"
+        raise ValueError(
+            f"template is {template.shape[1]} × {template.shape[0]} pixels and image {image.shape[1]} × "
+            f"{image.shape[0]}; the template must fit into the image{resized}."
+        )
+
+
 def _checked(
     image: npt.ArrayLike,
     template: npt.ArrayLike,
@@ -291,13 +296,7 @@ def _checked(
     if given.ndim == 3 and given.shape[2] == 2:  # grey with alpha: compared by its grey, like a grey template
         template, mask = given[:, :, 0], given[:, :, 1] if mask is None else mask
     large, small = as_images(image, template, ("image", "template"), gaps=True)
-    least = 1.0 if poses is None else poses.scales[0]
-    if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:
-        resized = "" if least == 1 else f" at {least:g} of its size"
-        raise ValueError(
-            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
-            f"{large.shape[0]}; the template must fit into the image{resized}."
-        )
+    check_fits(large, small, 1.0 if poses is None else poses.scales[0])
     needed = estimate_search(
         large.shape,
         small.shape,

@@ -16,7 +16,7 @@ from stereolag.core.inputs import Image, as_image, grey_level
 from stereolag.core.jobs import COSTS, Estimate, check_memory
 from stereolag.core.settings import Settings
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
-from stereolag.templates.search import match_template
+from stereolag.templates.search import check_fits, match_template
 from stereolag.templates.verdict import TemplateMatch
 
 LEAST_ROWS, LEAST_COLS = 480, 640
@@ -120,7 +120,8 @@ def degraded_part(
         )
     colours = image[:, :, :3] if image.ndim == 3 else image
     high, wide = part_shape(image.shape, shape)[:2]
-    rows, cols = _around(row, height, high, image.shape[0]), _around(col, width, wide, image.shape[1])
+    rows = pixels_around(row + height // 2, high, image.shape[0])
+    cols = pixels_around(col + width // 2, wide, image.shape[1])
     inside = row - rows.start, col - cols.start
     if degradation.turn == 0 and degradation.resize == 1:
         part = colours[rows, cols]
@@ -137,10 +138,10 @@ def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[in
     return (rows, cols, 3) if len(image_shape) == 3 else (rows, cols)
 
 
-def _around(first: int, length: int, wanted: int, end: int) -> slice:
-    """Return `wanted` pixels centred on the `length` pixels from `first` on, moved or cut to stay within 0 … `end`."""
-    start = min(max(0, first + length // 2 - wanted // 2), end - wanted)
-    return slice(start, start + wanted)
+def pixels_around(centre: int, length: int, end: int) -> slice:
+    """Return `length` pixels around `centre`, moved or cut to stay within 0 … `end`."""
+    start = max(0, min(centre - length // 2, end - length))
+    return slice(start, min(end, start + length))
 
 
 def _warped(
@@ -247,11 +248,7 @@ def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.Ar
         another size or without a marked pixel, a constant template; more memory needed than one job may take.
     """
     large, small = as_image(image, "image"), as_image(template, "template")
-    if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
-        raise ValueError(
-            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
-            f"{large.shape[0]}; the template must fit into the image."
-        )
+    check_fits(large, small)
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     check_memory(estimate_opencv(large.shape, not opaque.all()))
     searched, colours = same_channels(large, small)

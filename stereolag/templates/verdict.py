@@ -10,12 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image
-from stereolag.core.jobs import silent
 from stereolag.core.showing import Shown
 from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped, warped_shape
-from stereolag.templates.places import Places
-from stereolag.templates.score_maps import fft_score_map
+from stereolag.templates.score_maps import Places, peaks_near
 
 Reason: TypeAlias = Literal[
     "clear",
@@ -323,15 +321,11 @@ class _LookedAt:
     def mirrored(self, index: int) -> bool:
         """Return whether a place shows the mirror image of the template, perhaps moved a little."""
         pattern = self._posed(index).mirrored()
-        (height, width), (row, col) = pattern.shape, (int(self.places.rows[index]), int(self.places.cols[index]))
-        top, left = max(0, row - height // MOVED), max(0, col - width // MOVED)
-        around = self._image[top : row + height + height // MOVED, left : col + width + width // MOVED]
-        if around.shape[0] < height or around.shape[1] < width:
-            return False
-        scores = np.nan_to_num(fft_score_map(np.ascontiguousarray(around), pattern, silent), nan=-1.0)
-        down, right = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        row, col = int(self.places.rows[index]), int(self.places.cols[index])
+        near = peaks_near(self._image, pattern, row, col, (pattern.shape[0] // MOVED, pattern.shape[1] // MOVED))
+        places = [(int(near.rows[one]), int(near.cols[one])) for one in near.best(1)]
         posed = self.places.poses is not None
-        return identity(self._image, pattern, top + int(down), left + int(right), posed=posed).is_template
+        return any(identity(self._image, pattern, *place, posed=posed).is_template for place in places)
 
     def match(self, index: int) -> TemplateMatch:
         """Return a place as a match, with what it shows if it was looked at."""
