@@ -75,33 +75,29 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
 def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
     """Return a cloud seen from above, with the camera at the bottom and the same scale on both axes."""
     rows, cols = view.picture.shape[:2]
-    figure = go.Figure(
-        go.Image(
-            source=data_url(png(view.picture)),
-            x0=view.left + view.cell / 2,
-            dx=view.cell,
-            y0=view.near + view.cell / 2,
-            dy=view.cell,
-            hovertemplate=f"%{{x:.3g}} {unit} to the right, %{{y:.3g}} {unit} away<extra></extra>",
-        )
+    seen = go.Image(
+        source=data_url(png(view.picture)),
+        x0=view.left + view.cell / 2,
+        dx=view.cell,
+        y0=view.near + view.cell / 2,
+        dy=view.cell,
+        hovertemplate=f"%{{x:.3g}} {unit} to the right, %{{y:.3g}} {unit} away<extra></extra>",
     )
-    figure.add_trace(
-        go.Scatter(
-            x=[0],
-            y=[0],
-            mode="markers+text",
-            marker={"symbol": "triangle-up", "size": 14, "color": PEAK},
-            text=["  camera"],
-            textposition="middle right",
-            hoverinfo="skip",
-            cliponaxis=False,
-        )
+    camera = go.Scatter(
+        x=[0],
+        y=[0],
+        mode="markers+text",
+        marker={"symbol": "triangle-up", "size": 14, "color": PEAK},
+        text=["  camera"],
+        textposition="middle right",
+        hoverinfo="skip",
+        cliponaxis=False,
     )
     far, right = view.near + rows * view.cell, view.left + cols * view.cell
     axis = {"zeroline": False, "constrain": "domain"}
     x = {"title": f"X, {unit}", "range": [min(view.left, 0), max(right, 0)], **axis}
     y = {"title": f"distance, {unit}", "range": [0, far], "scaleanchor": "x", "rangemode": "tozero", **axis}
-    return laid_out(figure, HEIGHT, x, y, showlegend=False, dragmode="pan")
+    return laid_out(go.Figure([seen, camera]), HEIGHT, x, y, showlegend=False, dragmode="pan")
 
 
 def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:

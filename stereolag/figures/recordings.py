@@ -234,20 +234,22 @@ def lag_over_time(over_time: LagOverTime, sampling_rate: float) -> go.Figure:
     ends = [(one, place) for one in over_time.stretches for place in (one.begin, one.end)]
     lags = np.array([one.lag_at(place) for one, place in ends])
     seconds = np.array([place for _, place in ends]) / sampling_rate
-    figure = go.Figure()
     line = {"color": CORRELATION, "width": 2}
-    hover = "%{x:,.1f} s: %{y:,.2f} samples<extra></extra>"
-    figure.add_trace(go.Scatter(x=seconds, y=lags, mode="lines", line=line, name="line", hoverinfo="skip"))
-    marker = {"color": PEAK, "size": 7}
+    lines = go.Scatter(x=seconds, y=lags, mode="lines", line=line, name="line", hoverinfo="skip")
     places, measured = np.array(over_time.places) / sampling_rate, np.array(over_time.lags)
-    figure.add_trace(
-        go.Scatter(x=places, y=measured, mode="markers", marker=marker, name="blocks", hovertemplate=hover)
+    blocks = go.Scatter(
+        x=places,
+        y=measured,
+        mode="markers",
+        marker={"color": PEAK, "size": 7},
+        name="blocks",
+        hovertemplate="%{x:,.1f} s: %{y:,.2f} samples<extra></extra>",
     )
     # At least one sample high: variation by hundredths must not look like drift.
     every = np.concatenate((lags, measured))
     middle, half = float(every.max() + every.min()) / 2, max(0.5, 0.6 * float(np.ptp(every)))
     y = {"title": "lag, samples", "tickformat": ",.6~f", "range": [middle - half, middle + half]}
-    return laid_out(figure, 300, CLOCK, y, **ALONE)
+    return laid_out(go.Figure([lines, blocks]), 300, CLOCK, y, **ALONE)
 
 
 def run_times(seconds: Vector) -> go.Figure:

@@ -23,9 +23,9 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
 
     `assumed` names the settings that neither a file nor the visitor gave.
     """
-    over_time = result.over_time
+    over_time, hertz = result.over_time, f"{result.sampling_rate:,.10g} Hz"
     if over_time is not None and over_time.shows:
-        rate = f", at {_assumed_rate(result)}" if over_time.steps and "sampling_rate" in assumed else ""
+        rate = f", at {hertz}, assumed" if over_time.steps and "sampling_rate" in assumed else ""
         return f"Sensor 2 hears it **{over_time_in_words(over_time, result.sampling_rate)}**{rate}."
     doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, LEAST_SPREAD):.1g}"
     if result.lag == 0:
@@ -33,16 +33,12 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     later, earlier = (2, 1) if result.lag > 0 else (1, 2)
     samples = f"{abs(result.lag_subsample):,.{_decimals(result.uncertainty)}f}{doubt} samples"
     given = [f"{result.speed:,.10g} m/s"] if "speed" in assumed else []
-    given += [f"{result.sampling_rate:,.10g} Hz"] if "sampling_rate" in assumed else []
+    given += [hertz] if "sampling_rate" in assumed else []
     at = f", at {' and '.join(given)}, {'both ' if len(given) > 1 else ''}assumed" if given else ""
     return (
         f"Sensor {later} hears it **{abs(result.time_s):.4g} s** ({samples}) after sensor {earlier}: its path is "
         f"**{result.distance_m:,.2f} m** longer{at}."
     )
-
-
-def _assumed_rate(result: SignalLag) -> str:
-    return f"{result.sampling_rate:,.10g} Hz, assumed"
 
 
 def _decimals(doubt: float) -> int:
