@@ -368,8 +368,7 @@ class FlowMatcher(Settings):
             returning = self._candidates(level, second, first, back) if both_ways else None
             returned = back if returning is None else returning.flow
             assert returned is not None
-            error = return_error(candidates.flow, returned)
-            there = self._carried_over(level, first, candidates, error)
+            there = self._carried_over(level, first, candidates, return_error(candidates.flow, returned))
             back = returned
             if returning is not None:
                 back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))

@@ -58,11 +58,8 @@ def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
 
 def _pictures(sequence: StereoSequence, place: int) -> tuple[Image, Image] | None:
     """Return the pictures of a frame; None if it is damaged."""
-    try:
-        frame = sequence.frame(place)
-    except (ValueError, OSError):
-        return None
-    return frame.turned(sequence.turn)
+    frame = sequence.readable(place)
+    return None if frame is None else frame.turned(sequence.turn)
 
 
 def _usual(code: FindingCode, every: list[Diagnosis]) -> Finding | None:

@@ -113,9 +113,8 @@ def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFra
         frame = task.reader()
         maps = {}
         for name, matcher in task.matchers.items():
-            result = matched(matcher, frame, task.turn, progress)
             # Scores and vertical displacements are not needed here, and would be sent between machines.
-            maps[name] = replace(result, _score=None, _dy=None)
+            maps[name] = replace(matched(matcher, frame, task.turn, progress), _score=None, _dy=None)
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
     return MatchedFrame(task.number, frame.left, maps, truth=frame.truth)

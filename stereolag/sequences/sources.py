@@ -110,14 +110,17 @@ class StereoSequence:
             raise IndexError(f"frame {number} of a sequence of {len(self)}; allowed are 0 to {len(self) - 1}.")
         return self.reader(number)()
 
+    def readable(self, number: int) -> StereoFrame | None:
+        """Read a frame as :meth:`frame` does; None if it is damaged or missing."""
+        try:
+            return self.frame(number)
+        except (ValueError, OSError):
+            return None
+
     def first_readable(self, looked_at: int | None = None) -> StereoFrame | None:
         """Return the first undamaged frame, among the first `looked_at` if given; None if all are damaged."""
-        for number in range(len(self))[:looked_at]:
-            try:
-                return self.frame(number)
-            except (ValueError, OSError):
-                continue
-        return None
+        frames = map(self.readable, range(len(self))[:looked_at])
+        return next((frame for frame in frames if frame is not None), None)
 
 
 def rectified_sequence(
