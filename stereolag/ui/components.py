@@ -42,21 +42,27 @@ VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened,
 
 @cache
 def component(name: str) -> ComponentRenderer:
-    """Return the component whose module is ``web/<name>/<name>.js``, with its markup and styles beside it, if any.
+    """Return the component whose module is ``web/<name>/<name>.js``, with its markup and styles beside it, if any."""
+    folder = WEB / name
+    sheet = folder / f"{name}.css"
+    return st.components.v2.component(
+        f"stereolag.{name}",
+        html='<div class="view"></div>' if (folder / f"{name}.html").exists() else None,
+        css=styles(sheet) if sheet.exists() else None,
+        js=script(folder),
+    )
+
+
+def script(folder: Path) -> str:
+    """Return the module of a component, with its markup if it has any.
 
     It is read and declared where it is first shown. Its markup is a template that `Panel` of ``web/shared/panel.js``
     draws, with expressions in ``${…}``; it becomes a part of the script, since a page may forbid to make code from
     text.
     """
-    files = {suffix: WEB / name / f"{name}.{suffix}" for suffix in ("html", "css", "js")}
-    markup = files["html"].read_text(encoding="utf-8").strip() if files["html"].exists() else None
-    view = VIEW.format(markup) if markup and "${" in markup else ""
-    return st.components.v2.component(
-        f"stereolag.{name}",
-        html='<div class="view"></div>' if view else markup,
-        css=styles(files["css"]) if files["css"].exists() else None,
-        js=joined(files["js"]) + view,
-    )
+    markup = folder / f"{folder.name}.html"
+    view = VIEW.format(markup.read_text(encoding="utf-8").strip()) if markup.exists() else ""
+    return joined(folder / f"{folder.name}.js") + view
 
 
 def styles(path: Path) -> str:
@@ -235,9 +241,10 @@ def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name:
     name, digest
         Name of the place, and digest of the pair, in the browser.
     """
-    parts = [png(image) for image in as_eight_bit(as_grey(left), as_grey(right))]
+    grey = as_eight_bit(as_grey(left), as_grey(right))
+    parts = [png(image) for image in grey]
     if truth is not None:
         codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
         parts.append(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
     header = {"kind": "pair", "name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
-    return packed_item(header, parts).data
+    return packed_item(header | {"deviation": float(grey[0].std())}, parts).data

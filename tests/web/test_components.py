@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stereolag.ui.components import WEB, joined, styles
+from stereolag.ui.components import WEB, joined, script, styles
 from tests.web.node import node_path
 
 
@@ -57,3 +57,11 @@ def test_a_style_sheet_has_those_it_imports() -> None:
     legends = (WEB / "shared" / "legend.css").read_text(encoding="utf-8")
     assert legends in styles(WEB / "player" / "player.css")
     assert all("@import" not in styles(path) for path in WEB.glob("*/*.css"))
+
+
+@pytest.mark.parametrize("markup", sorted(WEB.glob("*/*.html")), ids=lambda markup: markup.stem)
+def test_the_expressions_of_a_markup_are_code(tmp_path: Path, markup: Path) -> None:
+    module = tmp_path / "module.mjs"
+    module.write_text(script(markup.parent), encoding="utf-8")
+    told = subprocess.run([node_path(), "--check", module], capture_output=True, encoding="utf-8", check=False)
+    assert told.returncode == 0, told.stderr

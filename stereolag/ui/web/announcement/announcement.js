@@ -1,6 +1,5 @@
 // The page's single live region. It stays outside the re-rendered content because a new region is not read aloud.
 
-import { described, element, say } from "../shared/dom.js";
 import { keepFocus } from "../shared/focus.js";
 
 const REST_MS = 600; // a dragged slider must not be read out at every step
@@ -9,7 +8,7 @@ let waiting;
 function region() {
   const found = document.getElementById("stereolag-announced");
   if (found) return found;
-  const made = described(element("div"), { id: "stereolag-announced", role: "status", "aria-live": "polite" });
+  const made = Object.assign(document.createElement("div"), { id: "stereolag-announced", role: "status", ariaLive: "polite" });
   made.style.cssText = "position: fixed; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap";
   document.body.append(made);
   return made;
@@ -19,7 +18,9 @@ export default function ({ data }) {
   keepFocus();
   const told = region();
   clearTimeout(waiting);
-  waiting = setTimeout(() => say(told, data), REST_MS);
+  waiting = setTimeout(() => {
+    if (told.textContent !== data) told.textContent = data;
+  }, REST_MS);
   return () => {
     clearTimeout(waiting);
     told.textContent = "";

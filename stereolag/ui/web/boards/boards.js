@@ -1,7 +1,6 @@
 // Takes pictures of a board with a stereo camera for a calibration: the server says which of the frames it wants in full
 // size, and how to hold the board next.
 
-import { say } from "../shared/dom.js";
 import { jpeg } from "../shared/live.js";
 import { show } from "../shared/panel.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
@@ -13,24 +12,16 @@ const COVERED = "#2fb8ff38";
 const CORNER = "#ff2d9b";
 const DOT = 5; // px
 
-export default (component) => show(Boards, component);
+export default (component) => show(Boards, component, view);
 
 class Boards extends StereoPanel {
-  constructor(parent) {
-    super(parent, "boards");
-    this.canvas = this.find("canvas");
-    this.frames = new Map();
-    this.number = 0;
-    this.find(".finish").addEventListener("click", () => this.finish());
-    this.find(".restart").addEventListener("click", () => this.trigger("restarted", performance.now()));
-  }
+  frames = new Map();
+  number = 0;
+  flashing = false;
 
   begin(data) {
     super.begin(data);
-    for (const name of ["finish", "restart"]) this.find(`.${name}`).textContent = data.words[name];
-    for (const name of ["picture", "size", "tilt"]) this.find(`.${name}`).previousElementSibling.textContent = data.words[name];
-    this.canvas.setAttribute("aria-label", data.words.shown);
-    this.showTaken(data.taken);
+    this.taken = data.taken;
   }
 
   async grab() {
@@ -49,17 +40,20 @@ class Boards extends StereoPanel {
 
   answered(item) {
     this.wanted = item.wanted;
-    this.showTaken(item);
+    this.taken = item;
     const shown = this.frames.get(item.number);
-    if (shown) this.draw(shown.preview, item);
+    if (shown) this.drawFrame(shown.preview, item);
     else this.flash();
     if (item.enough) this.finish();
   }
 
   // Shows that a pair was taken.
   flash() {
-    this.canvas.classList.add("flash");
-    setTimeout(() => this.canvas.classList.remove("flash"), FLASH_MS);
+    this.flashing = true;
+    setTimeout(() => {
+      this.flashing = false;
+      this.render();
+    }, FLASH_MS);
   }
 
   stopped() {
@@ -71,21 +65,11 @@ class Boards extends StereoPanel {
     this.trigger("finished", performance.now());
   }
 
-  showTaken({ said, board, count, progress, ready }) {
-    const { words } = this.data;
-    say(this.find(".said"), said);
-    this.find(".board").textContent = board;
-    this.find(".count").textContent = words[["none", "one"][count] ?? "several"].replace("{count}", count);
-    for (const name of ["picture", "size", "tilt"]) this.find(`.${name}`).value = progress[name] ?? 0;
-    this.find(".finish").disabled = !ready;
-    this.find(".restart").hidden = !count;
-  }
-
   // A frame, shaded where the board has been, with its corners.
-  draw(preview, { corners, outlines }) {
+  drawFrame(preview, { corners, outlines }) {
     const { width, height } = preview;
-    Object.assign(this.canvas, { width, height });
-    const context = this.canvas.getContext("2d");
+    const canvas = Object.assign(this.find("canvas"), { width, height });
+    const context = canvas.getContext("2d");
     context.drawImage(preview, 0, 0);
     const place = ([x, y], view) => [((x + view) * width) / 2, y * height];
     context.fillStyle = COVERED;

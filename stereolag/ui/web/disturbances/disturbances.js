@@ -7,11 +7,19 @@ import { ExamplesPanel } from "../shared/visiting.js";
 
 const EVERY_MS = 80; // while a slider is dragged
 
+// Four strips: both recordings lined up, the curve with its chance band, its peak up close, and the agreement.
+
+const LEFT = 6;
+const RIGHT = 46;
+const NAME = 20; // px for the name above each strip
+const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
+const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
+const CLOSE = 60; // lags to either side of the peak
+const MOST_AGREEMENT = 100;
+
 export default (component) => show(DisturbancesPanel, component, view);
 
 class DisturbancesPanel extends ExamplesPanel {
-  at = { width: 0, height: 0 }; // the layout
-
   setUp() {
     this.watchSize(this.find(".drawing"));
   }
@@ -55,40 +63,25 @@ class DisturbancesPanel extends ExamplesPanel {
     return `${low < 0 && value > 0 ? "+" : ""}${shortened(value, 0, unit)}`;
   }
 
-  draw() {
-    const width = this.find("svg").clientWidth;
-    if (width) this.at = laidOut(width, this.data);
-    this.render();
+  layOut(width) {
+    const { data } = this;
+    const { curve, ribbon, peak, words } = data;
+    const right = width - RIGHT;
+    const { boxes, height } = stacked(HEIGHTS, NAME, (name) => BELOW[name]);
+    const reach = (curve.length - 1) / 2;
+    const whole = { first: -reach, last: reach, low: Math.min(-0.12, ...curve), high: 1.05 };
+    const first = clamp(peak - CLOSE, -reach, reach - 2 * CLOSE);
+    const near = curve.slice(first + reach, first + 2 * CLOSE + reach + 1);
+    const band = ribbon ?? [0, 0];
+    const [low, high] = [Math.min(1.2 * band[0], ...near), 1.15 * Math.max(band[1], ...near)];
+    const close = { first, last: first + 2 * CLOSE, low, high };
+    return {
+      height, boxes, left: LEFT, right,
+      recordings: data.recordings.map((part) => linedUp(part, right, boxes.recordings)),
+      curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
+      agreement: agreementAt(right, data),
+    };
   }
-}
-
-// Four strips: both recordings lined up, the curve with its chance band, its peak up close, and the agreement.
-
-const LEFT = 6;
-const RIGHT = 46;
-const NAME = 20; // px for the name above each strip
-const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
-const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
-const CLOSE = 60; // lags to either side of the peak
-const MOST_AGREEMENT = 100;
-
-function laidOut(width, data) {
-  const { curve, ribbon, peak, words } = data;
-  const right = width - RIGHT;
-  const { boxes, height } = stacked(HEIGHTS, NAME, (name) => BELOW[name]);
-  const reach = (curve.length - 1) / 2;
-  const whole = { first: -reach, last: reach, low: Math.min(-0.12, ...curve), high: 1.05 };
-  const first = clamp(peak - CLOSE, -reach, reach - 2 * CLOSE);
-  const near = curve.slice(first + reach, first + 2 * CLOSE + reach + 1);
-  const band = ribbon ?? [0, 0];
-  const [low, high] = [Math.min(1.2 * band[0], ...near), 1.15 * Math.max(band[1], ...near)];
-  const close = { first, last: first + 2 * CLOSE, low, high };
-  return {
-    width, height, boxes, left: LEFT, right,
-    recordings: data.recordings.map((part) => linedUp(part, right, boxes.recordings)),
-    curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
-    agreement: agreementAt(right, data),
-  };
 }
 
 function linedUp(part, right, { top, height }) {

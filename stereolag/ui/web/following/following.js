@@ -1,69 +1,44 @@
 // A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
 
-import { button, described, element, say } from "../shared/dom.js";
+import { shareOf } from "../shared/dom.js";
 import { LivePanel, camera, devices, jpeg } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
-import { arrows, onDrag, onKey, show } from "../shared/panel.js";
+import { arrows, show } from "../shared/panel.js";
 
 const LARGEST = 1280; // px, of the longer side of a frame
 const PATH = 150; // last places drawn
 const COLOURS = { found: "#17b26a", partly_seen: "#f79009", look_alikes: "#9e77ed", lost: "#f04438" };
 const DASHES = { found: [], partly_seen: [10, 6], look_alikes: [3, 5] };
 
-export default (component) => show(FollowingPanel, component);
+export default (component) => show(FollowingPanel, component, view);
 
 class FollowingPanel extends LivePanel {
-  constructor(parent) {
-    super(parent, "following");
-    this.canvas = this.find("canvas");
-    this.device = "";
-    this.chooser = element("select");
-    this.chooser.addEventListener("change", () => this.use(this.chooser.value));
-    this.follow = button("", () => (this.box ? this.cut() : this.anew()));
-    this.freeze = button("", () => this.frozen());
-    this.toggle.after(this.follow, this.freeze, this.chooser);
-    onDrag(this.stage, (event) => this.grabbed(event));
-    onKey(this.stage, (event) => this.actions(event));
+  box = null; // that is being chosen, px of the frame; none while one is followed
+  held = false; // whether the picture stands still while a box is drawn on it
+  wanted = null; // the box to be cut, with the frame on which it was drawn
+  cutting = false; // whether it is on its way
+  still = null; // the frame that is shown
+  item = null; // its answer
+  path = [];
+  number = 0;
+  stills = new Map(); // frames on their way, by number
+  device = "";
+  cameras = [];
+
+  setUp() {
     this.watchSize(this.stage);
-    this.reset();
-  }
-
-  begin(data) {
-    super.begin(data);
-    const { told } = data;
-    this.told = told;
-    this.find(".hint").textContent = told.hint;
-    this.freeze.textContent = told.freeze;
-    this.freeze.title = told.freeze_help;
-    described(this.chooser, { "aria-label": told.camera });
-    described(this.stage, { "aria-label": told.stage });
-    this.showBar();
-  }
-
-  reset() {
-    this.box = null; // that is being chosen, px of the frame; none while one is followed
-    this.held = false; // whether the picture stands still while a box is drawn on it
-    this.wanted = null; // the box to be cut, with the frame on which it was drawn
-    this.cutting = false; // whether it is on its way
-    this.still = null; // the frame that is shown
-    this.item = null; // its answer
-    this.path = [];
-    this.number = 0;
-    this.stills = new Map(); // frames on their way, by number
   }
 
   async open() {
-    this.reset();
+    const fresh = { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [], number: 0 };
+    Object.assign(this, fresh, { stills: new Map() });
     const opened = await camera(this.device);
-    const all = await devices("videoinput");
-    this.chooser.replaceChildren(...all.map(({ deviceId, label }) => new Option(label, deviceId, false, deviceId === this.device)));
-    this.showBar();
+    this.cameras = await devices("videoinput");
     return opened;
   }
 
   stopped() {
     this.box = null;
-    this.showBar();
   }
 
   use(device) {
@@ -78,7 +53,6 @@ class FollowingPanel extends LivePanel {
     const { width, height } = this.still;
     Object.assign(this, { item: null, path: [], cutting: false });
     this.fit({ width: Math.round(width / 6), height: Math.round(height / 5) }, [height / 2, width / 2]);
-    this.showState();
   }
 
   cut() {
@@ -176,29 +150,24 @@ class FollowingPanel extends LivePanel {
     this.schedule();
   }
 
-  placeOf({ clientX, clientY }) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    return [((clientY - top) / height) * this.still.height, ((clientX - left) / width) * this.still.width];
+  placeOf(event) {
+    const [right, down] = shareOf(event, this.find("canvas"));
+    return [down * this.still.height, right * this.still.width];
   }
 
-  showBar() {
-    const running = Boolean(this.running && this.still);
-    this.follow.textContent = this.told?.[this.box ? "follow" : "again"];
-    this.follow.hidden = this.freeze.hidden = !running;
-    this.freeze.disabled = !this.item;
-    this.chooser.hidden = !this.running || this.chooser.options.length < 2;
-    this.root.classList.toggle("shown", Boolean(this.still));
+  get isOn() {
+    return Boolean(this.running && this.still);
   }
 
   draw() {
-    this.showBar();
-    this.tell();
+    this.render();
     if (!this.still) return;
     const { width, height } = this.still;
-    if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
-    const context = this.canvas.getContext("2d");
+    const canvas = this.find("canvas");
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    const context = canvas.getContext("2d");
     context.drawImage(this.still, 0, 0);
-    const px = width / (this.canvas.clientWidth || width); // of the screen
+    const px = width / (canvas.clientWidth || width); // of the screen
     const stroke = (path, colour, dash = []) => {
       for (const [style, wide] of [["#fff", 5], [colour, 3]]) {
         Object.assign(context, { strokeStyle: style, lineWidth: wide * px, lineJoin: "round" });
@@ -225,12 +194,12 @@ class FollowingPanel extends LivePanel {
   // The word for the state, above the frame or in the corner of the picture.
   label(context, px) {
     const { state, place, shape } = this.item;
-    const [text] = this.told.states[state];
+    const [text] = this.said;
     Object.assign(context, { font: `600 ${14 * px}px sans-serif`, textBaseline: "top" });
     const wide = context.measureText(text).width + 12 * px;
     const radius = place ? (place.scale * Math.hypot(...shape)) / 2 : 0;
-    const left = place ? clamp(place.col - wide / 2, 0, this.canvas.width - wide) : 6 * px;
-    const top = place ? clamp(place.row - radius - 24 * px, 0, this.canvas.height - 22 * px) : 6 * px;
+    const left = place ? clamp(place.col - wide / 2, 0, context.canvas.width - wide) : 6 * px;
+    const top = place ? clamp(place.row - radius - 24 * px, 0, context.canvas.height - 22 * px) : 6 * px;
     context.fillStyle = "#000000b3";
     context.fillRect(left, top, wide, 22 * px);
     context.fillStyle = COLOURS[state];
@@ -239,17 +208,24 @@ class FollowingPanel extends LivePanel {
     context.fillText(text, left + 8 * px, top + 4 * px);
   }
 
-  // The state and the figures below the picture; only a change of the state is read aloud.
-  tell() {
-    const { item, told } = this;
-    const [word, why] = item ? told.states[item.state] : ["", this.box ? told.choose : ""];
-    this.root.style.setProperty("--state", item ? COLOURS[item.state] : "transparent");
-    say(this.find("strong"), word);
-    this.find(".why").textContent = why;
-    const score = item?.score === null ? "–" : shortened(item?.score ?? NaN, 2);
-    const { row = 0, col = 0, scale = 1, rotation = 0 } = item?.place ?? {};
-    const figures = { score, row: shortened(row), col: shortened(col), size: shortened(100 * scale), angle: shortened(rotation) };
-    this.find(".figures").textContent = item ? filled(item.place ? told.figures : told.score, figures) : "";
+  // The state below the picture, and why; only a change of the state is read aloud.
+  get said() {
+    const { item, box, data: { told } } = this;
+    return item ? told.states[item.state] : ["", box ? told.choose : ""];
+  }
+
+  get colour() {
+    return this.item ? COLOURS[this.item.state] : "transparent";
+  }
+
+  get figures() {
+    if (!this.item) return "";
+    const { score, place } = this.item;
+    const { row = 0, col = 0, scale = 1, rotation = 0 } = place ?? {};
+    const { told } = this.data;
+    return filled(place ? told.figures : told.score, {
+      score: shortened(score ?? NaN, 2), row: shortened(row), col: shortened(col), size: shortened(100 * scale), angle: shortened(rotation),
+    });
   }
 }
 

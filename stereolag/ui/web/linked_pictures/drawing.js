@@ -1,7 +1,8 @@
 // Pictures, marks, outlines, and the text of readings.
 
-import { element, node, put } from "../shared/dom.js";
+import { put } from "../shared/dom.js";
 import { unzlibSync } from "../shared/fflate.js";
+import { html } from "../shared/lit_html.js";
 import { clamp, shortened } from "../shared/numbers.js";
 
 const LOADING_MS = 10_000;
@@ -13,35 +14,17 @@ export function picture(described, { image, readings }, colours) {
   return { ...described, image, readings: read, colours, seen };
 }
 
-// The element that shows a picture; each place it is shown at needs its own.
-export function surface(one) {
-  const made = element(one.image ? "img" : "canvas");
-  if (one.image) made.draggable = false;
-  else made.setAttribute("role", "img");
-  fill(made, one);
-  return made;
-}
-
-// Draws a picture on a surface, unless the surface already shows it in the same colours.
-export function fill(made, { title, alternative, image, readings, colours, seen }) {
-  made.setAttribute(image ? "alt" : "aria-label", alternative ? `${title}: ${alternative}` : title);
-  if (made.seen === seen) return;
-  made.seen = seen;
-  if (image) made.src = image.src;
-  else paint(made, readings[0], colours);
+// What shows a picture. A map is to be painted on its canvas.
+export function surface(one, style = "") {
+  const label = one.alternative ? `${one.title}: ${one.alternative}` : one.title;
+  return one.image
+    ? html`<img draggable="false" alt=${label} src=${one.image.src} style=${style} />`
+    : html`<canvas role="img" aria-label=${label} style=${style} .shows=${one}></canvas>`;
 }
 
 // An element that has just been given the picture may still be loading it.
 export function forget({ image }) {
   if (image) setTimeout(() => URL.revokeObjectURL(image.src), LOADING_MS);
-}
-
-export function figures(all) {
-  return all.map(({ label, value, meaning }) => {
-    const one = element("div", "", element("dt", "", label), element("dd", "", value));
-    one.title = meaning;
-    return one;
-  });
 }
 
 // The texts of a picture's readings at a pixel; `step` pixels of the picture share a value.
@@ -68,34 +51,20 @@ function metric(metres, error, unit = "") {
   return shortened(metres, clamp(1 - Math.floor(Math.log10(error)), 0, 4), unit);
 }
 
-// Draws a mark: a point, a frame, or a line to another point; `pixel` is the size of a pixel of the screen.
-export function drawMark(add, mark, pixel) {
-  const x = mark.height ? mark.col : mark.col + 0.5;
-  const y = mark.height ? mark.row : mark.row + 0.5;
-  let d = `M${x} ${y}h0`;
-  let [width, halo] = [9, 13];
-  if (mark.height) [d, width, halo] = [`M${x} ${y}h${mark.width}v${mark.height}h${-mark.width}z`, 2, 4];
-  if (mark.to) [d, width, halo] = [`M${x} ${y}L${mark.to[1] + 0.5} ${mark.to[0] + 0.5}`, 2, 4];
-  const dash = mark.dashed ? { "stroke-dasharray": "6 4" } : {};
-  add("path", { d, class: "halo", "stroke-width": halo, "stroke-linecap": "round" });
-  if (mark.filled) add("path", { d, style: `fill: ${mark.colour}`, "fill-opacity": 0.22 });
-  add("path", { d, stroke: mark.colour, "stroke-width": width, "stroke-linecap": mark.dashed ? "butt" : "round", ...dash });
-  if (!mark.label) return;
-  const [dx, dy] = mark.height ? [0, -5] : [9, -7];
-  add("text", { x: x + dx * pixel, y: y + dy * pixel, "font-size": 13 * pixel }, mark.label);
-}
-
-// Outlines over a layer, px of the picture: lines that are thin at every zoom, light on dark, so that they are visible on
-// every colour. Their SVG is a separate one, so that a moving crosshair does not redraw them; without a path it goes.
-export function drawOutlines(layer, path, view) {
-  let svg = layer.querySelector(".outlines");
-  if (!path) return svg?.remove();
-  if (!svg) layer.append((svg = node("svg", { class: "outlines", preserveAspectRatio: "none", "aria-hidden": true })));
-  if (svg.path !== path) {
-    svg.path = path;
-    svg.replaceChildren(...["outline-halo", "outline"].map((name) => node("path", { class: name, d: path })));
-  }
-  if (svg.view !== view) svg.setAttribute("viewBox", (svg.view = view));
+// How a mark is drawn: a point, a frame, or a line to another point; `pixel` is the size of a pixel of the screen.
+export function shapeOf({ row, col, height, width, to, dashed, ...mark }, pixel) {
+  const [x, y] = height ? [col, row] : [col + 0.5, row + 0.5];
+  const end = to ? `L${to[1] + 0.5} ${to[0] + 0.5}` : "h0";
+  const [dx, dy] = height ? [0, -5] : [9, -7];
+  return {
+    ...mark,
+    d: `M${x} ${y}${height ? `h${width}v${height}h${-width}z` : end}`,
+    width: height || to ? 2 : 9,
+    halo: height || to ? 4 : 13,
+    cap: dashed ? "butt" : "round",
+    dash: dashed ? "6 4" : "none",
+    x: x + dx * pixel, y: y + dy * pixel, size: 13 * pixel,
+  };
 }
 
 // Unpacks the item of a picture into its pixels and readings, and colours maps.
@@ -137,8 +106,11 @@ function inflated({ rows, cols, steps, long_steps }, parts) {
   return values;
 }
 
-// Draws a map on a canvas in the colours shared by all maps.
-function paint(canvas, reading, colours) {
+// Draws the map that a canvas shows, unless it already does in the same colours, which all maps share.
+export function paint(canvas) {
+  const { readings: [reading], colours, seen } = canvas.shows;
+  if (canvas.seen === seen) return;
+  canvas.seen = seen;
   const [values, table] = [reading.values(), colourTable(colours, reading.quantum)];
   const pixels = new Uint32Array(values.length);
   for (let at = 0; at < values.length; at++) pixels[at] = table[values[at] - NOTHING];

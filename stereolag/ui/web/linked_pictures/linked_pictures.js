@@ -1,49 +1,226 @@
-// A visitor's input to the pictures: pointer, wheel, keys and buttons.
+// Pictures of one scene with a common crosshair: zoomed and moved together, read under the cursor, clickable.
+// Rows and columns are those of the whole picture, whatever share of its pixels was sent.
 
 import { shareOf } from "../shared/dom.js";
+import { eventOf, received, tell } from "../shared/exchange.js";
+import { legend } from "../shared/legend.js";
 import { clamp } from "../shared/numbers.js";
-import { arrows, onKey, show } from "../shared/panel.js";
-import { LinkedPictures } from "./pictures.js";
+import { arrows, Panel, show } from "../shared/panel.js";
+import { contentOf, forget, paint, picture, shapeOf, surface, textsAt } from "./drawing.js";
 
+const CLOSEST_PX = 12;
+const HINT =
+  "Drag to move, double-click for the whole image; click first, and the wheel zooms. Arrow keys move the crosshair";
 const DRAG_PX = 4;
 const DOUBLE_CLICK_MS = 300;
-const ZOOMS = { in: 1.5, out: 1 / 1.5, reset: 0 };
-const ZOOM_KEYS = { "+": "in", "=": "in", "-": "out", 0: "reset" };
+const ZOOMS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, 0: 0 };
 
-export default (component) => show(HandledPictures, component);
+export default (component) => show(LinkedPictures, component, view);
 
-class HandledPictures extends LinkedPictures {
+class LinkedPictures extends Panel {
+  mode = "grid";
+  pair = ["", ""]; // the titles of the pictures compared in the mode "slider"
+  split = 50;
+  zoom = 1;
+  x = 0;
+  y = 0;
+  at = null; // the pixel of the crosshair
+  marks = [];
+  enlarged = new Set();
+  contents = new Map();
+  pictures = [];
+  shown = []; // the pictures, or what is shown in place of them
+  width = 0; // px of a picture on the screen
+  pointers = new Map(); // that are down, by number
+
   constructor(parent) {
     super(parent);
-    this.pointers = new Map();
-    this.root.addEventListener("click", ({ target }) => {
-      if (target.dataset.mode) {
-        this.mode = target.dataset.mode;
-        this.build();
-      }
-      if (target.dataset.zoom) this.zoomBy(ZOOMS[target.dataset.zoom]);
+    this.legend = legend;
+    this.surface = surface;
+    const on = (kind, react) => this.listen(eventOf(kind), ({ detail }) => detail.name === this.name && react(detail));
+    on("marks", ({ item }) => this.setMarks(item.marks));
+    on("description", () => this.describe());
+    on("preview", (item) => this.preview(item));
+    this.listen(eventOf("pictures"), ({ detail }) => {
+      this.renew(detail);
+      this.describe();
     });
-    [".before", ".after"].forEach((name, side) => {
-      this.find(name).addEventListener("change", ({ target }) => {
-        this.pair[side] = target.value;
-        this.build();
-      });
-    });
-    this.listenToStage();
   }
 
-  listenToStage() {
-    const on = (type, react, options = {}) => this.stage.addEventListener(type, react, options);
-    on("pointerdown", (event) => this.press(event));
-    on("pointermove", (event) => this.move(event));
-    on("pointerup", (event) => this.release(event));
-    on("pointercancel", (event) => this.forget(event));
-    on("pointerleave", () => this.point(null));
-    on("blur", () => this.point(null));
-    on("dblclick", (event) => this.cellOf(event) && this.zoomBy(0));
-    on("wheel", (event) => this.roll(event), { passive: false });
-    onKey(this.stage, (event) => event.target === this.stage && this.actions(event));
+  setUp() {
+    this.watchSize(this.stage, () => this.draw());
   }
+
+  close() {
+    super.close();
+    this.contents.forEach(forget);
+  }
+
+  load(name) {
+    this.name = name;
+    this.describe();
+  }
+
+  // Shows the pictures of the latest description as soon as all have arrived.
+  async describe() {
+    const data = received("description", this.name);
+    if (!data || data === this.data) return;
+    if (!data.pictures.every(({ digest }) => this.contents.has(digest) || received("pictures", digest))) return;
+    const contents = data.pictures.map(({ digest }) => this.content(digest));
+    await Promise.all(contents.map((one) => one.ready));
+    if (data !== received("description", this.name)) return; // a newer set overtook this one
+    const sameScene = this.data?.rows === data.rows && this.data?.cols === data.cols;
+    this.data = data;
+    this.pictures = data.pictures.map((one, index) => picture(one, contents[index], data.colours));
+    this.shown = [...this.pictures];
+    const shown = new Set(data.pictures.map(({ digest }) => digest));
+    for (const [digest, one] of this.contents) {
+      if (shown.has(digest)) continue;
+      this.contents.delete(digest);
+      forget(one);
+    }
+    if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
+    const titles = this.pictures.map(({ title }) => title);
+    if (!this.pair.every((title) => titles.includes(title))) this.pair = [titles[0], titles[Math.min(1, titles.length - 1)]];
+    this.setMarks(data.marks);
+  }
+
+  // The picture that arrived under a digest, unpacked once.
+  content(digest) {
+    if (!this.contents.has(digest)) this.contents.set(digest, contentOf(received("pictures", digest)));
+    return this.contents.get(digest);
+  }
+
+  // Shows a map that replaces another at once; its description follows with the next `load`.
+  renew({ name: digest, before, item }) {
+    const index = this.pictures.findIndex((one) => one.digest === before && !one.image);
+    if (index < 0 || !item || this.content(digest).image) return;
+    this.pictures[index] = picture({ ...this.pictures[index], digest }, this.content(digest), this.data.colours);
+    this.shown[index] = { ...this.pictures[index], figures: this.shown[index].figures };
+    this.draw();
+  }
+
+  // Shows a map in place of that with its title until that is renewed, and its figures if it has any; without parts, that
+  // one again.
+  preview(item) {
+    const index = this.pictures.findIndex((one) => one.title === item.title);
+    const one = this.pictures[index];
+    if (!one) return;
+    const content = item.parts.length && (this.contents.get(item.digest) ?? contentOf(item));
+    if (item.whole) this.contents.set(item.digest, content); // its description is on its way
+    const shown = content ? picture({ ...one, digest: item.digest }, content, one.colours) : one;
+    if (item.live) this.pictures[index] = shown; // its values are read under the pointer
+    this.shown[index] = { ...shown, figures: item.figures ?? one.figures };
+    this.draw();
+  }
+
+  setMarks(marks) {
+    this.marks = marks;
+    this.draw();
+  }
+
+  turn(mode) {
+    this.mode = mode;
+    this.draw();
+  }
+
+  choose(side, title) {
+    this.pair[side] = title;
+    this.draw();
+  }
+
+  moveSplit(share) {
+    this.split = clamp(share, 0, 100);
+    this.draw();
+  }
+
+  // The pictures shown large, each alone or two over each other.
+  get cells() {
+    if (this.mode === "grid") return this.shown.filter((one) => this.isLarge(one)).map((one) => [one]);
+    return [this.pair.map((title) => this.shown.find((one) => one.title === title))];
+  }
+
+  get thumbnails() {
+    return this.shown.filter((one) => one.thumbnail);
+  }
+
+  isLarge(one) {
+    return !one.thumbnail || this.enlarged.has(one.title);
+  }
+
+  // Adds a small picture to the large ones, or removes it from them.
+  enlarge({ title }) {
+    if (!this.enlarged.delete(title)) this.enlarged.add(title);
+    this.draw();
+  }
+
+  get isPickable() {
+    return this.pictures.some((one) => one.pickable);
+  }
+
+  get hint() {
+    return [this.data.hint, `${HINT}${this.isPickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
+  }
+
+  // The point marked last, if any.
+  get marked() {
+    return this.marks.filter((mark) => !mark.height && !mark.to).at(-1);
+  }
+
+  // The pixel whose values are told.
+  get read() {
+    return this.at ?? this.marked ?? null;
+  }
+
+  textsOf({ title }) {
+    return this.read ? textsAt(this.pictures.find((one) => one.title === title), this.read, this.data.step) : [];
+  }
+
+  get viewBox() {
+    return `${this.x} ${this.y} ${this.data.cols / this.zoom} ${this.data.rows / this.zoom}`;
+  }
+
+  get transform() {
+    const { rows, cols } = this.data;
+    return `transform: scale(${this.zoom}) translate(${(-this.x / cols) * 100}%, ${(-this.y / rows) * 100}%)`;
+  }
+
+  isNear() {
+    return (this.width * this.zoom) / this.data.cols > 3;
+  }
+
+  marksOn({ title }) {
+    const index = this.pictures.findIndex((one) => one.title === title);
+    const pixel = this.data.cols / this.zoom / (this.width || 1);
+    const here = this.marks.filter(({ pictures }) => !pictures.length || pictures.includes(index));
+    return here.map((mark) => shapeOf(mark, pixel));
+  }
+
+  draw() {
+    if (!this.data) return;
+    const { rows, cols, name } = this.data;
+    // Announces the position of the crosshair: {row, col}, or null without one.
+    if (this.at !== this.told) tell("crosshair", { name, at: (this.told = this.at) });
+    this.x = clamp(this.x, 0, cols - cols / this.zoom);
+    this.y = clamp(this.y, 0, rows - rows / this.zoom);
+    this.render();
+    this.findAll("canvas").forEach(paint);
+    const before = this.width;
+    this.width = this.find(".viewport")?.clientWidth ?? 0;
+    if (this.width !== before) this.render();
+  }
+
+  // Zooms about the point (u, v) of the view, each 0..1, which stays fixed; a factor of 0 shows the whole picture.
+  zoomBy(factor, u = 0.5, v = 0.5) {
+    const { rows, cols } = this.data;
+    const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));
+    this.x += u * cols * (1 / this.zoom - 1 / zoom);
+    this.y += v * rows * (1 / this.zoom - 1 / zoom);
+    this.zoom = zoom;
+    this.draw();
+  }
+
+  // A visitor's input: pointer, wheel and keys.
 
   // Moves the crosshair to a pixel; `null` removes it.
   point(at) {
@@ -51,21 +228,21 @@ class HandledPictures extends LinkedPictures {
     this.draw();
   }
 
-  // By position: while the pointer is captured, the target of every event is the stage.
+  // The viewport under the pointer, by position: while that is captured, the target of every event is the stage.
   cellOf({ clientX, clientY }) {
-    return this.cells?.find((cell) => {
-      const box = cell.viewport.getBoundingClientRect();
+    return this.findAll(".viewport").find((one) => {
+      const box = one.getBoundingClientRect();
       return clientX >= box.left && clientX < box.right && clientY >= box.top && clientY < box.bottom;
     });
   }
 
   // The pixel under the pointer, and the pointer's position in the view, 0..1.
   place(event, cell) {
-    const [u, v] = shareOf(event, cell.viewport).map((share) => clamp(share, 0, 1));
-    const { rows, cols } = this.header;
+    const [u, v] = shareOf(event, cell).map((share) => clamp(share, 0, 1));
+    const { rows, cols } = this.data;
     const col = clamp(Math.floor(this.x + (u * cols) / this.zoom), 0, cols - 1);
     const row = clamp(Math.floor(this.y + (v * rows) / this.zoom), 0, rows - 1);
-    return { row, col, u, v, width: cell.viewport.getBoundingClientRect().width };
+    return { row, col, u, v, width: cell.getBoundingClientRect().width };
   }
 
   press(event) {
@@ -73,7 +250,7 @@ class HandledPictures extends LinkedPictures {
     if (!cell || event.button) return;
     this.pointers.set(event.pointerId, event);
     const { u, width } = this.place(event, cell);
-    this.held = { cell, moved: false, onSplit: cell.moveSplit && Math.abs(u - this.split / 100) * width < 16 };
+    this.held = { cell, moved: false, onSplit: this.mode === "slider" && Math.abs(u - this.split / 100) * width < 16 };
     if (event.pointerType === "mouse" || this.zoom > 1) this.stage.setPointerCapture(event.pointerId);
   }
 
@@ -89,17 +266,17 @@ class HandledPictures extends LinkedPictures {
     if (!this.held.moved && Math.hypot(dx, dy) < DRAG_PX) return;
     this.held.moved = true;
     const { u, v, width } = this.place(event, this.held.cell);
-    if (this.held.onSplit) this.held.cell.moveSplit(u * 100);
+    if (this.held.onSplit) this.moveSplit(u * 100);
     else if (this.pointers.size === 2) {
       const other = [...this.pointers.values()].find((one) => one.pointerId !== event.pointerId);
       const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
       this.zoomBy(apart(event) / Math.max(1, apart(last)), u, v);
     } else {
-      const pixel = this.header.cols / this.zoom / width;
+      const pixel = this.data.cols / this.zoom / width;
       this.x -= dx * pixel;
       this.y -= dy * pixel;
     }
-    this.root.classList.toggle("dragging", this.zoom > 1);
+    this.dragging = this.zoom > 1;
     this.pointers.set(event.pointerId, event);
   }
 
@@ -108,7 +285,7 @@ class HandledPictures extends LinkedPictures {
     this.forget(event);
     // The second click of a double click resets the zoom and must not pick again.
     const again = event.timeStamp - (this.lastPick ?? -1e9) < DOUBLE_CLICK_MS;
-    if (!held || held.moved || !this.pictures[held.cell.indices[0]].pickable || again) return;
+    if (!held || held.moved || !this.cells[this.findAll(".viewport").indexOf(held.cell)]?.[0].pickable || again) return;
     this.lastPick = event.timeStamp;
     this.pick(this.place(event, held.cell));
   }
@@ -120,7 +297,8 @@ class HandledPictures extends LinkedPictures {
   forget(event) {
     this.pointers.delete(event.pointerId);
     if (!this.pointers.size) this.held = null;
-    this.root.classList.remove("dragging");
+    this.dragging = false;
+    this.draw();
   }
 
   roll(event) {
@@ -134,15 +312,15 @@ class HandledPictures extends LinkedPictures {
   }
 
   actions(event) {
-    const zooms = Object.entries(ZOOM_KEYS).map(([key, name]) => [key, () => this.zoomBy(ZOOMS[name], ...this.shareOfCross())]);
+    const zooms = Object.entries(ZOOMS).map(([key, factor]) => [key, () => this.zoomBy(factor, ...this.shareOfCross())]);
     const { at } = this;
-    const pick = at && this.pictures.some((one) => one.pickable) ? () => this.pick(at) : undefined;
+    const pick = at && this.isPickable ? () => this.pick(at) : undefined;
     return { ...arrows(event, (down, right) => this.step(down, right)), ...Object.fromEntries(zooms), Enter: pick, " ": pick };
   }
 
   // Moves the crosshair, and the zoomed view so that it stays inside.
   step(down, right) {
-    const { rows, cols } = this.header;
+    const { rows, cols } = this.data;
     const from = this.at ?? this.marks.find((mark) => !mark.height && !mark.to) ?? { row: rows >> 1, col: cols >> 1 };
     const [row, col] = [clamp(from.row + down, 0, rows - 1), clamp(from.col + right, 0, cols - 1)];
     this.x = clamp(this.x, col + 1 - cols / this.zoom, col);
@@ -152,7 +330,7 @@ class HandledPictures extends LinkedPictures {
 
   shareOfCross() {
     if (!this.at) return [0.5, 0.5];
-    const { rows, cols } = this.header;
+    const { rows, cols } = this.data;
     return [((this.at.col - this.x) * this.zoom) / cols, ((this.at.row - this.y) * this.zoom) / rows];
   }
 }

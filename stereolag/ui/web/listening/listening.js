@@ -1,6 +1,6 @@
 // Two microphones heard live: how loud they are, their waveforms, the lag that the server finds, and where it points.
 
-import { button, described, element, line, say, sized } from "../shared/dom.js";
+import { line } from "../shared/dom.js";
 import { branch } from "../shared/hyperbola.js";
 import { devices, LivePanel } from "../shared/live.js";
 import { clamp, filled } from "../shared/numbers.js";
@@ -12,82 +12,65 @@ const KEPT_S = 2; // of sound that is drawn, and that the server keeps
 const COLUMN = 256; // samples that are drawn as one line
 const LOWEST_DB = -60;
 const QUIETEST = 0.02; // of full scale: what is quieter is drawn as small as it is
-const HIGH = 150;
+const FLOOR = 126; // of the drawing of the sensors, px
 const NEEDLE = 100;
 
-export default (component) => show(Listening, component);
+export default (component) => show(Listening, component, view);
 
 class Listening extends LivePanel {
-  constructor(parent) {
-    super(parent, "listening");
-    this.svg = this.find("svg");
-    this.canvases = [];
-    this.choices = [0, 1].map(() => element("select"));
-    for (const one of this.choices) one.addEventListener("change", () => this.changed());
-    this.apart = described(element("input"), { type: "number", min: "0.01", step: "0.05", value: "0.5" });
-    this.apart.addEventListener("input", () => this.point());
-    this.freeze = Object.assign(button("", () => this.keep()), { hidden: true });
-    this.find(".rates").before(...this.choices, this.freeze);
-    this.forget();
+  microphones = []; // all devices
+  chosen = ["", ""]; // the devices of both sensors; "" for the second channel of the first one
+  devices = 1; // in use
+  levels = [0, 0]; // how loud both are, 0..1
+  collected = []; // blocks that are not sent yet
+  columns = []; // what is drawn of those before
+  lag = "–";
+  /** @type {number} */
+  difference; // of both paths, m
+  isOld = true; // whether the lag is heard no longer
+  said = "";
+  hasAnswer = false;
+  kept = false; // whether the server has been asked to keep what was heard
+
+  setUp() {
     this.watchSize(this.root);
     navigator.mediaDevices?.addEventListener?.("devicechange", () => this.running && this.list(), { signal: this.gone.signal });
   }
 
   begin(data) {
     super.begin(data);
-    const { words, colours } = data;
-    this.colour(colours);
-    this.freeze.textContent = words.freeze;
-    this.find(".place label").replaceChildren(words.apart, this.apart, "m");
-    const rows = [1, 2].flatMap((number) => {
-      const name = filled(words.sensor, { number });
-      this.choices[number - 1].setAttribute("aria-label", name);
-      const level = element("i");
-      level.style.background = colours[`sensor-${number}`];
-      const canvas = described(element("canvas"), { "aria-hidden": true });
-      return [element("span", "", name), element("div", "level", level), canvas];
-    });
-    this.find(".heard").replaceChildren(...rows);
-    this.canvases = this.findAll("canvas");
-    this.levels = this.findAll(".level i");
+    this.kept = false;
     this.list();
-    this.draw();
+  }
+
+  nameOf(at) {
+    return filled(this.data.words.sensor, { number: at + 1 });
   }
 
   // Offers the devices; the browser names them once one of them is allowed.
   async list() {
-    const all = this.running ? await devices("audioinput") : [];
-    const options = all.map(({ deviceId, label }) => Object.assign(element("option", "", label), { value: deviceId }));
-    this.choices.forEach((choice, at) => {
-      const before = choice.value;
-      const first = at ? [Object.assign(element("option", "", this.data.words.same), { value: "" })] : [];
-      choice.replaceChildren(...first, ...options.map((one) => one.cloneNode(true)));
-      choice.value = before || choice.options[0]?.value || "";
-      choice.hidden = !this.running || !options.length;
-    });
+    this.microphones = this.running ? await devices("audioinput") : [];
+    this.chosen[0] ||= this.microphones[0]?.deviceId ?? "";
+    this.schedule();
   }
 
   // Asks the server to keep what is heard now; once it has, the page takes it as its recordings.
   keep() {
-    this.freeze.textContent = this.data.words.frozen;
+    this.kept = true;
     this.asked = Date.now();
+    this.render();
   }
 
-  changed() {
+  choose(at, deviceId) {
+    this.chosen[at] = deviceId;
     this.stop();
     this.start();
   }
 
-  forget() {
-    this.collected = [];
-    this.columns = [];
-    this.latest = null;
-  }
-
   /** @returns {Promise<any>} */
   async open() {
-    this.forget();
-    const [first, second] = this.choices.map(({ value }) => value);
+    [this.collected, this.columns] = [[], []];
+    const [first, second] = this.chosen;
     const chosen = second && second !== first ? [first, second] : [first];
     this.devices = chosen.length;
     this.begun = Date.now();
@@ -97,10 +80,7 @@ class Listening extends LivePanel {
   }
 
   stopped() {
-    this.freeze.hidden = true;
-    for (const choice of this.choices) choice.hidden = true;
-    for (const level of this.levels ?? []) level.style.width = "0";
-    this.showOld();
+    Object.assign(this, { hasAnswer: false, levels: [0, 0], isOld: true });
   }
 
   // Takes a block of both channels, and draws it.
@@ -118,9 +98,9 @@ class Listening extends LivePanel {
     }
     this.most = Math.ceil(kept / COLUMN);
     this.columns.splice(0, this.columns.length - this.most);
-    block.forEach((samples, at) => {
+    this.levels = block.map((samples) => {
       const decibels = 10 * Math.log10(samples.reduce((sum, one) => sum + one ** 2, 1) / length / 32768 ** 2);
-      this.levels[at].style.width = `${100 * clamp(1 - decibels / LOWEST_DB, 0, 1)}%`;
+      return clamp(1 - decibels / LOWEST_DB, 0, 1);
     });
     this.schedule();
   }
@@ -138,25 +118,17 @@ class Listening extends LivePanel {
 
   // Shows a lag and where it points; one that is no longer heard stays, faint.
   answered({ sure, lag, difference, said, frozen }) {
-    this.freeze.hidden = false;
+    this.hasAnswer = true;
     if (frozen) this.trigger("freeze", frozen);
-    say(this.find(".said"), said);
-    this.find(".place").hidden = this.devices > 1;
-    if (!sure) return this.showOld();
-    this.find(".lag .number").textContent = lag;
-    this.find(".lag .number + span").textContent = this.data.words.samples;
-    this.difference = difference;
-    this.showOld(false);
-    this.point();
-  }
-
-  showOld(old = true) {
-    for (const one of [this.find(".lag"), this.svg]) one.classList.toggle("before", old);
+    this.said = said;
+    this.isOld = !sure;
+    if (sure) Object.assign(this, { lag, difference });
+    this.schedule();
   }
 
   draw() {
-    this.canvases.forEach((canvas, at) => this.drawWave(canvas, this.columns.map((both) => both[at]), at + 1));
-    this.point();
+    super.draw();
+    this.findAll("canvas").forEach((canvas, at) => this.drawWave(canvas, this.columns.map((both) => both[at]), at + 1));
   }
 
   drawWave(canvas, columns, number) {
@@ -176,28 +148,19 @@ class Listening extends LivePanel {
     });
   }
 
-  // Draws both sensors, every place with the path difference, and a needle along them.
-  point() {
-    const width = this.svg.clientWidth;
-    if (!width || !this.data) return;
-    const difference = this.difference ?? 0;
-    const apart = Math.max(Number(this.apart.value) || 0.01, Math.abs(difference));
+  // Both sensors, every place with the path difference, and a needle along them.
+  layOut(width) {
+    const { difference = 0 } = this;
+    const apart = Math.max(Number(this.find(".place input").value) || 0.01, Math.abs(difference));
     const scale = width / 4 / apart;
-    const [middle, floor] = [width / 2, HIGH - 24];
-    const add = sized(this.svg, width, HIGH);
-    add("path", { class: "line", d: `M0 ${floor}H${width}` });
-    if (this.difference !== undefined) {
-      const places = branch(difference, apart, 4 * apart).filter(([, y]) => y >= 0);
-      add("path", { class: "same", d: line(places.map(([x, y]) => [middle + x * scale, floor - y * scale])) });
-      const turn = -Math.asin(difference / apart);
-      const [x, y] = [middle + NEEDLE * Math.sin(turn), floor - NEEDLE * Math.cos(turn)];
-      add("path", { class: "needle", d: line([[middle, floor], [x, y]]) });
-      add("circle", { class: "hub", cx: middle, cy: floor, r: 6 });
-    }
-    [-1, 1].forEach((side, at) => {
-      const x = middle + (side * apart * scale) / 2;
-      add("circle", { class: `sensor-${at + 1}`, cx: x, cy: floor, r: 7 });
-      add("text", { x, y: floor + 21 }, filled(this.data.words.sensor, { number: at + 1 }));
-    });
+    const middle = width / 2;
+    const places = branch(difference, apart, 4 * apart).filter(([, y]) => y >= 0);
+    const turn = -Math.asin(difference / apart);
+    return {
+      middle,
+      same: line(places.map(([x, y]) => [middle + x * scale, FLOOR - y * scale])),
+      needle: line([[middle, FLOOR], [middle + NEEDLE * Math.sin(turn), FLOOR - NEEDLE * Math.cos(turn)]]),
+      sensors: [-1, 1].map((side) => middle + (side * apart * scale) / 2),
+    };
   }
 }

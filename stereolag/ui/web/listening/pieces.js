@@ -76,15 +76,7 @@ async function blocks(media, take) {
 }
 
 // The newest samples of blocks of both channels, `most` at most: two arrays, as bytes.
-export function joined(collected, most) {
-  const count = collected.reduce((sum, [first]) => sum + first.length, 0);
-  return [0, 1].map((channel) => {
-    const all = new Int16Array(count);
-    let at = 0;
-    for (const one of collected) {
-      all.set(one[channel], at);
-      at += one[channel].length;
-    }
-    return new Uint8Array(all.slice(Math.max(0, count - most)).buffer);
-  });
-}
+export const joined = (collected, most) => [0, 1].map((channel) => {
+  const all = Int16Array.from(collected.flatMap((block) => [...block[channel]]).slice(-most));
+  return new Uint8Array(all.buffer);
+});

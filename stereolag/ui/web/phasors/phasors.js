@@ -10,8 +10,7 @@ const NONE = { width: 0, height: 0 };
 export default (component) => show(PhasorPanel, component, view);
 
 class PhasorPanel extends VisitingPanel {
-  /** @type {any} */
-  at = { phases: NONE, magnitudes: NONE, chain: NONE, lags: NONE }; // the layout of each drawing
+  layout = { phases: NONE, magnitudes: NONE, chain: NONE, lags: NONE }; // the layout of each drawing
 
   get lag() {
     return lagAt(this.place, this.example);
@@ -59,7 +58,7 @@ class PhasorPanel extends VisitingPanel {
     const drawing = event.currentTarget;
     const lag = ({ clientX, clientY }) => {
       const { left, top } = drawing.getBoundingClientRect();
-      return this.at[name].lagOf(clientX - left, clientY - top);
+      return this.layout[name].lagOf(clientX - left, clientY - top);
     };
     this.go(lag(event), { jump: true });
     return { move: (moved) => this.go(lag(moved)) };
@@ -69,7 +68,7 @@ class PhasorPanel extends VisitingPanel {
     const drawings = { phases: phasesAt, magnitudes: magnitudesAt, chain: chainAt, lags: lagsAt };
     for (const [name, laidOut] of Object.entries(drawings)) {
       const width = this.find(`.${name}:is(svg)`).clientWidth;
-      if (width) this.at[name] = { width, ...laidOut(width, this) };
+      if (width) this.layout[name] = { width, ...laidOut(width, this) };
     }
     this.render();
   }

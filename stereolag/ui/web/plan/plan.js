@@ -45,7 +45,6 @@ const crosses = ([left, right, top, bottom], [x0, y0], [x1, y1]) => {
 };
 
 class Plan extends Panel {
-  at = { width: 0 }; // the layout
   times = 1.5; // how many times the path difference the sensors are apart, at least
 
   setUp() {
@@ -81,7 +80,7 @@ class Plan extends Panel {
   /** @param {number[]} source */
   move([x, y]) {
     const half = (WIDE / 2) * this.apart;
-    const high = this.at.width ? (half * HIGH) / this.at.width : half;
+    const high = this.layout.width ? (half * HIGH) / this.layout.width : half;
     this.source = [clamp(x, -half, half), clamp(y, -high, high)];
     this.schedule();
   }
@@ -90,7 +89,7 @@ class Plan extends Panel {
     const move = (moved) => {
       const [right, down] = shareOf(moved, this.find("svg"));
       const wide = WIDE * this.apart;
-      this.move([(right - 0.5) * wide, ((0.5 - down) * wide * HIGH) / this.at.width]);
+      this.move([(right - 0.5) * wide, ((0.5 - down) * wide * HIGH) / this.layout.width]);
     };
     move(event);
     return { move };
@@ -101,10 +100,28 @@ class Plan extends Panel {
     return arrows(event, (down, right) => this.move([this.source[0] + right * step, this.source[1] - down * step]));
   }
 
-  draw() {
-    const width = this.find("svg").clientWidth;
-    if (width) this.at = laidOut(width, this);
-    this.render();
+  layOut(width) {
+    const { apart, source, data } = this;
+    const scale = width / (WIDE * apart);
+    /** @param {number[]} place */
+    const at = ([x, y]) => [width / 2 + x * scale, HIGH / 2 - y * scale];
+    const difference = pathDifference(source, apart);
+    const sensors = [[-apart / 2, 0], [apart / 2, 0]];
+    const lines = [
+      ...(data.difference === null ? [] : [{ name: "measured", points: branch(data.difference, apart, WIDE * apart) }]),
+      { name: "same", points: branch(difference, apart, WIDE * apart) },
+      ...sensors.map((sensor) => ({ name: "path", points: [source, sensor] })),
+    ].map(({ name, points }) => ({ name, points: points.map(at) }));
+    const farther = sensors[difference > 0 ? 1 : 0];
+    const length = pathTo(source, farther[0]);
+    const share = length ? Math.abs(difference) / length : 0;
+    const turn = farther.map((each, axis) => each + (source[axis] - each) * share);
+    return {
+      lines: lines.map(({ name, points }) => ({ name, d: line(points) })),
+      longer: line([turn, farther].map(at)),
+      sensors: sensors.map(at).map(([x, y]) => [x, y, ...freePlace([x, y], lines.map(({ points }) => points))]),
+      source: at(source),
+    };
   }
 
   said() {
@@ -124,26 +141,3 @@ class Plan extends Panel {
   }
 }
 
-function laidOut(width, { apart, source, data }) {
-  const scale = width / (WIDE * apart);
-  /** @param {number[]} place */
-  const at = ([x, y]) => [width / 2 + x * scale, HIGH / 2 - y * scale];
-  const difference = pathDifference(source, apart);
-  const sensors = [[-apart / 2, 0], [apart / 2, 0]];
-  const lines = [
-    ...(data.difference === null ? [] : [{ name: "measured", points: branch(data.difference, apart, WIDE * apart) }]),
-    { name: "same", points: branch(difference, apart, WIDE * apart) },
-    ...sensors.map((sensor) => ({ name: "path", points: [source, sensor] })),
-  ].map(({ name, points }) => ({ name, points: points.map(at) }));
-  const farther = sensors[difference > 0 ? 1 : 0];
-  const length = pathTo(source, farther[0]);
-  const share = length ? Math.abs(difference) / length : 0;
-  const turn = farther.map((each, axis) => each + (source[axis] - each) * share);
-  return {
-    width,
-    lines: lines.map(({ name, points }) => ({ name, d: line(points) })),
-    longer: line([turn, farther].map(at)),
-    sensors: sensors.map(at).map(([x, y]) => [x, y, ...freePlace([x, y], lines.map(({ points }) => points))]),
-    source: at(source),
-  };
-}

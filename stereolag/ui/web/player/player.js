@@ -1,34 +1,28 @@
 // One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
-import { described, element, gapped, node, shareOf } from "../shared/dom.js";
+import { gapped, shareOf } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
+import { html } from "../shared/lit_html.js";
 import { clamp, shortened } from "../shared/numbers.js";
-import { arrows, onKey, Panel, show } from "../shared/panel.js";
+import { arrows, Panel, show } from "../shared/panel.js";
 
 const WIDTH = 1000;
 const HEIGHT = 48;
 
-export default (component) => show(Player, component);
+export default (component) => show(Player, component, view);
 
 class Player extends Panel {
-  constructor(parent) {
-    super(parent, "player");
+  frame = 0;
+  awaited = null; // the frame sought but not shown yet
+  charts = [];
+  legend = legend;
+  sample = sample;
+
+  setUp() {
     this.video = this.find("video");
-    this.frame = 0;
-    this.awaited = null; // the frame sought but not shown yet
-    this.listen(eventOf("video"), () => this.data && this.append());
-    const click = (selector, act) => this.find(selector).addEventListener("click", act);
-    click(".play", () => this.toggle());
-    click(".back", () => this.step(-1));
-    click(".on", () => this.step(1));
-    click(".open", () => this.trigger("opened", this.frame));
-    this.find(".scrub").addEventListener("input", ({ target }) => this.go(Number(target.value)));
-    this.find(".speed").addEventListener("change", ({ target }) => (this.video.playbackRate = Number(target.value)));
-    onKey(this.root, (event) => this.actions(event));
-    for (const name of ["play", "pause", "ended"]) this.video.addEventListener(name, () => this.showState());
-    this.video.addEventListener("play", () => (this.awaited = null));
+    this.listen(eventOf("video"), () => this.append());
     const draw = (_, { mediaTime }) => {
       this.showPicture(mediaTime);
       this.video.requestVideoFrameCallback(draw);
@@ -51,13 +45,11 @@ class Player extends Panel {
   load(data) {
     const before = this.data;
     this.data = data;
+    this.charts = data.charts.map((chart) => this.chart(chart));
+    this.render();
     if (before?.name !== data.name) this.beginVideo();
     this.append();
-    this.find(".scrub").max = data.frames - 1;
-    if (JSON.stringify(before?.titles) !== JSON.stringify(data.titles)) this.layOut();
-    this.find(".legends").replaceChildren(...data.legends.map(legend));
-    this.drawTimeline();
-    this.showFrame();
+    this.render();
   }
 
   // Starts a new video: another sequence, or other settings.
@@ -66,7 +58,7 @@ class Player extends Panel {
     this.appended = 0;
     this.frame = 0;
     this.awaited = null;
-    this.screens?.forEach((canvas) => (canvas.width = 0)); // nobody may take the pictures of another drive for these
+    this.findAll("canvas").forEach((canvas) => (canvas.width = 0)); // nobody may take the pictures of another drive for these
     if (!window.MediaSource) return; // the video is then shown once complete
     this.source = new MediaSource();
     this.address = URL.createObjectURL(this.source);
@@ -104,21 +96,10 @@ class Player extends Panel {
     this.go(0);
   }
 
-  layOut() {
-    this.screens = this.data.titles.map(() => {
-      const canvas = described(element("canvas"), { role: "img" });
-      canvas.style.aspectRatio = `${this.data.width} / ${this.data.height}`;
-      return canvas;
-    });
-    this.find(".screens").replaceChildren(
-      ...this.screens.map((canvas, at) => element("figure", "", element("figcaption", "", this.data.titles[at]), canvas)),
-    );
-  }
-
   // Draws the current picture of the video, each part on its own canvas.
   showPicture(time) {
-    const width = this.video.videoWidth / this.screens.length;
-    this.screens.forEach((canvas, index) => {
+    const width = this.video.videoWidth / this.data.titles.length;
+    this.findAll("canvas").forEach((canvas, index) => {
       if (canvas.width !== width) [canvas.width, canvas.height] = [width, this.video.videoHeight];
       const context = canvas.getContext("2d");
       context.drawImage(this.video, index * width, 0, width, canvas.height, 0, 0, width, canvas.height);
@@ -127,7 +108,7 @@ class Player extends Panel {
     if (this.awaited !== null && frame !== this.awaited) return; // an earlier step: the next starts from the latest
     this.awaited = null;
     this.frame = frame;
-    this.showFrame();
+    this.render();
   }
 
   toggle() {
@@ -147,7 +128,7 @@ class Player extends Panel {
   go(frame) {
     this.frame = this.awaited = clamp(frame, 0, Math.max(0, this.data.computed - 1));
     this.video.currentTime = (this.frame + 0.5) / this.data.rate;
-    this.showFrame();
+    this.render();
   }
 
   actions(event) {
@@ -158,36 +139,34 @@ class Player extends Panel {
     return { " ": () => this.toggle(), ArrowLeft, ArrowRight, ...ends };
   }
 
-  showState() {
-    const button = this.find(".play");
-    button.textContent = this.video.paused ? "▶" : "❚❚";
-    button.setAttribute("aria-label", this.video.paused ? "Play" : "Pause");
+  get isPaused() {
+    return this.video?.paused ?? true;
   }
 
-  showFrame() {
-    const { rate, frames, problems } = this.data;
-    this.find(".scrub").value = this.frame;
-    this.find(".where").textContent = `${shortened(this.frame / rate, 1, "s")} · frame ${this.frame + 1} of ${frames}`;
-    this.find(".problem").textContent = problems[this.frame];
-    this.screens?.forEach((canvas, at) => canvas.setAttribute("aria-label", this.told(this.data.titles[at])));
-    for (const { head, now, series, unit, digits } of this.charts ?? []) {
-      head.setAttribute("d", `M${this.x(this.frame)} 0V${HEIGHT}`);
-      now.replaceChildren(
-        ...series.map(({ values, colour, dash, title }) => {
-          const value = values[this.frame];
-          const line = element("span", "", sample(colour, dash), value == null ? "–" : shortened(value, digits, unit));
-          line.title = title;
-          return line;
-        }),
-      );
-    }
+  begun() {
+    this.awaited = null;
+    this.render();
+  }
+
+  speed(rate) {
+    this.video.playbackRate = rate;
+  }
+
+  seek(event) {
+    this.go(Math.round(shareOf(event, event.currentTarget)[0] * (this.data.frames - 1)));
+  }
+
+  // A value at this frame in words, if there is one.
+  valueOf(values, unit, digits) {
+    const value = values?.[this.frame];
+    return value == null ? null : shortened(value, digits, unit);
   }
 
   // The accessible label of a screen: the figures of its method at this frame.
   told(title) {
     const figures = this.data.charts.flatMap(({ name, unit, digits, series }) => {
-      const value = series.find((one) => one.title === title)?.values[this.frame];
-      return value == null ? [] : [`${name.toLowerCase()} ${shortened(value, digits, unit)}`];
+      const value = this.valueOf(series.find((one) => one.title === title)?.values, unit, digits);
+      return value === null ? [] : [`${name.toLowerCase()} ${value}`];
     });
     return `${title}, frame ${this.frame + 1}${figures.length ? `: ${figures.join(", ")}` : ""}`;
   }
@@ -196,44 +175,33 @@ class Player extends Panel {
     return (frame / Math.max(1, this.data.frames - 1)) * WIDTH;
   }
 
-  drawTimeline() {
-    this.charts = this.data.charts.map((chart) => this.chart(chart));
-    this.find(".timeline").replaceChildren(...this.charts.map(({ box }) => box));
-    const drawn = this.charts.flatMap(({ series }) => series);
-    this.screens.forEach((canvas, at) => {
-      const title = this.data.titles[at];
-      const line = drawn.find((one) => one.title === title);
-      canvas.previousSibling.replaceChildren(...(line ? [sample(line.colour, line.dash)] : []), title);
-    });
+  // The line of a method in the charts, if it has one.
+  lineOf(title) {
+    const line = this.data.charts.flatMap(({ series }) => series).find((one) => one.title === title);
+    return line ? sample(line.colour, line.dash) : "";
   }
 
-  chart({ name, unit, digits, from_zero, series }) {
-    const known = series.flatMap(({ values }) => values.filter((value) => value != null));
-    const low = from_zero ? 0 : Math.min(...known);
-    const high = Math.max(...known, low + 1e-9);
+  chart({ from_zero, ...chart }) {
+    const { name, unit, digits, series } = chart;
+    const known = (values) => values.filter((value) => value != null);
+    const all = series.flatMap(({ values }) => known(values));
+    const low = from_zero ? 0 : Math.min(...all);
+    const high = Math.max(...all, low + 1e-9);
+    const y = (value) => HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6);
     const told = series.map(({ title, values }) => {
-      const all = values.filter((value) => value != null);
-      return `${title} ${shortened(Math.min(...all), digits)} to ${shortened(Math.max(...all), digits, unit)}`;
+      const [least, most] = [Math.min(...known(values)), Math.max(...known(values))];
+      return `${title} ${shortened(least, digits)} to ${shortened(most, digits, unit)}`;
     });
-    const label = `${name} over all frames: ${told.join(", ")}`;
-    const svg = node("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": label });
-    for (const { values, colour, dash } of series) {
-      const places = values.map((value, frame) => value == null ? null : `${this.x(frame)} ${HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6)}`);
-      svg.append(node("path", { d: gapped(places), stroke: colour, "stroke-dasharray": dash }));
-    }
-    const head = node("path", { class: "head", d: "" });
-    svg.append(head);
-    svg.addEventListener("click", (event) => this.go(Math.round(shareOf(event, svg)[0] * (this.data.frames - 1))));
-    const now = element("span", "now");
-    const box = element("div", "chart", element("span", "name", name), svg, now);
-    return { box, head, now, series, unit, digits };
+    const lines = series.map(({ values, colour, dash }) => ({
+      d: gapped(values.map((value, frame) => (value == null ? null : `${this.x(frame)} ${y(value)}`))), colour, dash,
+    }));
+    return { ...chart, lines, label: `${name} over all frames: ${told.join(", ")}` };
   }
 }
 
 // A sample of a line of the timeline, shown beside its current value and its title.
-function sample(stroke, dash) {
-  return node("svg", { class: "sample", "aria-hidden": true }, node("path", { d: "M1 6H27", stroke, "stroke-dasharray": dash }));
-}
+const sample = (stroke, dash) =>
+  html`<svg class="sample" aria-hidden="true"><path d="M1 6H27" stroke=${stroke} stroke-dasharray=${dash} /></svg>`;
 
 // The codec string of RFC 6381, from the decoder configuration box.
 function codec(piece) {

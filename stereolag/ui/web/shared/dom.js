@@ -1,61 +1,9 @@
-// Elements, SVG drawings and canvases.
+// Paths and axes of SVG drawings, and canvases.
 
 import { svg } from "./lit_html.js";
 import { shortened, ticks } from "./numbers.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const TICK_PX = 65;
-
-/** @returns {any} */
-export function element(tag, className = "", ...children) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  made.append(...children);
-  return made;
-}
-
-// A button that holds a text or elements.
-export function button(content, act) {
-  const made = Object.assign(element("button", "", ...[content].flat()), { type: "button" });
-  made.addEventListener("click", act);
-  return made;
-}
-
-// Shows which of some buttons are pressed.
-export function showPressed(buttons, isPressed) {
-  for (const one of buttons) one.setAttribute("aria-pressed", isPressed(one));
-}
-
-// Sets a text that is read aloud when it changes.
-export function say(region, text) {
-  if (region.textContent !== text) region.textContent = text;
-}
-
-// Sets attributes of an element, and returns it.
-export function described(one, attributes) {
-  for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
-  return one;
-}
-
-/** @returns {any} */
-export function node(tag, attributes, ...children) {
-  const made = described(document.createElementNS(SVG, tag), attributes);
-  made.append(...children);
-  return made;
-}
-
-// Empties a drawing and returns a function that adds a node to it.
-export function emptied(svg) {
-  svg.replaceChildren();
-  return (tag, attributes, ...children) => svg.append(node(tag, attributes, ...children));
-}
-
-// Empties a drawing and sets its size in px.
-export function sized(svg, width, height) {
-  svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-  svg.style.height = `${height}px`;
-  return emptied(svg);
-}
 
 // The path through some points.
 export const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}`;
@@ -74,18 +22,6 @@ export function runsOf(those) {
     else if (one) runs.push([at]);
   });
   return runs;
-}
-
-// A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.
-export function drawAxis(add, { first, last, left, right, y, x }, label = "") {
-  add("path", { class: "zero", d: `M${left} ${y}H${right}` });
-  for (const tick of ticks(first, last, (TICK_PX * (last - first)) / (x(last) - x(first)))) {
-    const place = x(tick);
-    const anchor = place < 24 ? "start" : "middle";
-    add("path", { class: "zero", d: `M${place} ${y}v4` });
-    add("text", { x: anchor === "start" ? left : place, y: y + 16, class: "small faint", "text-anchor": anchor }, shortened(tick));
-  }
-  if (label) add("text", { x: (left + right) / 2, y: y + 31, class: "small faint", "text-anchor": "middle" }, label);
 }
 
 // A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.

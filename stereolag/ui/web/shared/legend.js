@@ -1,28 +1,19 @@
 // The legend of a picture's colours.
 
-import { element } from "./dom.js";
+import { html } from "./lit_html.js";
 
-export function legend({ title, colours, words, strip, ticks, picture }) {
-  const box = element("div", strip ? "legend along" : "legend", ...(title ? [element("span", "title", title)] : []));
-  if (picture) {
-    const wheel = Object.assign(element("img", "wheel"), { src: picture, alt: words[0] });
-    box.append(wheel, element("span", "", words[0]));
-  } else if (strip) {
-    const bar = element("span", "strip");
-    bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
-    const scale = element("span", "ticks", ...ticks.map(([share, word, below]) => {
-      const tick = element("span", "", word, ...(below ? [element("br"), below] : []));
-      tick.style.left = `${100 * share}%`;
-      return tick;
-    }));
-    if (ticks.some(([, , below]) => below)) scale.classList.add("two");
-    box.append(words[0], element("span", "scale", bar, scale), words[1]);
-  } else {
-    colours.forEach((colour, index) => {
-      const swatch = element("span", "swatch");
-      swatch.style.background = colour;
-      box.append(element("span", "", swatch, words[index]));
-    });
-  }
-  return box;
-}
+export const legend = ({ title, colours, words, strip, ticks, picture }) => html`
+  <div class="legend ${strip && !picture ? "along" : ""}">
+    ${title ? html`<span class="title">${title}</span>` : ""}
+    ${picture ? html`<img class="wheel" src=${picture} alt=${words[0]} /><span>${words[0]}</span>` : ""}
+    ${strip && !picture ? html`
+      ${words[0]}
+      <span class="scale">
+        <span class="strip" style="background: linear-gradient(to right, ${colours.join(", ")})"></span>
+        <span class="ticks ${ticks.some(([, , below]) => below) ? "two" : ""}">${ticks.map(([share, word, below]) => html`
+          <span style="left: ${100 * share}%">${word}${below ? html`<br />${below}` : ""}</span>`)}</span>
+      </span>
+      ${words[1]}` : ""}
+    ${strip || picture ? "" : colours.map((colour, at) => html`
+      <span><span class="swatch" style="background: ${colour}"></span>${words[at]}</span>`)}
+  </div>`;

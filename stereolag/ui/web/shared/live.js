@@ -1,7 +1,7 @@
 // Live media: a panel that sends frames of a camera or pieces of sound to the server, and draws what comes back.
 
-import { button, element, say } from "./dom.js";
 import { eventOf, received } from "./exchange.js";
+import { filled } from "./numbers.js";
 import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
 import { socketTo } from "./socket.js";
@@ -98,17 +98,18 @@ class Carried {
 }
 
 export class LivePanel extends Panel {
-  constructor(parent, name) {
-    super(parent, name);
-    this.toggle = button("", () => (this.running ? this.stop() : this.start()));
-    this.light = element("span", "light");
-    this.state = element("span", "state");
-    this.state.setAttribute("role", "status");
-    this.rates = element("span", "rates");
-    this.find(".live-bar").prepend(this.toggle, this.light, this.state, this.rates);
-    this.gone.signal.addEventListener("abort", () => this.stop());
+  running = null; // an object of its own for each run
+  phase = "off"; // how far the run is, or how it ended: a name of the words
+  error = "";
+  ahead = 0; // how many visitors are served before this one
+  fault = ""; // what the server could not do
+  rates = "";
+
+  constructor(parent) {
+    super(parent);
     this.wake = () => {}; // has the panel look at once whether there is something to send
-    document.addEventListener("visibilitychange", () => this.running && this.showState(), { signal: this.gone.signal });
+    this.gone.signal.addEventListener("abort", () => this.stop());
+    document.addEventListener("visibilitychange", () => this.render(), { signal: this.gone.signal });
   }
 
   // To be overridden. Opens the media and returns them with `ended` and `close()`, as camera() does.
@@ -125,34 +126,55 @@ export class LivePanel extends Panel {
   // To be overridden. Called when the media are closed.
   stopped() {}
 
-  begin({ words }) {
-    this.words = words;
-    if (!this.running) this.show("off");
+  begin(_) {
+    if (!this.running) this.phase = "off";
+  }
+
+  toggle() {
+    if (this.running) this.stop();
+    else this.start();
   }
 
   async start() {
     this.running = {};
     const run = this.running;
     if (!window.isSecureContext || !navigator.mediaDevices) return this.stop("insecure");
-    this.show("asking");
+    this.enter("asking");
     let media;
     try {
       media = await this.open();
     } catch (/** @type {any} */ error) {
-      return this.running === run && this.stop(error.name in this.words ? error.name : "failed", { error: error.message });
+      const { words } = this.data;
+      return this.running === run && this.stop(error.name in words ? error.name : "failed", error.message);
     }
     if (this.running !== run) return media.close();
     this.media = media;
-    this.root.classList.add("on");
-    this.show("connecting");
+    this.enter("connecting");
     this.connect(run);
+  }
+
+  enter(phase) {
+    this.phase = phase;
+    this.render();
+  }
+
+  // What is said about the state of the run.
+  get told() {
+    const { words } = this.data;
+    const state = () => {
+      if (this.running && document.hidden) return "paused";
+      if (this.phase !== "on") return this.phase;
+      if (this.ahead) return "waiting";
+      return this.socket instanceof Carried ? "carried" : "on";
+    };
+    return (state() in { on: 1, carried: 1 } && this.fault) || filled(words[state()], this);
   }
 
   connect(run, carried = !this.data.address) {
     let began = false;
     const ready = () => {
       began = true;
-      this.showState();
+      this.enter("on");
       this.send(run);
     };
     const answered = (data) => {
@@ -160,14 +182,14 @@ export class LivePanel extends Panel {
       if (typeof data === "string") {
         const { state, ahead } = JSON.parse(data);
         this.ahead = state === "waiting" ? ahead : 0;
-        return this.showState();
+        return this.render();
       }
       const item = unpacked(new Uint8Array(data));
       this.note(this.sent.shift());
       this.wake();
       this.fault = item.error;
-      this.showState();
       if (!item.error) this.answered(item);
+      this.render();
     };
     /** @type {any} */
     const socket = carried ? new Carried(this.data.token, ready, answered) : socketTo(this.data, ready, answered);
@@ -176,7 +198,7 @@ export class LivePanel extends Panel {
     this.answers = [];
     socket.onclose = ({ code }) => {
       if (this.running !== run) return;
-      if (began) this.stop(String(code) in this.words ? String(code) : "lost");
+      if (began) this.stop(String(code) in this.data.words ? String(code) : "lost");
       else this.connect(run, true);
     };
   }
@@ -200,33 +222,14 @@ export class LivePanel extends Panel {
     }
   }
 
-  stop(state = "off", more = {}) {
+  stop(phase = "off", error = "") {
     this.running = null;
     this.socket?.close();
     this.media?.close();
     this.media = this.socket = null;
-    this.root.classList.remove("on");
-    this.ahead = 0;
-    this.fault = "";
-    this.rates.textContent = "";
-    if (this.words) this.show(state, more);
+    Object.assign(this, { phase, error, ahead: 0, fault: "", rates: "" });
     this.stopped();
-  }
-
-  show(state, more = {}) {
-    this.toggle.textContent = this.words[this.running ? "stop" : "start"];
-    const text = this.words[state].replace(/\{(\w+)\}/g, (_, name) => more[name]);
-    say(this.state, text);
-    this.root.dataset.state = state;
-  }
-
-  showState() {
-    if (document.hidden) this.show("paused");
-    else if (this.ahead) this.show("waiting", { ahead: this.ahead });
-    else {
-      this.show(this.socket instanceof Carried ? "carried" : "on");
-      if (this.fault) say(this.state, this.fault);
-    }
+    if (this.root) this.render();
   }
 
   // Shows answers a second, and the median time from the grab of a frame to its answer.
@@ -237,6 +240,6 @@ export class LivePanel extends Panel {
     this.noted = now;
     const rate = (1000 * (this.answers.length - 1)) / (now - this.answers[0].now);
     const took = this.answers.map((one) => one.took).sort((one, other) => one - other)[this.answers.length >> 1];
-    this.rates.textContent = `${rate.toFixed(rate < 10 ? 1 : 0)} a second · ${took.toFixed(0)}\u00a0ms`;
+    this.rates = `${rate.toFixed(rate < 10 ? 1 : 0)} a second · ${took.toFixed(0)}\u00a0ms`;
   }
 }

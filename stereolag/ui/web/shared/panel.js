@@ -17,22 +17,23 @@ export function show(PanelOfComponent, { data, parentElement, setTriggerValue, s
 }
 
 export class Panel {
-  constructor(parent, name = "") {
+  gone = new AbortController();
+  /** @type {any} */
+  layout = { width: 0, height: 0 }; // of its drawing, if it has one
+  /** @type {any} */
+  data;
+  /** @type {(panel: any, data: any, words: any, tools: any) => unknown} */
+  view; // the markup
+  /** @type {(name: string, value: any) => void} */
+  trigger; // tells Python once
+  /** @type {(name: string, value: any) => void} */
+  setState; // tells Python what holds from now on
+
+  constructor(parent) {
     /** @type {(selector: string) => any} */
     this.find = (selector) => parent.querySelector(selector);
     /** @type {(selector: string) => any[]} */
     this.findAll = (selector) => [...parent.querySelectorAll(selector)];
-    if (name) {
-      this.root = this.find(`.${name}`);
-      this.stage = this.find(".stage");
-    }
-    this.gone = new AbortController();
-    /** @type {(panel: any, data: any, words: any, tools: any) => unknown} */
-    this.view = undefined; // the markup
-    /** @type {(name: string, value: any) => void} */
-    this.trigger = () => {}; // tells Python once
-    /** @type {(name: string, value: any) => void} */
-    this.setState = () => {}; // tells Python what holds from now on
   }
 
   close() {
@@ -56,10 +57,9 @@ export class Panel {
     const text = JSON.stringify(data);
     if (text === this.loaded) return;
     this.loaded = text;
-    /** @type {any} */
     this.data = data;
     this.begin(data);
-    if (!this.view) return;
+    if (!this.view) return; // it shows nothing
     this.render();
     this.draw();
   }
@@ -83,10 +83,6 @@ export class Panel {
     return Object.entries(this.data.colours).map(([name, colour]) => `--${name}: ${colour}`).join("; ");
   }
 
-  colour(colours) {
-    for (const [name, colour] of Object.entries(colours)) this.root.style.setProperty(`--${name}`, colour);
-  }
-
   // At most once per frame, however often the pointer moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {
@@ -96,8 +92,14 @@ export class Panel {
   }
 
   draw() {
+    const width = this.find("svg")?.clientWidth;
+    if (width) this.layout = { width, ...this.layOut(width) };
     this.render();
   }
+
+  // To be overridden. The layout of the drawing for its width, px.
+  /** @returns {any} */
+  layOut(_) {}
 }
 
 // A listener for a pointer that goes down: `grab(event)` returns the functions `move` and `end` of a drag, or nothing to
@@ -127,9 +129,6 @@ export const keys = (actions) => (event) => {
   act();
   event.preventDefault();
 };
-
-export const onDrag = (target, grab) => target.addEventListener("pointerdown", drag(grab));
-export const onKey = (target, actions) => target.addEventListener("keydown", keys(actions));
 
 // Actions for the arrow keys: `move(down, right)` by one step, with Shift by `far`.
 export function arrows({ shiftKey }, move, far = 10) {

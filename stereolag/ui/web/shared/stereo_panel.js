@@ -1,5 +1,4 @@
-// Both views of a stereo camera: from one camera whose pictures hold both, or from two. A panel of such has two selections
-// of a device, `.one` and `.two`, a button `.swap`, and `.skew` for the time between both views.
+// Both views of a stereo camera: from one camera whose pictures hold both, or from two.
 
 import { camera, devices, jpeg, LivePanel } from "./live.js";
 
@@ -7,21 +6,21 @@ const TWO = "two";
 export const KEPT_QUALITY = 0.97;
 
 export class StereoPanel extends LivePanel {
-  constructor(parent, name) {
-    super(parent, name);
-    this.chosen = [this.find(".one"), this.find(".two")];
-    this.names = ["", ""]; // of the chosen devices
-    this.chosen.forEach((one, at) => one.addEventListener("change", () => this.choose(at, one.value)));
-    this.find(".swap").addEventListener("click", () => this.choose(0, this.names[1]));
-  }
+  arrangement = ""; // of the views
+  names = ["", ""]; // of the chosen devices
+  cameras = []; // all devices
+  skew = ""; // the time between both views, in words
 
   begin(data) {
     const before = this.arrangement;
     this.arrangement = data.arrangement;
     super.begin(data);
-    if (before !== undefined && before !== data.arrangement) this.stop();
-    this.offer();
+    if (before && before !== data.arrangement) this.stop();
     this.listDevices();
+  }
+
+  get isTwo() {
+    return this.arrangement === TWO;
   }
 
   // Takes a device for one of the views; if the other view had it, that gets the one given up.
@@ -29,40 +28,31 @@ export class StereoPanel extends LivePanel {
     const before = this.names[at];
     this.names[at] = name;
     if (this.names[1 - at] === name) this.names[1 - at] = before;
-    this.chosen.forEach((one, which) => (one.value = this.names[which]));
     if (this.running) {
       this.stop();
       this.start();
-    }
-  }
-
-  // Shows the controls that mean something now.
-  offer() {
-    for (const name of [".two", ".swap", ".skew"]) this.find(name).hidden = this.arrangement !== TWO;
+    } else this.render();
   }
 
   async listDevices() {
-    const all = await devices("videoinput");
-    this.chosen.forEach((one, at) => {
-      one.replaceChildren(...all.map(({ deviceId, label }) => new Option(label, deviceId)));
-      one.value = this.names[at] ||= all[at]?.deviceId ?? "";
-    });
-    this.find(".one").hidden = all.length < 2;
+    this.cameras = await devices("videoinput");
+    this.names = this.names.map((name, at) => name || (this.cameras[at]?.deviceId ?? ""));
+    this.schedule();
   }
 
   async open() {
     const cameras = [];
     try {
-      for (const name of this.names.slice(0, this.arrangement === TWO ? 2 : 1)) cameras.push(await camera(name));
+      for (const name of this.names.slice(0, this.isTwo ? 2 : 1)) cameras.push(await camera(name));
       await this.listDevices(); // they have names only now
-      if (this.arrangement === TWO && new Set(cameras.map(deviceOf)).size < 2) {
+      if (this.isTwo && new Set(cameras.map(deviceOf)).size < 2) {
         throw Object.assign(new Error(), { name: "oneCamera" });
       }
     } catch (error) {
       cameras.forEach((one) => one.close());
       throw error;
     }
-    cameras.forEach((one, at) => (this.chosen[at].value = this.names[at] = deviceOf(one)));
+    cameras.forEach((one, at) => (this.names[at] = deviceOf(one)));
     this.videos = cameras.map(({ video }) => video);
     this.videos.forEach((one) => watch(one, () => this.wake()));
     return {
@@ -78,10 +68,7 @@ export class StereoPanel extends LivePanel {
     const { videos } = this;
     if (!videos.every((one) => one.fresh)) return false;
     for (const one of videos) one.fresh = false;
-    if (this.arrangement === TWO) {
-      const apart = Math.abs(videos[0].seen - videos[1].seen);
-      this.find(".skew").textContent = `${this.data.words.skew} ${apart.toFixed(0)}\u00a0ms`;
-    }
+    if (this.isTwo) this.skew = `${this.data.words.skew} ${Math.abs(videos[0].seen - videos[1].seen).toFixed(0)}\u00a0ms`;
     return true;
   }
 

@@ -15,7 +15,7 @@ export default (component) => show(SlidersPanel, component);
 
 class SlidersPanel extends Panel {
   constructor(parent) {
-    super(parent, "sliders");
+    super(parent);
     this.listen("pointerdown", ({ target }) => this.take(target));
     for (const type of ["pointerup", "pointercancel"]) this.listen(type, () => this.release());
     this.listen("focusin", ({ target }) => this.sliderOf(target) && this.connect());

@@ -7,11 +7,19 @@ import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
 const PAGE = 10;
 
+// Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
+
+const LEFT = 6;
+const RIGHT = 58;
+const NAME = 20; // px for the name above each strip
+const STRIPS = { recording: 72, cut: 48, products: 60, curve: 110 };
+const SMALL = { recording: 44, cut: 28, products: 36, curve: 68 };
+const GAP = 8;
+const AXIS = 36;
+
 export default (component) => show(SlidingPanel, component, view);
 
 class SlidingPanel extends VisitingPanel {
-  at = { width: 0, height: 0 }; // the layout
-
   get words() {
     const { words } = this.data;
     return { ...words, ...(this.option ? words.normalised : words.plain) };
@@ -44,7 +52,7 @@ class SlidingPanel extends VisitingPanel {
   }
 
   sampleAt(event) {
-    return (event.clientX - this.find("svg").getBoundingClientRect().left - LEFT) / this.at.pitch;
+    return (event.clientX - this.find("svg").getBoundingClientRect().left - LEFT) / this.layout.pitch;
   }
 
   actions(event) {
@@ -62,14 +70,63 @@ class SlidingPanel extends VisitingPanel {
     };
   }
 
-  draw() {
-    const width = this.find("svg").clientWidth;
-    if (width) this.at = laidOut(width, this);
-    this.render();
+  // The layout of the strips for one width: their boxes, and what lies in them.
+  layOut(width) {
+    const { example, all, data, place } = this;
+    const { recording, cut, lag, step } = example;
+    const right = width - RIGHT;
+    const pitch = (right - LEFT) / recording.length;
+    const { boxes, height } = stacked(data.small ? SMALL : STRIPS, NAME, () => GAP);
+    const x = (sample) => LEFT + (sample + 0.5) * pitch;
+    const written = example.whole && pitch >= 14; // each number is written below its stem
+    const around = ({ top, height }, reach) => {
+      const half = (written ? height - 15 : height) / 2;
+      return (value) => top + half - (value / (reach || 1)) * (half - 4);
+    };
+    const loudest = (values) => Math.max(...values.map(Math.abs));
+    const ofRecording = around(boxes.recording, loudest(recording));
+    const ofCut = around(boxes.cut, loudest(cut));
+    const ofProducts = around(boxes.products, all.largest);
+    const ofSum = (sum) => boxes.curve.top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * (boxes.curve.height - 16);
+    const products = all.products[place];
+    const covered = [...cut.keys()].map((index) => place + index);
+    const others = [...recording.keys()].filter((sample) => sample < place || sample >= place + cut.length);
+    const heard = (samples) => samples.map((sample) => recording[sample]);
+    const stems = (kind, samples, values, y) => ({
+      kind,
+      lines: samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`).join(""),
+      dots: samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`).join(""),
+    });
+    const bars = (kind, sign) => {
+      const all = covered.map((sample, index) => `M${x(sample)} ${ofProducts(0)}V${ofProducts(products[index])}`);
+      return { kind, d: all.filter((_, index) => sign * products[index] > 0).join("") };
+    };
+    const numbers = (samples, values, { bottom }) => samples.map((sample, index) => [sample, bottom - 1, values[index]]);
+    const lags = { first: lag, last: lag + (recording.length - 1) * step, x: (tick) => x((tick - lag) / step) };
+    return {
+      left: LEFT, right, pitch, boxes, x, ofSum,
+      height: height - GAP + AXIS,
+      zeros: { recording: ofRecording(0), cut: ofCut(0), products: ofProducts(0), curve: ofSum(0) },
+      hold: { x: x(place) - pitch / 2, width: pitch * cut.length },
+      stems: [
+        stems("outside", others, heard(others), ofRecording),
+        stems("inside", covered, heard(covered), ofRecording),
+        stems("cut", covered, cut, ofCut),
+      ],
+      ghost: `M${covered.map((sample, index) => `${x(sample)} ${ofRecording(cut[index])}`).join("L")}`,
+      bars: [bars("up", 1), bars("down", -1)],
+      numbers: written ? [
+        ...numbers([...recording.keys()], recording, boxes.recording),
+        ...numbers(covered, cut, boxes.cut),
+        ...(products.every(Number.isInteger) ? numbers(covered, products, boxes.products) : []),
+      ] : [],
+      level: ofSum(all.values[place]),
+      lags: axis({ left: LEFT, right, y: boxes.curve.bottom, ...lags }, data.words.axis),
+    };
   }
 
   curve() {
-    const { left, right, x, ofSum, pitch } = this.at;
+    const { left, right, x, ofSum, pitch } = this.layout;
     const stroke = Math.min(Math.max(pitch, 1.5), 2.5);
     return visitedCurve({ left, right, x, y: ofSum, stroke }, this, this.data.words.perfect, 13);
   }
@@ -104,68 +161,4 @@ export function measured({ recording, cut }, normalise) {
   const peaks = values.flatMap((sum, place) => (top - sum < 1e-3 * (high - low) ? [place] : []));
   const largest = Math.max(...products.flat().map(Math.abs));
   return { products, values, perfect, peaks, low, high, largest };
-}
-
-// Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
-
-const LEFT = 6;
-const RIGHT = 58;
-const NAME = 20; // px for the name above each strip
-const STRIPS = { recording: 72, cut: 48, products: 60, curve: 110 };
-const SMALL = { recording: 44, cut: 28, products: 36, curve: 68 };
-const GAP = 8;
-const AXIS = 36;
-
-// The layout of the strips for one width: their boxes, and what lies in them.
-function laidOut(width, { example, all, data, place }) {
-  const { recording, cut, lag, step } = example;
-  const right = width - RIGHT;
-  const pitch = (right - LEFT) / recording.length;
-  const { boxes, height } = stacked(data.small ? SMALL : STRIPS, NAME, () => GAP);
-  const x = (sample) => LEFT + (sample + 0.5) * pitch;
-  const written = example.whole && pitch >= 14; // each number is written below its stem
-  const around = ({ top, height }, reach) => {
-    const half = (written ? height - 15 : height) / 2;
-    return (value) => top + half - (value / (reach || 1)) * (half - 4);
-  };
-  const loudest = (values) => Math.max(...values.map(Math.abs));
-  const ofRecording = around(boxes.recording, loudest(recording));
-  const ofCut = around(boxes.cut, loudest(cut));
-  const ofProducts = around(boxes.products, all.largest);
-  const ofSum = (sum) => boxes.curve.top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * (boxes.curve.height - 16);
-  const products = all.products[place];
-  const covered = [...cut.keys()].map((index) => place + index);
-  const others = [...recording.keys()].filter((sample) => sample < place || sample >= place + cut.length);
-  const heard = (samples) => samples.map((sample) => recording[sample]);
-  const stems = (kind, samples, values, y) => ({
-    kind,
-    lines: samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`).join(""),
-    dots: samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`).join(""),
-  });
-  const bars = (kind, sign) => {
-    const all = covered.map((sample, index) => `M${x(sample)} ${ofProducts(0)}V${ofProducts(products[index])}`);
-    return { kind, d: all.filter((_, index) => sign * products[index] > 0).join("") };
-  };
-  const numbers = (samples, values, { bottom }) => samples.map((sample, index) => [sample, bottom - 1, values[index]]);
-  const lags = { first: lag, last: lag + (recording.length - 1) * step, x: (tick) => x((tick - lag) / step) };
-  return {
-    width, left: LEFT, right, pitch, boxes, x, ofSum,
-    height: height - GAP + AXIS,
-    zeros: { recording: ofRecording(0), cut: ofCut(0), products: ofProducts(0), curve: ofSum(0) },
-    hold: { x: x(place) - pitch / 2, width: pitch * cut.length },
-    stems: [
-      stems("outside", others, heard(others), ofRecording),
-      stems("inside", covered, heard(covered), ofRecording),
-      stems("cut", covered, cut, ofCut),
-    ],
-    ghost: `M${covered.map((sample, index) => `${x(sample)} ${ofRecording(cut[index])}`).join("L")}`,
-    bars: [bars("up", 1), bars("down", -1)],
-    numbers: written ? [
-      ...numbers([...recording.keys()], recording, boxes.recording),
-      ...numbers(covered, cut, boxes.cut),
-      ...(products.every(Number.isInteger) ? numbers(covered, products, boxes.products) : []),
-    ] : [],
-    level: ofSum(all.values[place]),
-    lags: axis({ left: LEFT, right, y: boxes.curve.bottom, ...lags }, data.words.axis),
-  };
 }

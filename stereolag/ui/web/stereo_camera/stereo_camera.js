@@ -9,26 +9,24 @@ import { jpegs, KEPT_QUALITY, StereoPanel } from "../shared/stereo_panel.js";
 
 const MOVED = "moved";
 
-export default (component) => show(StereoCamera, component);
+export default (component) => show(StereoCamera, component, view);
 
 class StereoCamera extends StereoPanel {
-  constructor(parent) {
-    super(parent, "stereo-camera");
-    this.canvas = this.find("canvas");
-    this.find(".first").addEventListener("click", () => (this.first = this.picture(this.videos, 1)));
-    this.find(".freeze").addEventListener("click", () => (this.freezing = true));
-    this.find(".record").addEventListener("click", () => (this.recording ? this.finish() : this.record()));
+  first = null; // the left picture of a camera moved by hand
+  recording = false;
+  freezing = false;
+  count = 0; // frames recorded
+
+  get isMoved() {
+    return this.arrangement === MOVED;
   }
 
-  // Shows the controls that mean something now.
-  offer() {
-    const on = Boolean(this.media);
-    super.offer();
-    this.find(".first").hidden = !on || this.arrangement !== MOVED;
-    this.find(".freeze").hidden = !on || this.data.record || (this.arrangement === MOVED && !this.first);
-    this.find(".record").hidden = !on || !this.data.record;
-    this.find(".record").textContent = this.data.words[this.recording ? "finish" : "record"];
-    this.find(".first").textContent = this.data.words[this.first ? "again" : "first"];
+  takeFirst() {
+    this.first = this.picture(this.videos, 1);
+  }
+
+  freeze() {
+    this.freezing = true;
   }
 
   async open() {
@@ -36,24 +34,17 @@ class StereoCamera extends StereoPanel {
     return super.open();
   }
 
+  // Starts a recording, or ends it; Python then makes a drive of it.
   record() {
-    this.recording = true;
-    this.offer();
-  }
-
-  // Ends the recording; Python then makes a drive of it.
-  finish() {
-    this.recording = false;
-    this.find(".count").textContent = "";
-    this.trigger("recorded", performance.now());
-    this.stop();
+    if (this.recording) this.stop();
+    this.recording = Boolean(this.media);
+    this.count = 0;
+    this.render();
   }
 
   stopped() {
-    if (this.recording) this.finish();
-    this.first = null;
-    this.shape = null;
-    if (this.data) this.offer();
+    if (this.recording) this.trigger("recorded", performance.now());
+    Object.assign(this, { recording: false, first: null, shape: null });
   }
 
   async grab() {
@@ -62,19 +53,19 @@ class StereoCamera extends StereoPanel {
     const at = performance.now();
     const scale = freezing ? 1 : Math.min(1, this.data.width / this.widthOfView());
     const picture = this.picture(this.first ? [this.first, ...videos] : videos, scale);
-    this.draw(picture);
-    this.offer();
-    if (this.arrangement === MOVED && !this.first) return null;
+    this.drawPicture(picture);
+    this.render();
+    if (this.isMoved && !this.first) return null;
     if (this.data.record) return this.recording ? { at, header: { at }, parts: await jpegs(this.views(picture)) } : null;
     this.freezing = false;
     return { at, header: { freeze: Boolean(freezing) }, parts: [await jpeg(picture, freezing ? KEPT_QUALITY : undefined)] };
   }
 
   // The picture as it is sent; of a camera moved by hand the first one, half transparent over the second.
-  draw(picture) {
-    const { canvas, first } = this;
+  drawPicture(picture) {
+    const { first } = this;
     const wide = first ? picture.width / 2 : picture.width;
-    Object.assign(canvas, { width: wide, height: picture.height });
+    const canvas = Object.assign(this.find("canvas"), { width: wide, height: picture.height });
     const context = canvas.getContext("2d");
     context.drawImage(picture, first ? -wide : 0, 0);
     if (!first) return;
@@ -83,7 +74,7 @@ class StereoCamera extends StereoPanel {
   }
 
   answered({ shape, frozen, count, parts }) {
-    if (count) this.find(".count").textContent = `${this.data.words.recorded} ${count}`;
+    if (count) this.count = count;
     if (this.data.record) return undefined;
     if (frozen) return this.trigger("frozen", frozen);
     for (const part of parts) tell("preview", unpacked(part));
