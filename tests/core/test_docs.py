@@ -29,7 +29,7 @@ DOCS = PROJECT / "docs"
 PAGES = sorted(page for page in DOCS.rglob("*.md") if not {"_build", "generated"} & set(page.parts))
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 SCREENS = DOCS / "screens"
-FRAMES = 4
+FRAMES = 2
 
 INCLUDE = re.compile(r"^```\{include\} (\S+)", re.MULTILINE)
 ROLE = re.compile(r"\{py:(\w+)\}`(?:[^`<]*<)?~?([\w.]+)>?`")

@@ -251,12 +251,8 @@ def test_the_video_shows_the_pictures_beside_the_maps(drive: StereoSequence, tmp
     run_sequence(drive, {"fast": FAST, "sgbm": StereoSGBM(num_disparities=16)}, tmp_path / "out", video=path)
     colours = json.loads((tmp_path / "out" / "sequence.json").read_text())["colours"]
     assert colours == [0.0, 12.0]
-    data = path.read_bytes()
-    assert data.index(b"moov") < data.index(b"mdat")
     with av.open(str(path)) as container:
-        stream = container.streams.video[0]
-        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
-        assert stream.average_rate == 10
+        assert container.streams.video[0].average_rate == 10
     frames = shown(path)
     assert [frame.shape for frame in frames] == [(ROWS, 3 * COLS, 3)] * 6
     for number, frame in enumerate(frames):
@@ -278,6 +274,7 @@ def test_a_video_has_a_key_every_second_and_its_index_first() -> None:
     with av.open(io.BytesIO(target.getvalue())) as container:
         stream = container.streams.video[0]
         assert (stream.width, stream.height, stream.average_rate) == (96, 64, 15)
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
         keys = [packet.pts * stream.time_base for packet in container.demux(stream) if packet.is_keyframe]
     assert all(other - one <= 1 for one, other in pairwise(keys)) and len(keys) >= 3
 
