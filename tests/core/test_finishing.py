@@ -264,6 +264,17 @@ def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     )
 
 
+def test_a_trial_plane_ignores_what_lies_elsewhere() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 30, (2, 1, 60)).astype(np.float32)
+    z = 10 + 0.2 * x - 0.1 * y
+    z[0, ::5] += 25
+    found = surfaces.best_of_trials(
+        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), surfaces.trials()
+    )
+    np.testing.assert_allclose(found, [[0.2, -0.1, 11.5]], atol=0.01)
+
+
 @pytest.mark.parametrize(
     ("across", "down", "channels"), [(0.0, 0.0, None), (0.0, 0.1, 1), (0.04, 0.1, 3), (-0.05, -0.03, 3)]
 )
