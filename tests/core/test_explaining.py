@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair, texture
-from skimage.morphology import reconstruction
 
 from stereolag.assess.explaining import (
     Box,
@@ -187,16 +186,6 @@ def test_the_fit_goes_through_the_scores_and_is_highest_at_the_offset(search: An
 
 
 # The lobe of a peak
-
-
-@pytest.mark.parametrize("shape", [(1, 64), (21, 33)])
-def test_the_passes_are_those_of_a_reconstruction_from_the_peak(shape: tuple[int, int]) -> None:
-    scores = np.random.default_rng(4).normal(size=shape)
-    peak = divmod(int(np.argmax(scores)), shape[1])
-    seed = np.full(shape, scores.min())
-    seed[peak] = scores[peak]
-    expected = reconstruction(seed, scores, footprint=np.ones((3, 3)))
-    np.testing.assert_array_equal(passes(scores, peak), expected)
 
 
 def test_a_place_beyond_a_gap_lies_outside_and_beyond_the_border_inside_if_the_search_wraps() -> None:
