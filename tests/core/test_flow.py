@@ -24,7 +24,6 @@ from stereolag.motion.levels import (
     edge_aware_mean_reference,
     median_residual,
     median_residual_reference,
-    return_error,
 )
 
 ROWS, COLS = 160, 200
@@ -209,14 +208,6 @@ def test_every_loop_equals_its_formula(spacing, seed):
     guide = rng.integers(0, 40, shape).astype(np.uint8)
     expected = edge_aware_mean_reference(flow, weight, guide)
     np.testing.assert_allclose(edge_aware_mean(flow, weight, guide), expected, atol=2e-4)
-
-
-def test_the_way_back_of_a_shift_ends_where_it_began():
-    flow = np.broadcast_to(np.array([2.0, -3.5], np.float32)[:, None, None], (2, 30, 40)).copy()
-    error = return_error(flow, -flow)
-    assert error[:27, 4:].max() < 1e-5
-    assert (error[:, :3] > 100).all()
-    assert abs(return_error(flow, -flow + np.float32(1))[5:20, 10:30] - np.sqrt(2)).max() < 1e-5
 
 
 def test_what_is_refused_is_named():
