@@ -13,15 +13,14 @@ import cv2
 import numpy as np
 import pytest
 from ailing_pairs import ILLS, REMEDIES, barrel, darkened, through_barrel, turned, turned_camera, turning
-from straight_and_raw import ENTRIES, RECTIFYING, raw_pair, straight_pair
 
-from stereolag import read_calibration, read_disparity, read_image, rectify
+from stereolag import read_disparity, read_image
 from stereolag.assess import diagnosis as examining
 from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
 from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import FindingCode, Remedy
-from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit, row_evidence
+from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
 from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
@@ -419,19 +418,6 @@ def test_real_raw_pairs(data_dir: Path) -> None:
 
 
 # Rows before and after a rectification by calibration
-
-
-def test_a_rectified_pair_is_not_rectified_again_and_a_raw_one_is() -> None:
-    entries = {name: np.asarray(value).tolist() for name, value in (ENTRIES | RECTIFYING).items()}
-    cameras = read_calibration(json.dumps(entries).encode())
-    straight, raw = (row_evidence(pair, rectify(*pair, cameras)[:2]) for pair in (straight_pair(), raw_pair()))
-    assert straight.already_rectified
-    assert straight.given_px < 0.1
-    assert straight.rectified_px > 1.0
-    assert not raw.already_rectified
-    assert raw.given_px > 1.0
-    assert raw.rectified_px < 0.2
-    assert min(raw.given_matches, raw.rectified_matches) > 25
 
 
 @pytest.mark.parametrize(
