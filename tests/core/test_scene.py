@@ -13,16 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from benchmarks.drive_motion import rigid_motion
 from stereolag import Calibration
-from stereolag.geometry.scene import (
-    SeenPoint,
-    calibrated_by,
-    clean_point_cloud,
-    distance_between,
-    flying_pixels,
-    seen_from_above,
-    subsampled,
-    typical_error,
-)
+from stereolag.geometry import scene
 
 CAMERA = Calibration(800.0, 0.1, doffs_px=3.0, cx=320.0, cy=240.0)
 SIZE = {"width": 640, "height": 480}
@@ -30,16 +21,16 @@ SIZE = {"width": 640, "height": 480}
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(1, 20))
 
 
-def seen(place: tuple[float, float, float]) -> SeenPoint:
+def seen(place: tuple[float, float, float]) -> scene.SeenPoint:
     x, y, z = place
-    return SeenPoint(240 + 800 * y / z, 320 + 800 * x / z, 800 * 0.1 / z - 3)
+    return scene.SeenPoint(240 + 800 * y / z, 320 + 800 * x / z, 800 * 0.1 / z - 3)
 
 
 @given(places, places)
 def test_the_distance_of_projected_points_is_that_of_the_points(first: tuple, second: tuple) -> None:
-    apart = distance_between(CAMERA, seen(first), seen(second), **SIZE)
+    apart = scene.distance_between(CAMERA, seen(first), seen(second), **SIZE)
     assert apart.metres == pytest.approx(math.dist(first, second), abs=1e-4)
-    back = distance_between(CAMERA, seen(second), seen(first), **SIZE)
+    back = scene.distance_between(CAMERA, seen(second), seen(first), **SIZE)
     assert (back.metres, back.error) == pytest.approx((apart.metres, apart.error))
 
 
@@ -47,29 +38,29 @@ def test_its_error_is_what_noisy_disparities_spread_it_by() -> None:
     rng = np.random.default_rng(0)
     first, second = seen((-1.0, 0.2, 4.0)), seen((1.5, -0.5, 6.0))
 
-    def noisy(point: SeenPoint) -> SeenPoint:
-        return SeenPoint(point.row, point.col, point.disparity + rng.normal(0, 0.05))
+    def noisy(point: scene.SeenPoint) -> scene.SeenPoint:
+        return scene.SeenPoint(point.row, point.col, point.disparity + rng.normal(0, 0.05))
 
-    spread = [distance_between(CAMERA, noisy(first), noisy(second), **SIZE).metres for _ in range(2000)]
-    apart = distance_between(CAMERA, first, second, **SIZE, disparity_error=0.05)
+    spread = [scene.distance_between(CAMERA, noisy(first), noisy(second), **SIZE).metres for _ in range(2000)]
+    apart = scene.distance_between(CAMERA, first, second, **SIZE, disparity_error=0.05)
     assert apart.error == pytest.approx(np.std(spread), rel=0.06)
 
 
 def test_the_middle_of_the_picture_stands_in_for_a_centre_but_nothing_for_a_depth() -> None:
     plain, told = Calibration(800.0, 0.1), Calibration(800.0, 0.1, cx=319.5, cy=239.5)
-    points = SeenPoint(10, 20, 8.0), SeenPoint(300, 500, 16.0)
-    assert distance_between(plain, *points, **SIZE) == distance_between(told, *points, **SIZE)
-    apart = distance_between(CAMERA, SeenPoint(1, 1, math.nan), points[1], **SIZE)
+    points = scene.SeenPoint(10, 20, 8.0), scene.SeenPoint(300, 500, 16.0)
+    assert scene.distance_between(plain, *points, **SIZE) == scene.distance_between(told, *points, **SIZE)
+    apart = scene.distance_between(CAMERA, scene.SeenPoint(1, 1, math.nan), points[1], **SIZE)
     assert math.isnan(apart.metres) and math.isnan(apart.error)
 
 
 def test_a_known_distance_makes_depths_metric_whatever_was_known_before() -> None:
     for known in (None, CAMERA):
-        calibration = calibrated_by(known, 25.0, 3.0, width=640)
+        calibration = scene.calibrated_by(known, 25.0, 3.0, width=640)
         assert float(calibration.depth(25.0)) == pytest.approx(3.0)
-    assert calibrated_by(CAMERA, 25.0, 3.0, width=640).focal_px == 800
+    assert scene.calibrated_by(CAMERA, 25.0, 3.0, width=640).focal_px == 800
     # With a 60° field of view, half the picture is tan 30° times the focal length wide.
-    assert 320 / calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
+    assert 320 / scene.calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 10])
@@ -77,8 +68,8 @@ def test_the_typical_error_is_the_median_where_both_are_known(count: int) -> Non
     disparity, truth = np.random.default_rng(count).uniform(0, 64, (2, count)).astype(np.float32)
     expected = np.median(np.abs(disparity.astype(float) - truth))
     unknown = np.float32([np.nan, 3.0])
-    assert typical_error(np.append(disparity, unknown), np.append(truth, unknown[::-1])) == expected
-    assert math.isnan(typical_error(disparity, np.full(count, np.nan)))
+    assert scene.typical_error(np.append(disparity, unknown), np.append(truth, unknown[::-1])) == expected
+    assert math.isnan(scene.typical_error(disparity, np.full(count, np.nan)))
 
 
 UNKNOWN = st.sampled_from([np.nan, np.inf, -np.inf])
@@ -87,7 +78,7 @@ UNKNOWN = st.sampled_from([np.nan, np.inf, -np.inf])
 @settings(max_examples=40)
 @given(hnp.arrays(np.float32, (7, 9), elements=UNKNOWN | st.floats(-5, 5, width=32)))
 def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity):
-    flying = flying_pixels(disparity)
+    flying = scene.flying_pixels(disparity)
     rows, cols = ([*range(2, 0, -1), *range(size), size - 2, size - 3] for size in disparity.shape)  # mirrored
     for row, col in np.ndindex(disparity.shape):
         square = disparity[np.ix_(rows[row : row + 5], cols[col : col + 5])]
@@ -99,11 +90,11 @@ def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity):
 def test_a_subsample_is_the_same_every_time_and_spread_evenly():
     points = np.arange(30_000, dtype=np.float32).reshape(10_000, 3)
     colours = (points % 256).astype(np.uint8)
-    some, their_colours = subsampled(points, colours, 1000)
-    np.testing.assert_array_equal(some, subsampled(points, colours, 1000)[0])
+    some, their_colours = scene.subsampled(points, colours, 1000)
+    np.testing.assert_array_equal(some, scene.subsampled(points, colours, 1000)[0])
     assert len(np.unique(some[:, 0])) == 1000
     np.testing.assert_array_equal(some % 256, their_colours)
-    np.testing.assert_array_equal(subsampled(points[:1000], colours, 1000)[0], points[:1000])
+    np.testing.assert_array_equal(scene.subsampled(points[:1000], colours, 1000)[0], points[:1000])
     counts = np.histogram(some[:, 0], bins=10, range=(0, 30_000))[0]
     assert counts.min() > 60
 
@@ -115,12 +106,15 @@ def test_a_clean_cloud_leaves_out_what_flies_and_keeps_colours_in_place():
     colour = np.full((30, 40, 3), 200, dtype=np.uint8)
     colour[:, 19] = 7
     calibration = Calibration(100.0, 0.5)
-    points, colours = clean_point_cloud(calibration, disparity, colour)
+    points, colours = scene.clean_point_cloud(calibration, disparity, colour)
     assert len(points) == 30 * 39
     np.testing.assert_allclose(np.unique(points[:, 2]), [50 / 30, 5])
     assert (colours == 200).all()
-    assert len(clean_point_cloud(calibration, disparity, colour, max_points=100)[0]) == 100
-    assert len(clean_point_cloud(calibration, np.ones((400, 400)), np.ones((400, 400)), max_points=None)[0]) == 160_000
+    assert len(scene.clean_point_cloud(calibration, disparity, colour, max_points=100)[0]) == 100
+    assert (
+        len(scene.clean_point_cloud(calibration, np.ones((400, 400)), np.ones((400, 400)), max_points=None)[0])
+        == 160_000
+    )
 
 
 GREY = np.uint8([[100, 100, 100]])
@@ -129,7 +123,7 @@ GREY = np.uint8([[100, 100, 100]])
 def test_points_fall_into_their_cells_whatever_their_height_and_more_of_them_are_more_opaque() -> None:
     points = np.array([[0, 5, 1], [0, -5, 1], [9.9, 0, 1], *[[0, 0, 10.9]] * 40])
     colours = np.uint8([[10, 20, 30], [30, 40, 50], [0, 0, 255], *[[255, 0, 0]] * 40])
-    view = seen_from_above(points, colours, cells=10)
+    view = scene.seen_from_above(points, colours, cells=10)
     assert view.picture.shape == (10, 10, 4)
     assert view.cell == pytest.approx(0.99)
     assert (view.left, view.near) == (0, 1)
@@ -143,7 +137,7 @@ def test_points_fall_into_their_cells_whatever_their_height_and_more_of_them_are
 @given(st.integers(1, 300), st.integers(1, 64), st.integers(0, 2**32 - 1))
 def test_every_point_is_in_the_picture(count: int, cells: int, seed: int) -> None:
     points = np.random.default_rng(seed).normal(0, 5, (count, 3)).astype(np.float32)
-    view = seen_from_above(points, GREY.repeat(count, axis=0), cells=cells)
+    view = scene.seen_from_above(points, GREY.repeat(count, axis=0), cells=cells)
     rows, cols = view.picture.shape[:2]
     assert max(rows, cols) <= cells
     reach = np.array([view.left, view.near]) + view.cell * np.array([cols, rows])
@@ -161,29 +155,6 @@ def turn_and_move(turn: tuple[float, ...], move: tuple[float, ...]) -> np.ndarra
     pose[:3, :3] = cv2.Rodrigues(np.array(turn, dtype=float))[0]
     pose[:3, 3] = move
     return pose
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_points_land_where_opencv_projects_them(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    disparity = rng.uniform(0.5, 60, SHAPE)
-    objects = rng.integers(0, 3, SHAPE).astype(np.uint8)
-    motions = np.stack([turn_and_move(rng.normal(0, 0.03, 3), rng.normal(0, 0.2, 3)) for _ in range(3)])
-    found = rigid_motion(disparity, objects, motions, CALIBRATION)
-    camera = np.array([[400.0, 0, 21.0], [0, 400.0, 13.5], [0, 0, 1]])
-    rows, columns = np.indices(SHAPE)
-    depth = 400.0 * 0.3 / disparity
-    points = np.stack([(columns - 21.0) / 400 * depth, (rows - 13.5) / 400 * depth, depth], -1)
-    for body, motion in enumerate(motions):
-        chosen = objects == body
-        turn = cv2.Rodrigues(motion[:3, :3])[0]
-        left, _ = cv2.projectPoints(points[chosen], turn, motion[:3, 3], camera, None)
-        right, _ = cv2.projectPoints(points[chosen], turn, motion[:3, 3] - [0.3, 0, 0], camera, None)
-        np.testing.assert_allclose(columns[chosen] + found.dx[chosen], left[:, 0, 0], atol=1e-3)
-        np.testing.assert_allclose(rows[chosen] + found.dy[chosen], left[:, 0, 1], atol=1e-3)
-        disparity_after = left[:, 0, 0] - right[:, 0, 0]
-        np.testing.assert_allclose(disparity[chosen] + found.disparity_change[chosen], disparity_after, atol=1e-3)
 
 
 def test_what_is_passed_lands_nowhere() -> None:
@@ -208,13 +179,13 @@ def test_the_sky_follows_the_rotation_alone(nothing: float) -> None:
     ("act", "message"),
     [
         *(
-            (lambda given=given: calibrated_by(None, *given, width=640), "above 0")
+            (lambda given=given: scene.calibrated_by(None, *given, width=640), "above 0")
             for given in [(0, 3), (-2, 3), (25, 0)]
         ),
-        (lambda: flying_pixels(np.zeros(4)), "allowed"),
-        (lambda: subsampled(CLOUD, BODY[:1, :3], 0), "max_points is 0"),
-        (lambda: seen_from_above(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
-        (lambda: seen_from_above(CLOUD, GREY, cells=0), "cells is 0"),
+        (lambda: scene.flying_pixels(np.zeros(4)), "allowed"),
+        (lambda: scene.subsampled(CLOUD, BODY[:1, :3], 0), "max_points is 0"),
+        (lambda: scene.seen_from_above(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
+        (lambda: scene.seen_from_above(CLOUD, GREY, cells=0), "cells is 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused(act, message: str) -> None:
