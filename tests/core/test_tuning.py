@@ -14,7 +14,7 @@ from pairs import shifted_pair, steps_pair
 
 import stereolag as sl
 from stereolag.assess import judging, suggestion
-from stereolag.core.settings import changed, setting
+from stereolag.core.settings import changed, setting, title_of
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import Reason, StereoMatcher
@@ -304,6 +304,15 @@ def test_ranges_and_tolerances_stay(matcher: StereoMatcher) -> None:
         assert not names & TOLERANCES
         assert not {name for name in names if "disparit" in name or "vertical" in name}
     assert not suggestion.candidates(UNPADDED)  # its window is its range
+
+
+def test_differences_reach_into_settings_of_settings() -> None:
+    after = preset("fast").model_copy(update={"median": None})
+    assert [name for name, _, _ in suggestion.differences(preset("fast"), after)] == ["median"]
+    strip = CorrelationMatcher(search=SearchArea.rectified(64, vertical=2))
+    assert list(suggestion.differences(CorrelationMatcher(), strip)) == [("search.vertical", 0, 2)]
+    assert suggestion.side_of(StereoBM(block_size=13)) == 13
+    assert title_of(CorrelationMatcher, "median.radius") == "Median radius"
 
 
 # The search
