@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gzip
-import io
 import pickle
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from PIL import Image
 
+from benchmarks.camera_files import npz
+from benchmarks.picture_bytes import by_pillow
 from benchmarks.recording_bytes import matlab, saved
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks
@@ -25,21 +26,10 @@ from tests.archives import zipped
 
 A, B = np.random.default_rng(0).normal(size=(2, 300)).round(4)
 T = np.arange(300) / 200
+PIXELS = np.zeros((8, 8, 3), np.uint8)
 
 
 ALLOWED = f"accepted are {ACCEPTED}."
-
-
-def npz(**arrays: object) -> bytes:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
-    return stream.getvalue()
-
-
-def picture(kind: str) -> bytes:
-    stream = io.BytesIO()
-    Image.new("RGB", (8, 8)).save(stream, kind)
-    return stream.getvalue()
 
 
 @given(
@@ -56,7 +46,7 @@ def test_arrays_come_with_time_as_the_longer_axis(array, order, transposed):
     np.testing.assert_array_equal(read_signal(saved(stored)).channels, array)
 
 
-@pytest.mark.parametrize("pack", [npz, matlab])
+@pytest.mark.parametrize("pack", [partial(npz, packed=True), matlab], ids=["NPZ", "MAT"])
 def test_arrays_have_names_to_choose_by_and_a_clock_among_them(pack) -> None:
     data = pack(a=A, b=B)
     for track in (2, "b", "2"):
@@ -112,8 +102,8 @@ PICTURE = "a recording is sound or numbers"
         (zipped({"a.csv": b"1,2"}), "a ZIP archive", UNPACK),
         (gzip.compress(b"1,2", mtime=0), "a packed archive", UNPACK),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(90), "a file of older Excel or Word (XLS, DOC)", SHEET),
-        (picture("PNG"), "a picture", PICTURE),
-        (picture("WEBP"), "a picture", PICTURE),
+        (by_pillow("PNG", PIXELS), "a picture", PICTURE),
+        (by_pillow("WEBP", PIXELS), "a picture", PICTURE),
         (b"%PDF-1.7 1 0 obj", "a PDF", NUMBERS),
         (b'{"time": [1, 2]}', "a JSON file", NUMBERS),
         (b"<!DOCTYPE html><html>", "an HTML or XML file", NUMBERS),
