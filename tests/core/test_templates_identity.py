@@ -125,6 +125,14 @@ def test_a_small_difference_is_told(row: int, colour: tuple[int, int, int]) -> N
     assert (search.found, search.reason) == (False, "differs")
 
 
+@pytest.mark.parametrize(("seed", "gamma"), [*enumerate((0.55, 0.7, 1.5, 1.8))])
+def test_another_gamma_leaves_it_the_template(seed: int, gamma: float) -> None:
+    taken = photograph(seed)
+    bent = np.rint(255 * (taken / 255) ** gamma).astype(np.uint8)
+    search = match_template(bent, taken[40:90, 20:80].copy())
+    assert (search.found, place(search)) == (True, (40, 20)), search.reason
+
+
 def sky(seed: int, rows: int = 110, cols: int = 190) -> Array:
     random = np.random.default_rng(seed)
     shown = np.abs(random.normal(14, 7, (rows, cols, 3)))
