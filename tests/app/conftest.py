@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,10 +25,7 @@ from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
 from stereolag.ui import calibrate, streamlit_inside, uploads
 from stereolag.ui.driving import inputs
-from tests.app import keys
 from tests.app import uploads as uploaded
-from tests.app.pages import DEPTH, FIND, PROJECT, OpenPage, numbers
-from tests.packed import delivered
 
 SESSION = "test session id"
 """Session id of every page that AppTest opens."""
@@ -92,39 +87,6 @@ def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     yield
     failures = [record for record in caplog.get_records("call") if record.name == "stereolag" and record.exc_info]
     assert not failures, failures
-
-
-@pytest.fixture
-def open_page() -> OpenPage:
-    """Return a function that opens a page by its path, with some controls already set, and runs it."""
-
-    def opened(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> AppTest:
-        app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
-        for key, value in before.items():
-            app.session_state[key] = value
-        if path != "app.py":
-            app.switch_page(path)
-        return app.run()
-
-    return opened
-
-
-@pytest.fixture
-def open_unfolded(open_page: OpenPage) -> OpenPage:
-    """Return a function that opens a page with all its controls drawn."""
-
-    def opened(path: str) -> AppTest:
-        app = open_page(path)
-        if path == DEPTH:
-            for fold in keys.FOLDS:
-                app.session_state[fold] = True
-            app.run()
-        if path == FIND:
-            app.session_state["template.part"] = "Damage it"
-            app.run()
-        return app
-
-    return opened
 
 
 DRIVE = ("left", "right", "disparity", "occlusion", "objects")
@@ -214,41 +176,3 @@ def small_examples(
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()
-
-
-def viewers(app: AppTest) -> list[dict[str, Any]]:
-    """Return the descriptions of the page's sets of linked pictures."""
-    return delivered(app, "description")
-
-
-def outlines(app: AppTest) -> dict[str, str]:
-    """Return the outline paths drawn over the maps, by the name of the set of linked pictures."""
-    return {one["name"]: one["outlines"] for one in viewers(app) if one["outlines"]}
-
-
-def figures(app: AppTest) -> dict[str, dict[str, str]]:
-    """Return the numbers below each map of the depth page, by title and label."""
-    bench = next(viewer for viewer in viewers(app) if viewer["name"] == "depth.bench")
-    return {
-        picture["title"]: {figure["label"]: figure["value"] for figure in picture["figures"]}
-        for picture in bench["pictures"]
-        if picture["figures"]
-    }
-
-
-@pytest.fixture
-def shown() -> Callable[[AppTest], str]:
-    """Return a function that hashes all pictures, charts, headlines and numbers of a page, but no run times."""
-
-    def digest(app: AppTest) -> str:
-        pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
-        charts = [element.proto.spec for element in app.get("plotly_chart")]
-        headlines = [header.value for header in app.header]
-        headlines += [f"{name} {value}" for name, value in numbers(app).items() if name != "Computed in"]
-        linked = [viewer | {"digest": ""} for viewer in viewers(app)]
-        for picture in (picture for viewer in linked for picture in viewer["pictures"]):
-            picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Computed in"]
-        all_shown = (*pictures, *charts, *headlines, json.dumps(linked))
-        return hashlib.sha256("\0".join(all_shown).encode()).hexdigest()
-
-    return digest

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.driving.inputs import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
-from tests.app.pages import DRIVING, PROJECT, until
+from tests.app.pages import DRIVING, open_page, until
 from tests.archives import zipped
 from tests.packed import told
 
@@ -28,10 +28,7 @@ def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
 
 def page(origin: str) -> AppTest:
     """Return the page with its example or with the file uploader."""
-    app = AppTest.from_file(PROJECT / "app.py", default_timeout=120)
-    app.session_state["driving.origin"] = origin
-    app.switch_page(DRIVING)
-    return app.run()
+    return open_page(DRIVING, {"driving.origin": origin})
 
 
 def opened(data: bytes, name: str = "drive.zip") -> AppTest:

@@ -17,7 +17,8 @@ from stereolag.ui.depth.maps import HANDED
 from stereolag.ui.depth.preparing import KEPT
 from tests.app import uploads
 from tests.app.driving import zipped_frames
-from tests.app.pages import CALIBRATE, DEPTH, OpenPage, controls, finished, labelled, linked, moved, numbers
+from tests.app.pages import CALIBRATE, DEPTH, finished, linked, moved, open_page
+from tests.app.reading import controls, labelled, numbers
 
 ONE_VISITOR = True
 
@@ -53,7 +54,7 @@ def said(app: AppTest) -> str:
     return " ".join(element.value for kind in (app.caption, app.info, app.warning, app.markdown) for element in kind)
 
 
-def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it(open_page: OpenPage) -> None:
+def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it() -> None:
     app = finished(open_page(CALIBRATE))
     assert not app.error
     assert app.header[0].value.startswith("Calibrated from 5 of 6 pairs: 0.0")

@@ -14,7 +14,8 @@ from stereolag.io.images import read_image
 from stereolag.samples import mazes
 from stereolag.stereo.methods import METHODS
 from tests.app import keys, uploads
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown, controls, moved, uploaded
+from tests.app.pages import DEPTH, FIND, LAG, moved, open_page, open_unfolded, uploaded
+from tests.app.reading import controls, shown
 
 ONE_VISITOR = True
 
@@ -90,7 +91,7 @@ ONLY_WITH_A_SQUARE_SEARCH = {keys.SEARCH_SIZE: 60}, {keys.REACH: 0}
 
 
 @pytest.mark.parametrize("page", [LAG, FIND, DEPTH])
-def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
+def test_every_control_of_the_page_is_tested_here(page: str) -> None:
     settings = tuple(f"depth.{method.short_name}." for method in METHODS)
     app = open_unfolded(page)
     found = {key for key in controls(app) if not key.startswith(settings)}
@@ -104,7 +105,7 @@ def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page:
     assert not absent, f"MOVES names what is not on the page: {absent}"
 
 
-def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown: Shown) -> None:
+def test_the_box_beside_a_slider_takes_an_exact_value() -> None:
     app = open_page(DEPTH)
     before = shown(app)
 
@@ -140,7 +141,7 @@ def give_a_part_of_the_maze(app: AppTest) -> None:
 
 
 @pytest.mark.parametrize("moves", MOVES, ids=str)
-def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: Shown, moves: Moves) -> None:
+def test_moving_a_control_changes_what_is_shown(moves: Moves) -> None:
     app = open_unfolded(moves.page)
     for name, value in moves.first.items():
         if name in controls(app):
@@ -169,9 +170,7 @@ def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: 
     )
 
 
-def test_the_square_search_has_its_own_controls_and_a_window_larger_than_it_is_refused(
-    open_unfolded: OpenPage, shown: Shown
-) -> None:
+def test_the_square_search_has_its_own_controls_and_a_window_larger_than_it_is_refused() -> None:
     # Few windows make the search of a large square fast.
     app = moved(open_unfolded(DEPTH), {keys.WINDOW: 31, keys.OVERLAP: 0.0, keys.SEARCH: "centred"})
     for values in ONLY_WITH_A_SQUARE_SEARCH:

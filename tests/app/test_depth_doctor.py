@@ -21,7 +21,7 @@ from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
-from tests.app.pages import DEPTH, OpenPage, finished, page_of
+from tests.app.pages import DEPTH, finished, open_page, page_of
 
 
 def panel() -> None:
@@ -105,7 +105,7 @@ def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     assert "features were matched" in app.error[0].value
 
 
-def test_the_reports_preset_says_what_lies_outside_its_reach(open_page: OpenPage) -> None:
+def test_the_reports_preset_says_what_lies_outside_its_reach() -> None:
     app = open_page(DEPTH, {"pairs.size": "1/2"})
     assert not app.warning
     app.button(key=keys.preset_key("report")).click().run()

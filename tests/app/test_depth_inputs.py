@@ -18,7 +18,8 @@ from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, own_files, shown
-from tests.app.pages import captions, page_of, uploaded
+from tests.app.pages import page_of, uploaded
+from tests.app.reading import captions
 from tests.app.uploads import pngs
 
 ONE_VISITOR = True

@@ -21,8 +21,8 @@ from stereolag.ui.depth import maps
 from stereolag.ui.depth.live import MovedSlider
 from stereolag.ui.depth.maps import OUTLINED
 from tests.app import keys
-from tests.app.conftest import figures, outlines, viewers
-from tests.app.pages import DEPTH, OpenPage, moved, until
+from tests.app.pages import DEPTH, moved, open_page, open_unfolded, until
+from tests.app.reading import figures, outlines, viewers
 from tests.packed import unpacked, values_of
 
 NEAR, FAR = "depth.colours.range.pair cube.near", "depth.colours.range.pair cube.far"
@@ -51,7 +51,7 @@ def pictures(app: AppTest) -> list[str]:
     return [picture["digest"] for picture in viewers(app)[0]["pictures"]]
 
 
-def test_changing_only_the_colours_computes_nothing(open_unfolded: OpenPage, computed: list[Any]) -> None:
+def test_changing_only_the_colours_computes_nothing(computed: list[Any]) -> None:
     app = open_unfolded(DEPTH)
     before = pictures(app)
     computed.clear()
@@ -61,7 +61,7 @@ def test_changing_only_the_colours_computes_nothing(open_unfolded: OpenPage, com
     assert pictures(app) == before
 
 
-def test_the_range_follows_the_search_until_another_is_set(open_unfolded: OpenPage) -> None:
+def test_the_range_follows_the_search_until_another_is_set() -> None:
     app = open_unfolded(DEPTH)
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
     moved(app, {keys.DISPARITIES: 96})
@@ -73,7 +73,7 @@ def test_the_range_follows_the_search_until_another_is_set(open_unfolded: OpenPa
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
 
 
-def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted(open_unfolded: OpenPage) -> None:
+def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted() -> None:
     app = open_unfolded(DEPTH)
 
     def said() -> bool:
@@ -87,7 +87,7 @@ def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted(open_unfolded: O
     assert colours(app)["high"] > 40
 
 
-def test_near_is_bright_and_the_reports_preset_turns_the_colours_round(open_unfolded: OpenPage) -> None:
+def test_near_is_bright_and_the_reports_preset_turns_the_colours_round() -> None:
     app = open_unfolded(DEPTH)
 
     def brightness() -> list[int]:
@@ -102,7 +102,7 @@ def test_near_is_bright_and_the_reports_preset_turns_the_colours_round(open_unfo
 
 
 def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
-    open_unfolded: OpenPage, computed: list[Any], monkeypatch: pytest.MonkeyPatch
+    computed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
     monkeypatch.setattr(maps, "edge_path", lambda image: made.append(image) or edge_path(image))
@@ -121,7 +121,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
     assert outlines(moved(app, {OUTLINED: False})) == {}
 
 
-def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_map_before_stays_until_the_new_one_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     app = open_page(DEPTH)
     before = figures(app)["Convolution"]
     began, gate, compute = threading.Event(), threading.Event(), CorrelationMatcher.compute
@@ -154,9 +154,7 @@ def answered(app: AppTest, key: str, value: int, *, whole: bool) -> tuple[dict[s
         return unpacked(pool.submit(app.session_state["live.sliders"].answered, change).result())
 
 
-def test_a_released_slider_has_the_map_that_the_page_brings_and_it_is_computed_once(
-    open_page: OpenPage, computed: list[Any]
-) -> None:
+def test_a_released_slider_has_the_map_that_the_page_brings_and_it_is_computed_once(computed: list[Any]) -> None:
     app = open_page(DEPTH)
     computed.clear()
     header, (picture,) = answered(app, keys.WINDOW, 17, whole=True)
@@ -170,7 +168,7 @@ def test_a_released_slider_has_the_map_that_the_page_brings_and_it_is_computed_o
     assert values_of(described["readings"][0], parts).shape == (viewers(app)[0]["rows"], viewers(app)[0]["cols"])
 
 
-def test_while_it_is_dragged_the_map_is_of_smaller_images_and_says_so(open_page: OpenPage) -> None:
+def test_while_it_is_dragged_the_map_is_of_smaller_images_and_says_so() -> None:
     app = open_page(DEPTH)
     header, (picture,) = answered(app, keys.BLOCK, 21, whole=False)
     described, parts = unpacked(picture)
@@ -181,9 +179,7 @@ def test_while_it_is_dragged_the_map_is_of_smaller_images_and_says_so(open_page:
     assert np.nanmax(values) > 32  # px of the whole images
 
 
-def test_there_is_no_map_if_it_would_take_long_or_the_settings_are_refused(
-    open_page: OpenPage, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_there_is_no_map_if_it_would_take_long_or_the_settings_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     app = open_page(DEPTH)
     assert answered(app, keys.BLOCK, 20, whole=True)[1] == []  # even
     assert answered(app, "depth.unknown", 20, whole=True)[1] == []

@@ -26,9 +26,8 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
 from stereolag.ui.depth.distances import VIEWS, show_readout, show_space
 from stereolag.ui.depth.explaining import show_blanks, show_inspection, show_overlap
-from tests.app.conftest import viewers
 from tests.app.depth_view import part_of_page, small_view
-from tests.app.pages import charts
+from tests.app.reading import charts, viewers
 from tests.packed import delivered, told
 
 METHODS = ["Convolution", "StereoBM", "StereoSGBM"]

@@ -28,7 +28,8 @@ from stereolag.ui.depth.tuning import JudgedPairs
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
 from tests.app.depth_view import LEFT, RIGHT, SCENE, own_files, pair_of, part_on_a_set, shown
-from tests.app.pages import captions, uploaded
+from tests.app.pages import uploaded
+from tests.app.reading import captions
 from tests.app.uploads import pngs
 from tests.archives import zipped
 

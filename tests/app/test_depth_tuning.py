@@ -30,7 +30,8 @@ from stereolag.ui.depth.state import ADOPTED
 from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
 from stereolag.ui.results import Job
 from tests.app.depth_view import pair_of, part_of_page, part_on_a_set, small_view
-from tests.app.pages import charts, labelled, uploaded
+from tests.app.pages import uploaded
+from tests.app.reading import charts, labelled
 from tests.archives import zipped
 
 LIGHT = Estimate(0, 0.0)

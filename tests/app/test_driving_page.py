@@ -31,7 +31,8 @@ from stereolag.ui.driving.work import LINES, OPENED, _table
 from stereolag.ui.sentences import MOTION_IN_WORDS
 from tests.app import uploads
 from tests.app.driving import archive, finished, opened, page, player, work_of, zipped_frames
-from tests.app.pages import CALIBRATE, DRIVING, captions, labelled, moved, until, uploaded
+from tests.app.pages import CALIBRATE, DRIVING, moved, until, uploaded
+from tests.app.reading import captions, labelled
 
 COUNT = 4
 ROWS, COLS = 120, 200

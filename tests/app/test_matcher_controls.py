@@ -20,7 +20,8 @@ from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import show_controls, show_presets
 from stereolag.ui.matcher_controls import matcher_as_set, matcher_moved, matchers_in_use
 from tests.app import keys
-from tests.app.pages import controls, page_of
+from tests.app.pages import page_of
+from tests.app.reading import controls
 
 
 def page() -> None:

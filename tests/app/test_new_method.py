@@ -25,8 +25,8 @@ from stereolag.ui.depth import downloads
 from stereolag.ui.depth.downloads import Download, files
 from stereolag.ui.downloads import File
 from tests.app import keys
-from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, address, linked, moved
+from tests.app.pages import DEPTH, linked, moved
+from tests.app.reading import address, figures, viewers
 from tests.programs import run_program
 
 

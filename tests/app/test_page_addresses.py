@@ -9,8 +9,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.searches import LagSearch, TemplateQuery
 from tests.app import keys, uploads
-from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage, address, controls, ignored, lag_found, linked, moved
+from tests.app.pages import DEPTH, FIND, LAG, linked, moved, open_page, open_unfolded
+from tests.app.reading import address, controls, figures, ignored, lag_found, viewers
 
 COAST, HARBOUR = "recordings coast", "recordings harbour"
 
@@ -145,7 +145,7 @@ def preset(app: AppTest, name: str) -> AppTest:
     return app.button(key=keys.preset_key(name)).click().run()
 
 
-def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenPage) -> None:
+def test_presets_set_the_controls_and_reset_takes_them_back() -> None:
     app = preset(open_unfolded(DEPTH), "report")
     assert app.button_group(key=keys.SEARCH).value == "centred"
     assert app.slider(key=keys.SEARCH_SIZE).value == 20
@@ -166,7 +166,7 @@ def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenP
     assert not app.toggle(key=keys.LEFT_RIGHT).value
 
 
-def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: OpenPage) -> None:
+def test_what_does_not_apply_is_disabled_and_counts_for_nothing() -> None:
     app = moved(open_unfolded(DEPTH), {keys.MEDIAN: True})
     moved(app, {keys.OVERLAP: 0.5, keys.SEARCH: "centred"})
     assert app.toggle(key=keys.MEDIAN).disabled
@@ -186,7 +186,7 @@ def test_the_maps_shown_stand_in_the_address() -> None:
     assert list(figures(app)) == ["Convolution", "StereoBM"]
 
 
-def test_without_a_map_chosen_none_is_shown_and_one_is_asked_for(open_page: OpenPage) -> None:
+def test_without_a_map_chosen_none_is_shown_and_one_is_asked_for() -> None:
     app = moved(open_page(DEPTH), {keys.SHOWN: []})
     assert not app.error
     assert "depth.bench" not in {viewer["name"] for viewer in viewers(app)}

@@ -14,8 +14,8 @@ from streamlit.testing.v1 import AppTest
 from stereolag.core.typography import UNITS, typeset
 from stereolag.ui.navigation import ICONS, PAGES
 from tests.app import keys, uploads
-from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, FIND, LAG, PROJECT, OpenPage, captions, moved, numbers, until, uploaded
+from tests.app.pages import DEPTH, FIND, LAG, PROJECT, moved, open_page, until, uploaded
+from tests.app.reading import captions, figures, numbers, viewers
 
 HYPHEN = re.compile(r"(?<![\w.,)\]`=“'-])-(?=\.?\d)")
 GLUED = re.compile(rf"\d(?:\*\*)? ?(?:{UNITS})(?!\w)")
@@ -73,7 +73,7 @@ def assert_written(app: AppTest) -> None:
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
+def test_every_page_runs_and_links_to_every_other(path: str) -> None:
     app = open_page(path)
     assert not app.error
     assert len(app.title) == 1
@@ -120,7 +120,7 @@ def test_every_picture_chart_and_table_has_an_alternative() -> None:
     assert [place for place, call in drawings if "alt" not in {one.arg for one in call.keywords}] == []
 
 
-def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> None:
+def test_home_shows_the_three_measurements_as_computed() -> None:
     app = open_page("app.py")
     prose = " ".join(block.value for block in app.markdown)
     assert "50,082 samples" in prose
@@ -130,7 +130,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
     assert not app.get("plotly_chart")  # whose script is larger than all else on this page
 
 
-def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_to_try(open_page: OpenPage) -> None:
+def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_to_try() -> None:
     app, scored = open_page(FIND), []
     for method in ("fft", "sampled"):
         moved(app, {"template.method": method})
@@ -146,7 +146,7 @@ def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_
     assert_written(app)
 
 
-def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -> None:
+def test_depth_page_shows_both_methods_with_their_figures() -> None:
     app = open_page(DEPTH)
     labels = ["Computed in", "Coverage", "Bad-2", "EPE"]
     assert {name: [*of_map] for name, of_map in figures(app).items()} == {"Convolution": labels, "StereoBM": labels}
@@ -171,7 +171,7 @@ SCENE = uploads.texture(60, 90)
     ],
 )
 def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
-    open_page: OpenPage, path: str, inputs: str, given: dict[str, tuple[str, bytes]], missing: str
+    path: str, inputs: str, given: dict[str, tuple[str, bytes]], missing: str
 ) -> None:
     app = open_page(path)
     assert len([one for one in app.markdown if "Try first" in one.value]) == 1

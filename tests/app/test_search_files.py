@@ -19,7 +19,8 @@ from stereolag.ui.lag import parts as lag_files
 from stereolag.ui.lag.inputs import RecordingPair
 from stereolag.ui.search import parts as match_files
 from stereolag.ui.search.inputs import PictureAndTemplate
-from tests.app.pages import FIND, LAG, OpenPage, captions
+from tests.app.pages import FIND, LAG, open_page
+from tests.app.reading import captions
 from tests.app.uploads import noise, texture
 from tests.programs import run_program
 
@@ -136,7 +137,7 @@ OF_A_SEARCH = ["Matches CSV", "Matches JSON", "Framed PNG"]
 
 
 @pytest.mark.parametrize(("path", "part", "labels"), [(LAG, "lag", OF_A_LAG), (FIND, "template", OF_A_SEARCH)])
-def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, part: str, labels: list[str]) -> None:
+def test_all_is_on_offer_once_it_is_opened(path: str, part: str, labels: list[str]) -> None:
     app = open_page(path)
     assert not app.get("download_button")
     app.session_state[f"{part}.part"] = "Take away"
@@ -148,7 +149,7 @@ def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, part:
     assert any(caption.value.endswith("keep it as a bookmark.") for caption in app.caption)
 
 
-def test_both_are_heard_alone_and_together(open_page: OpenPage) -> None:
+def test_both_are_heard_alone_and_together() -> None:
     app = open_page(LAG, {"lag.part": "Listen"})
     assert len(app.get("audio")) == 4
     for said in ("both, as recorded", "both, the lag undone", "With the lag undone it comes once."):
@@ -156,7 +157,7 @@ def test_both_are_heard_alone_and_together(open_page: OpenPage) -> None:
 
 
 def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked(
-    open_page: OpenPage, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def made(*args: object, **options: object) -> bytes:
         raise AssertionError("made unasked")

@@ -19,7 +19,8 @@ from stereolag.io.images import read_image
 from stereolag.ui.search.inputs import packed_mask, read_box, read_packed_mask
 from stereolag.ui.uploads import Upload
 from tests.app import uploads
-from tests.app.pages import FIND, OpenPage, labelled, moved, numbers, uploaded
+from tests.app.pages import FIND, moved, open_page, uploaded
+from tests.app.reading import labelled, numbers
 from tests.app.uploads import pngs
 from tests.packed import told
 
@@ -27,7 +28,7 @@ SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
 OTHER = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
 
 
-def with_files(open_page: OpenPage, files: dict[str, np.ndarray], **state: object) -> AppTest:
+def with_files(files: dict[str, np.ndarray], **state: object) -> AppTest:
     """Return the page with an image, and perhaps a template, of one's own."""
     app = open_page(FIND, {"pictures": "own"} | {name.replace("__", "."): value for name, value in state.items()})
     uploaded(app, "pictures", **pngs(**files))
@@ -40,11 +41,11 @@ def pictures(app: AppTest) -> list[tuple[str, str, str]]:
     return [(one.url, one.caption, one.alt) for element in app.get("image") for one in element.proto.imgs]
 
 
-def test_a_frame_of_an_animation_is_chosen(open_page: OpenPage) -> None:
+def test_a_frame_of_an_animation_is_chosen() -> None:
     stream = io.BytesIO()
     first, second = Image.fromarray(SCENE[::-1].copy()), Image.fromarray(SCENE)
     first.save(stream, "TIFF", save_all=True, append_images=[second])
-    app = with_files(open_page, {"template": SCENE[10:30, 20:50]})
+    app = with_files({"template": SCENE[10:30, 20:50]})
     uploaded(app, "pictures", picture=("scenes.tif", stream.getvalue()))
     frame = labelled(app.selectbox, "Frame")
     assert frame.options == ["1 of 2", "2 of 2"]
@@ -57,7 +58,7 @@ def test_a_frame_of_an_animation_is_chosen(open_page: OpenPage) -> None:
 # The answer
 
 
-def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPage) -> None:
+def test_a_look_alike_is_framed_in_dashes_beside_the_template() -> None:
     app = open_page(FIND, {"pictures": "maze_dulled", "template.part": "Places"})
     assert app.header[0].value == "Found at row 200, column 200, partly covered"
     found, *_ = [url for url, _, alt in pictures(app) if alt.startswith("The image: ")]
@@ -69,7 +70,7 @@ def test_a_look_alike_is_framed_in_dashes_beside_the_template(open_page: OpenPag
     assert any(caption.startswith("row 200, column 200, score 0.7") for caption in captions)
 
 
-def test_he_is_found_among_other_sizes_and_angles(open_page: OpenPage) -> None:
+def test_he_is_found_among_other_sizes_and_angles() -> None:
     app = moved(open_page(FIND), {"template.max_rotation": 2.0})
     assert app.header[0].value == "Found at row 200, column 200"
     assert any("no score map" in caption.value for caption in app.caption)
@@ -81,7 +82,7 @@ def test_he_is_found_among_other_sizes_and_angles(open_page: OpenPage) -> None:
 # Cut and painted
 
 
-def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
+def test_a_template_can_be_cut_from_the_example() -> None:
     app = moved(open_page(FIND), {"pictures.from": "cut"})
     (box,) = told(app, "box")
     assert (box["rows"], box["cols"]) == (400, 600)
@@ -97,7 +98,7 @@ def of_the_address(app: AppTest) -> str:
     return said
 
 
-def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page: OpenPage) -> None:
+def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded() -> None:
     app = open_page(FIND, {"template.part": "Take away"})
     held = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
     given = "not in it: it opens the example’s template as it is."
@@ -114,14 +115,14 @@ def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded(open_page
     app.session_state["pictures.painted.kept"] = box, Upload("mask", np.eye(66, 75, dtype=np.uint8))
     app.run()
     assert of_the_address(app) == f"{held} The template you cut out and the mask you painted are {given}"
-    app = with_files(open_page, {"picture": SCENE}, pictures__from="cut", template__part="Take away")
+    app = with_files({"picture": SCENE}, pictures__from="cut", template__part="Take away")
     assert of_the_address(app) == "The address of this page holds its settings, but not your own files."
 
 
-def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
+def test_to_cut_from_an_image_of_ones_own_no_template_is_needed() -> None:
     app = moved(open_page(FIND, {"pictures.from": "cut"}), {"pictures": "own"})
     assert len(app.info) == 1
-    app = with_files(open_page, {"picture": SCENE}, pictures__from="cut", template__part="Beside OpenCV")
+    app = with_files({"picture": SCENE}, pictures__from="cut", template__part="Beside OpenCV")
     assert not app.info
     assert told(app, "box")[0]["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
     assert app.header[0].value == "Found at row 37, column 52"
@@ -136,7 +137,7 @@ def cards(app: AppTest) -> list[str]:
     return [one.value for one in app.markdown if one.value.startswith(("**FFT", "**Sampled", "**OpenCV"))]
 
 
-def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: OpenPage) -> None:
+def test_damage_ends_one_method_after_the_other_and_can_be_undone() -> None:
     app = open_page(FIND, {"template.part": "Damage it"})
     assert [text.split()[-1] for text in cards(app)] == ["found]"] * 3
     moved(app, {"degrade.noise": 20})
@@ -148,11 +149,11 @@ def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: Ope
     assert app.slider(key="degrade.turn").value == 0
 
 
-def test_images_of_two_types_are_damaged_too_and_none_without_a_place(open_page: OpenPage) -> None:
+def test_images_of_two_types_are_damaged_too_and_none_without_a_place() -> None:
     deep = SCENE[30:50, 40:64, 0].astype(np.uint16)
-    app = with_files(open_page, {"picture": SCENE[:, :, 0], "template": deep}, template__part="Damage it")
+    app = with_files({"picture": SCENE[:, :, 0], "template": deep}, template__part="Damage it")
     assert ["cannot search" in text for text in cards(app)] == [False, True, False]
-    app = with_files(open_page, {"picture": SCENE, "template": OTHER}, template__part="Damage it")
+    app = with_files({"picture": SCENE, "template": OTHER}, template__part="Damage it")
     assert not [slider for slider in app.slider if slider.key and slider.key.startswith("degrade.")]
     assert "none to damage" in app.caption[-1].value
 
@@ -166,7 +167,7 @@ def part(app: AppTest, name: str) -> AppTest:
     return app.run()
 
 
-def test_he_can_be_searched_by_hand(open_page: OpenPage) -> None:
+def test_he_can_be_searched_by_hand() -> None:
     app = open_page(FIND)
     (search,), (score_map,) = (told(app, name) for name in ("template_by_hand", "score_map"))
     best, rival = search["leaders"][:2]
@@ -184,15 +185,15 @@ def test_he_can_be_searched_by_hand(open_page: OpenPage) -> None:
     assert funnel["anchors"][0]["best"][:2] == [200, 200]
 
 
-def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: OpenPage) -> None:
+def test_pictures_of_ones_own_can_be_searched_by_hand_too() -> None:
     scene = uploads.texture(120, 180)
-    app = with_files(open_page, {"picture": scene, "template": scene[30:60, 70:110]})
+    app = with_files({"picture": scene, "template": scene[30:60, 70:110]})
     (search,) = told(app, "template_by_hand")
     assert (search["factor"], search["leaders"][0]["row"], search["leaders"][0]["col"]) == (1, 30, 70)
     assert told(part(app, "Step by step"), "funnel")[0]["rows"] == 120
     deep = scene[:, :, 0].astype(np.uint16) * 256  # types that cannot be compared exactly
     files = {"picture": deep, "template": scene[30:60, 70:110, 0]}
-    app = with_files(open_page, files, template__part="Step by step")
+    app = with_files(files, template__part="Step by step")
     assert told(app, "funnel") == []
     assert any("cannot search here" in caption.value for caption in app.caption)
     assert told(part(app, "Drag it"), "template_by_hand")

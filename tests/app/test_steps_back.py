@@ -9,8 +9,8 @@ import pytest
 from streamlit.testing.v1 import AppTest, local_script_runner
 
 from tests.app import keys
-from tests.app.conftest import figures
-from tests.app.pages import DEPTH, FIND, LAG, address, arrive, linked, moved, uploaded
+from tests.app.pages import DEPTH, FIND, LAG, arrive, linked, moved, uploaded
+from tests.app.reading import address, figures
 from tests.app.uploads import noise, wav
 
 HARBOUR = "recordings harbour"

@@ -5,17 +5,15 @@ Which files are bad, and the sentence about each, is tested in ``tests/core``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
-from tests.app import keys, pages, uploads
-from tests.app.conftest import figures, viewers
-from tests.app.pages import DEPTH, FIND, LAG, OpenPage, Shown, captions, labelled, lag_found, moved, uploaded
+from tests.app import keys, reading, uploads
+from tests.app.pages import DEPTH, FIND, LAG, moved, open_page, uploaded
+from tests.app.reading import captions, figures, labelled, lag_found, shown, viewers
 from tests.app.uploads import pngs
 
 PAGES = {"recordings": LAG, "pictures": FIND, "pairs": DEPTH}
@@ -24,33 +22,26 @@ SCENE = uploads.texture(60, 90)
 SOUND = uploads.noise(3_000)
 PAIR = pngs(left=SCENE[:, :-5], right=SCENE[:, 5:])
 
-OpenOwn = Callable[..., AppTest]
 
-
-@pytest.fixture
-def open_own(open_page: OpenPage) -> OpenOwn:
-    """Return a function that opens the page of some inputs and uploads files to it."""
-
-    def opened(inputs: str, **files: tuple[str, bytes]) -> AppTest:
-        return uploaded(open_page(PAGES[inputs], {inputs: "own"}), inputs, **files)
-
-    return opened
+def open_own(inputs: str, **files: tuple[str, bytes]) -> AppTest:
+    """Return the page of some inputs after files were uploaded to it."""
+    return uploaded(open_page(PAGES[inputs], {inputs: "own"}), inputs, **files)
 
 
 def numbers(app: AppTest) -> dict[str, str]:
     """Return the numbers of the result, or those below the first map."""
     maps = figures(app) if any(one["name"] == "depth.bench" for one in viewers(app)) else {}
-    return pages.numbers(app) | next(iter(maps.values()), {})
+    return reading.numbers(app) | next(iter(maps.values()), {})
 
 
-def test_a_recording_without_a_rate_takes_that_of_the_other(open_own: OpenOwn) -> None:
+def test_a_recording_without_a_rate_takes_that_of_the_other() -> None:
     first, second = SOUND[:2_000], SOUND[700:2_700]
     app = open_own("recordings", file_1=("a.csv", uploads.csv(first)), file_2=("b.wav", uploads.wav(second)))
     assert lag_found(app) == -700
     assert typeset("**0.0875 s**") in app.header[0].value
 
 
-def test_one_file_of_two_channels_is_enough(open_own: OpenOwn) -> None:
+def test_one_file_of_two_channels_is_enough() -> None:
     both = np.column_stack((SOUND[100:], SOUND[:-100]))
     app = open_own("recordings", file_1=("both.wav", uploads.wav(both)))
     assert not app.error
@@ -63,7 +54,7 @@ def test_one_file_of_two_channels_is_enough(open_own: OpenOwn) -> None:
     assert lag_found(app) == -100
 
 
-def test_only_what_a_mask_marks_is_looked_for(open_own: OpenOwn) -> None:
+def test_only_what_a_mask_marks_is_looked_for() -> None:
     template, mask = uploads.texture(20, 30, seed=1), np.zeros((20, 30), dtype=np.uint8)
     template[:, :6] = SCENE[20:40, 30:36]
     template[:, 6:] = 255 - SCENE[20:40, 36:60]
@@ -75,7 +66,7 @@ def test_only_what_a_mask_marks_is_looked_for(open_own: OpenOwn) -> None:
     assert app.header[0].value == "Found at row 20, column 30"
 
 
-def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone(open_own: OpenOwn) -> None:
+def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone() -> None:
     scene = uploads.texture(200, 400)
     app = open_own("pairs", **pngs(left=scene[:, :-90], right=scene[:, 90:]))
     assert not app.error
@@ -90,7 +81,7 @@ def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is
     assert "range found for this pair" not in captions(app)
 
 
-def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another(open_own: OpenOwn) -> None:
+def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another() -> None:
     app = open_own("pairs", **PAIR, **pngs(truth=np.full((60, 85), 40, dtype=np.uint8)))
     assert not app.error
     divisors = next(group for group in app.button_group if "÷ divisor" in group.label)
@@ -104,7 +95,7 @@ def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_anoth
     assert numbers(app)["EPE"] == before
 
 
-def test_uploads_are_still_there_when_the_visitor_comes_back(open_own: OpenOwn) -> None:
+def test_uploads_are_still_there_when_the_visitor_comes_back() -> None:
     app = open_own("pairs", **PAIR)
     app.number_input(key="pairs.divisor").set_value(8.0)
     before = numbers(uploaded(app, "pairs", **pngs(truth=np.full((60, 85), 40, dtype=np.uint8))))
@@ -134,7 +125,7 @@ def test_uploads_are_still_there_when_the_visitor_comes_back(open_own: OpenOwn) 
     assert "the page shows the example" in app.info[0].value
 
 
-def test_a_file_that_is_taken_out_is_no_longer_used(open_own: OpenOwn) -> None:
+def test_a_file_that_is_taken_out_is_no_longer_used() -> None:
     app = open_own("recordings", file_1=("a.csv", uploads.csv(SOUND)), file_2=("b.csv", uploads.csv(SOUND)))
     assert not app.info
     app.file_uploader(key="recordings.file_2").set_value(None).run()
@@ -142,14 +133,14 @@ def test_a_file_that_is_taken_out_is_no_longer_used(open_own: OpenOwn) -> None:
     assert not [button for button in app.button if button.key == "recordings.file_2.remove"]
 
 
-def test_one_picture_twice_is_said(open_own: OpenOwn) -> None:
+def test_one_picture_twice_is_said() -> None:
     scene = uploads.texture(120, 200)
     app = open_own("pairs", **pngs(left=scene, right=scene))
     assert not app.error
     assert "are the same image" in captions(app)
 
 
-def test_what_takes_too_much_memory_is_refused(open_own: OpenOwn, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", "256")
     limits.cache_clear()
     long = ("long.wav", uploads.wav(uploads.noise(2_000_000)))
@@ -160,7 +151,7 @@ def test_what_takes_too_much_memory_is_refused(open_own: OpenOwn, monkeypatch: p
     assert not app.header  # no lag
 
 
-def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(open_own: OpenOwn) -> None:
+def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit() -> None:
     app = open_own("pairs", **pngs(left=SCENE, right=SCENE[:, ::-1]))
     assert not app.error
     for name in ("left", "right"):
@@ -200,7 +191,7 @@ def assert_one_sentence(app: AppTest, fragment: str) -> None:
 
 
 @pytest.mark.parametrize("inputs", GOOD)
-def test_a_bad_file_leaves_the_page_as_it_was(open_own: OpenOwn, shown: Shown, inputs: str) -> None:
+def test_a_bad_file_leaves_the_page_as_it_was(inputs: str) -> None:
     app = open_own(inputs, **GOOD[inputs])
     assert not app.error and not app.info
     if inputs == "recordings":
@@ -216,7 +207,7 @@ def test_a_bad_file_leaves_the_page_as_it_was(open_own: OpenOwn, shown: Shown, i
         assert shown(app) == before
 
 
-def test_recordings_refused_at_first_leave_no_answer_of_the_example(open_own: OpenOwn) -> None:
+def test_recordings_refused_at_first_leave_no_answer_of_the_example() -> None:
     app = open_own("recordings", file_1=("bro*ken*.wav", b"nothing"))
     assert app.error[0].value.startswith("“bro?ken?.wav”: ")
     assert app.error[0].icon == ":material/block:"
@@ -231,7 +222,7 @@ def test_recordings_refused_at_first_leave_no_answer_of_the_example(open_own: Op
     assert "at the same time" in app.header[0].value
 
 
-def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage, open_own: OpenOwn) -> None:
+def test_pictures_refused_at_first_leave_no_answer_of_the_example() -> None:
     app = moved(open_page(DEPTH), {"pairs": "own"})
     assert viewers(app)
     for files, fragment in (
@@ -255,7 +246,7 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: Ope
     ],
 )
 def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
-    open_own: OpenOwn, shown: Shown, inputs: str, bad: dict[str, tuple[str, bytes]], fragment: str
+    inputs: str, bad: dict[str, tuple[str, bytes]], fragment: str
 ) -> None:
     app = open_own(inputs, **GOOD[inputs])
     before = shown(app)
@@ -263,7 +254,7 @@ def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
     assert shown(app) == before
 
 
-def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(open_own: OpenOwn) -> None:
+def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on() -> None:
     app = open_own("pairs", **pngs(left=uploads.texture(1, 1, 0), right=uploads.texture(1, 1, 1)))
     for part in app.button_group(key=keys.PART).options:
         moved(app, {keys.PART: part})
@@ -275,6 +266,6 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(open
     assert app.slider(key=keys.WINDOW).value == 20
 
 
-def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
+def test_a_side_by_side_picture_of_one_column_is_refused() -> None:
     app = open_page(DEPTH, {"pairs": "own", "pairs.arrangement": "beside"})
     assert_one_sentence(uploaded(app, "pairs", **pngs(beside=SCENE[:, :1])), "at least 2 are needed")
