@@ -91,7 +91,7 @@ class _Places(BaseModel):
 
 
 class Stream:
-    """A stream of one visitor, whether or not it is running.
+    """A stream of one visitor, whether or not it is running, by whichever way its messages come.
 
     Attributes
     ----------
@@ -108,6 +108,9 @@ class Stream:
         Whatever the answers need from one message to the next.
     brief
         Whether its messages are few, so that it takes no place of a camera.
+    carried
+        The last answer to a message that came over Streamlit's own connection, packed for ``web/carrier``: the token,
+        the number of the message, and either the answer or the code with which the stream ends.
     """
 
     def __init__(self, name: str, kind: type[Message], answer: Callable[[Any], bytes], brief: bool = False) -> None:
@@ -118,7 +121,10 @@ class Stream:
         self.answer = answer
         self.kept: dict[str, Any] = {}
         self.connection: object = None
-        self.carrier = Carrier(self.token)
+        self._number = 0
+        self._began = self._last = -math.inf
+        self._leaving: threading.Timer | None = None
+        self.carried = self._packed()
 
     def answered(self, message: Message) -> bytes:
         """Return the answer to a message, or the sentence that says why there is none."""
@@ -127,29 +133,11 @@ class Stream:
         except ValueError as error:
             return packed_item({"error": str(error), "digest": "error"}).data
 
+    def take(self, sent: object) -> None:
+        """Answer a message that the browser sent over Streamlit's connection, unless it is the last one once more.
 
-class Carrier:
-    """The way of a stream's messages over Streamlit's own connection, one at a time; each is one run of a fragment.
-
-    Attributes
-    ----------
-    item
-        The last answer, packed, for ``web/carrier``: the token of its stream, the number of the message, and either the
-        answer or the code with which the stream ends.
-    """
-
-    def __init__(self, token: str) -> None:
-        self._token = token
-        self._number = 0
-        self._began = self._last = -math.inf
-        self._leaving = threading.Timer(0.0, lambda: None)
-        self.item = self._packed()
-
-    def _packed(self, *parts: bytes, **more: int) -> bytes:
-        return packed_item({"token": self._token, "number": self._number, **more}, parts).data
-
-    def take(self, stream: Stream, sent: object) -> None:
-        """Answer a message that the browser sent, unless it is the last one once more."""
+        They come one at a time; each is one run of a fragment.
+        """
         most, now = limits(), time.monotonic()
         if now - self._last > IDLE_S:
             self._began = now
@@ -161,25 +149,29 @@ class Carrier:
             self._number = carried.number
             if len(carried.data) > most.max_live_message_mb * 2**20:
                 raise _Closed(TOO_LARGE)
-            message = parse_message(carried.data, stream.kind)
+            message = parse_message(carried.data, self.kind)
             if now - self._began > SECONDS_PER_MINUTE * most.max_live_minutes:
                 raise _Closed(TOO_LONG)
             self._keep_place()
-            self.item = self._packed(stream.answered(message))
+            self.carried = self._packed(self.answered(message))
         except ValueError:
-            self.item = self._packed(end=MALFORMED)
+            self.carried = self._packed(end=MALFORMED)
         except _Closed as closed:
-            self.item = self._packed(end=closed.code)
+            self.carried = self._packed(end=closed.code)
             self._last = -math.inf  # the next message begins a stream of its own
+
+    def _packed(self, *parts: bytes, **more: int) -> bytes:
+        return packed_item({"token": self.token, "number": self._number, **more}, parts).data
 
     def _keep_place(self) -> None:
         """Take a place of a running stream, or keep it, for ``IDLE_S`` from now; end the stream if there is none."""
         places = _places()
-        self._leaving.cancel()
-        if not places.admit(self._token):
-            places.release(self._token)
+        if self._leaving is not None:
+            self._leaving.cancel()
+        if not places.admit(self.token):
+            places.release(self.token)
             raise _Closed(FULL)
-        self._leaving = threading.Timer(IDLE_S, places.release, (self._token,))
+        self._leaving = threading.Timer(IDLE_S, places.release, (self.token,))
         self._leaving.daemon = True
         self._leaving.start()
 
@@ -225,9 +217,9 @@ def _mount_carrier(stream: Stream) -> None:
     key = f"live.{stream.name}.carrier"
 
     def take() -> None:
-        stream.carrier.take(stream, st.session_state[key].message)
+        stream.take(st.session_state[key].message)
 
-    component("carrier")(key=key, data=stream.carrier.item, on_message_change=take)
+    component("carrier")(key=key, data=stream.carried, on_message_change=take)
 
 
 def _not_ready(message: Message) -> bytes:

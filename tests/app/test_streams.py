@@ -347,8 +347,8 @@ def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pyte
 def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:
     """Send a message or a number over Streamlit's own connection; return the number answered, or how that ended."""
     packed = packed_item({"number": data}).data if isinstance(data, int) else data
-    stream.carrier.take(stream, {"number": number, "data": base64.b64encode(packed).decode()})
-    header, parts = unpacked(stream.carrier.item)
+    stream.take({"number": number, "data": base64.b64encode(packed).decode()})
+    header, parts = unpacked(stream.carried)
     assert (header["token"], header["number"]) == (stream.token, number)
     return int(header["end"] if "end" in header else unpacked(parts[0])[0]["number"])
 
@@ -377,8 +377,8 @@ def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_
         socket.close()
         assert by_streamlit(first, 8, bytes(2 * 2**20)) == streams.TOO_LARGE
         assert by_streamlit(first, 9, b"garbage") == streams.MALFORMED
-        first.carrier.take(first, {"number": 10, "data": "no base64"})
-        assert unpacked(first.carrier.item)[0]["end"] == streams.MALFORMED
+        first.take({"number": 10, "data": "no base64"})
+        assert unpacked(first.carried)[0]["end"] == streams.MALFORMED
     monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.0)
     with limited(max_live_minutes=1):
         timed = Stream("timed", Numbered, echo)
