@@ -448,12 +448,13 @@ def match_verdict(
     reason, disparity
         Reason and disparity at the pixel in the finished map of the same matcher; reason is None if there is no map.
     """
-    said = [f"**{match_in_words(seen)}**", match_against_truth(seen, truth)]
-    if not visible:
-        said.append(HIDDEN_FROM_RIGHT)
-    if reason is not None:
-        said.append(fate_in_words(seen, truth, reason, disparity))
-    return " ".join(part for part in said if part)
+    said = (
+        f"**{match_in_words(seen)}**",
+        match_against_truth(seen, truth),
+        "" if visible else HIDDEN_FROM_RIGHT,
+        "" if reason is None else fate_in_words(seen, truth, reason, disparity),
+    )
+    return " ".join(filter(None, said))
 
 
 # The live camera

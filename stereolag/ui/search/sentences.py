@@ -161,15 +161,12 @@ def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool)
 
 def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list[str]:
     """Return one sentence for each difference and its cause, or that the results agree."""
-    said = []
-    if theirs.undefined:
-        said.append(
-            f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
-            "infinite, and `cv2.minMaxLoc` then names no place at all; they are skipped here."
-        )
-    if theirs.row >= 0:
-        said.append(_about_places(ours, theirs, method))
-    return said
+    undefined = (
+        f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
+        "infinite, and `cv2.minMaxLoc` then names no place at all; they are skipped here."
+    )
+    places = _about_places(ours, theirs, method) if theirs.row >= 0 else ""
+    return [*filter(None, (undefined if theirs.undefined else "", places))]
 
 
 def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> str:
