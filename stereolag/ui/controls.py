@@ -301,9 +301,9 @@ def adopt_values(settings: Settings, key: Callable[[str], str]) -> None:
         adopt_value(key(name), getattr(settings, name))
 
 
-def last_valid(make: Callable[[], T], key: str) -> T | None:
-    """Return the result of `make`; if it refuses the settings, show why and return the last valid ones."""
-    with refusals_shown():
+def last_valid(make: Callable[[], T], key: str, said: str = "{}") -> T | None:
+    """Return the result of `make`; if it refuses, show why, in the sentence `said`, and return the last valid one."""
+    with refusals_shown(said):
         st.session_state[key] = make()
     settings: T | None = st.session_state.get(key)
     return settings

@@ -18,8 +18,8 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sources import escape, quote
 from stereolag.ui import prose
-from stereolag.ui.controls import persistent
-from stereolag.ui.elements import refusals_shown, show_offer, show_refused
+from stereolag.ui.controls import last_valid, persistent
+from stereolag.ui.elements import show_offer, show_refused
 from stereolag.ui.streamlit_inside import Container, UploadedFile, files_shared_out
 
 T = TypeVar("T")
@@ -219,11 +219,9 @@ def put_together(make: Callable[[], T] | None, key: str, digest: str | None = No
         return None
     if digest is not None and getattr(kept, "digest", None) == digest:
         return kept
-    with refusals_shown("{}" if kept is None else "{} The previous files stay in use."):
-        made = st.session_state[key] = make()
-        return made
-    st.session_state[REFUSED_KEY] = kept is None
-    return kept
+    made = last_valid(make, key, "{}" if kept is None else "{} The previous files stay in use.")
+    st.session_state[REFUSED_KEY] = made is None
+    return made
 
 
 def refuse(sentence: str) -> None:
