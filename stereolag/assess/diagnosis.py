@@ -614,8 +614,7 @@ def exposed_alike(left: Image, right: Image, points: Correspondences | None) -> 
     fitted = (right.astype(np.float64) - offset) / gain
     if right.ndim == 3 and right.shape[2] == 4:
         fitted[:, :, 3] = right[:, :, 3]
-    if right.dtype.kind == "f":
-        return fitted.astype(right.dtype)
-    limits = np.iinfo(right.dtype)
-    np.clip(np.rint(fitted, out=fitted), limits.min, limits.max, out=fitted)
+    if right.dtype.kind != "f":
+        limits = np.iinfo(right.dtype)
+        np.clip(np.rint(fitted, out=fitted), limits.min, limits.max, out=fitted)
     return fitted.astype(right.dtype)

@@ -302,17 +302,15 @@ def kitti(left: int, right: int) -> Reader:
     def read(entries: Entries) -> list[Parts]:
         straight, raw = {}, {}
         for side, number in (("1", left), ("2", right)):
-
-            def of(name: str, number: int = number) -> Entry | None:
-                return entries.match(rf"{name}_?0*{number}")
-
-            projection = of("P_rect") or of("P")
+            names = ("P_rect", "P", "S_rect", "K", "D", "R_rect", "S")
+            of = {name: entries.match(rf"{name}_?0*{number}") for name in names}
+            projection = of["P_rect"] or of["P"]
             if projection is not None:
                 straight[f"P{side}"] = projection
                 # What it says of heights and depths is less than a centimetre, and more than rows may differ here.
                 raw[f"P{side}"] = numbers(projection.name, projection.projection() * _ACROSS)
-            straight |= {"size0": size} if (size := of("S_rect")) else {}
-            found = {f"M{side}": of("K"), f"D{side}": of("D"), f"R{side}": of("R_rect"), "size0": of("S")}
+            straight |= {"size0": size} if (size := of["S_rect"]) else {}
+            found = {f"M{side}": of["K"], f"D{side}": of["D"], f"R{side}": of["R_rect"], "size0": of["S"]}
             raw |= {part: entry for part, entry in found.items() if entry is not None}
         return [straight, raw] if {"M1", "R1", "M2", "R2", "size0"} <= set(raw) else [straight]
 

@@ -217,17 +217,9 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     if len(kept) > max_files:
         raise ValueError(f"The archive holds {len(kept):,} files; at most {max_files:,} are accepted.")
     for member in kept:
-        parts = PurePosixPath(member.filename.replace("\\", "/")).parts
-        if len(member.filename) > MAX_NAME or len(parts) > MAX_DEPTH:
-            raise ValueError(f"{quote(member.filename)} in the archive has too long a name.")
-        if ".." in parts or member.filename.startswith(("/", "\\")) or ":" in parts[0]:
-            raise ValueError(
-                f"{quote(member.filename)} in the archive points outside it; only names within are accepted."
-            )
-        if member.flag_bits & _ENCRYPTED:
-            raise ValueError(f"{quote(member.filename)} in the archive is encrypted; pack it without a password.")
-        if member.compress_type not in _METHODS:
-            raise ValueError(f"{quote(member.filename)} in the archive is packed by a method other than “deflate”.")
+        for said, is_so in _faults(member).items():
+            if is_so:
+                raise ValueError(f"{quote(member.filename)} in the archive {said}.")
     unpacked = sum(member.file_size for member in kept)
     if unpacked > MAX_BYTES:
         raise ValueError(
@@ -238,6 +230,20 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     if twins:
         raise ValueError(f"The archive holds two files named {quote(twins[0])}.")
     return Archive(names, packed)
+
+
+def _faults(member: zipfile.ZipInfo) -> dict[str, bool]:
+    """Return what may be wrong with a file of an archive by its directory, and whether it is."""
+    name = member.filename
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    return {
+        "has too long a name": len(name) > MAX_NAME or len(parts) > MAX_DEPTH,
+        "points outside it; only names within are accepted": (
+            ".." in parts or name.startswith(("/", "\\")) or ":" in parts[0]
+        ),
+        "is encrypted; pack it without a password": bool(member.flag_bits & _ENCRYPTED),
+        "is packed by a method other than “deflate”": member.compress_type not in _METHODS,
+    }
 
 
 def _check_directory(packed: bytes) -> None:
