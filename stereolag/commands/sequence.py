@@ -6,8 +6,8 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.arguments import (
@@ -38,6 +38,8 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from stereolag.sequences import SequenceState, StereoSequence
 
 WORDING = (
@@ -70,6 +72,8 @@ def run(arguments: Sequence[str]) -> int:
     beyond = over_frames.parsed(arguments)[1]
 
     # Imported only now, so that --help does not wait for them.
+    from tqdm import tqdm
+
     from stereolag.sequences import diagnose_sequence, run_sequence
 
     sequence, calibration, said = _read_sequence(options)
@@ -79,8 +83,9 @@ def run(arguments: Sequence[str]) -> int:
     findings = findings_as_figures(diagnosis)
     sequence = replace(sequence, findings=() if diagnosis is None else diagnosis.doubts)
     matchers = _matchers(matcher, options)
+    hidden = options.json or not sys.stderr.isatty()
     try:
-        with closing(_Bar(hidden=options.json or not sys.stderr.isatty())) as bar:
+        with tqdm(unit="frame", disable=hidden, dynamic_ncols=True) as bar:
             result = run_sequence(
                 sequence,
                 matchers,
@@ -91,7 +96,7 @@ def run(arguments: Sequence[str]) -> int:
                 disparity_format=options.disparity_format,
                 scheduler=options.scheduler,
                 again=options.again,
-                progress=bar.show,
+                progress=partial(_move, bar),
             )
     except KeyboardInterrupt:
         print("stereolag sequence: Stopped; the same command continues where it stopped.", file=sys.stderr)
@@ -226,26 +231,14 @@ def _matchers(matcher: StereoMatcher, options: argparse.Namespace) -> dict[str, 
     return found
 
 
-class _Bar:
-    """A progress bar on one line."""
-
-    def __init__(self, *, hidden: bool) -> None:
-        from tqdm import tqdm
-
-        self._bar = tqdm(unit="frame", disable=hidden, dynamic_ncols=True)
-
-    def show(self, state: SequenceState) -> None:
-        """Move the bar."""
-        if self._bar.total is None:
-            self._bar.reset(state.total)
-            self._bar.initial = self._bar.n = state.done  # frames finished before must not count towards the speed
-        if state.done > self._bar.n:
-            self._bar.set_postfix({"damaged": state.damaged} if state.damaged else {}, refresh=False)
-            self._bar.update(state.done - self._bar.n)
-
-    def close(self) -> None:
-        """Close the bar and leave its line as it is."""
-        self._bar.close()
+def _move(bar: tqdm[Any], state: SequenceState) -> None:
+    """Move a progress bar to the state of the job."""
+    if bar.total is None:
+        bar.reset(state.total)
+        bar.initial = bar.n = state.done  # frames finished before must not count towards the speed
+    if state.done > bar.n:
+        bar.set_postfix({"damaged": state.damaged} if state.damaged else {}, refresh=False)
+        bar.update(state.done - bar.n)
 
 
 def _in_words(figures: dict[str, Any]) -> list[str]:
