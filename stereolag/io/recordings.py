@@ -22,7 +22,17 @@ from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
 from stereolag.io.columns import is_time, on_own_clock, read_columns, times_in_numbers
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
-from stereolag.io.sources import HEADER_BYTES, NPY_MAGIC, Source, is_archive, parse_npy, quote, read_archive, read_bytes
+from stereolag.io.sources import (
+    HEADER_BYTES,
+    NPY_MAGIC,
+    Source,
+    beginning,
+    is_archive,
+    parse_npy,
+    quote,
+    read_archive,
+    read_bytes,
+)
 
 if TYPE_CHECKING:
     from stereolag.signals import SignalLag
@@ -81,8 +91,7 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
     """
     path = Path(source) if isinstance(source, str | PathLike) else None
     if path is not None:
-        with path.open("rb") as file:
-            head = file.read(HEADER_BYTES)
+        head = beginning(path)
         form = sound_format(head)
     # An hour of audio has more bytes than `read_bytes` accepts.
     if path is None or form is None:

@@ -70,6 +70,17 @@ def read_bytes(source: Source, what: str) -> bytes:
     return data
 
 
+def beginning(source: Source) -> bytes:
+    """Return the first bytes of `source`, by which its format is known; a file object is left behind them."""
+    if isinstance(source, bytes | bytearray | memoryview):
+        return bytes(source[:HEADER_BYTES])
+    if isinstance(source, str | PathLike):
+        with Path(source).open("rb") as file:
+            return file.read(HEADER_BYTES)
+    source.seek(0)
+    return source.read(HEADER_BYTES)
+
+
 def check_pixels(width: int, height: int, what: str) -> None:
     """Refuse an image with no or too many pixels; called on the header, before a pixel is decoded.
 

@@ -21,7 +21,7 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.io.formats import sound_format
 from stereolag.io.guard import GuardedObject
-from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, quote, read_bytes
+from stereolag.io.sources import Source, beginning, check_pixels, quote, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
 WHAT = "video"
@@ -104,11 +104,7 @@ class VideoFile:
 
     @cached_property
     def _container(self) -> InputContainer:
-        if isinstance(self._source, Path):
-            with self._source.open("rb") as stream:
-                form = sound_format(stream.read(HEADER_BYTES))
-        else:
-            form = sound_format(self._source[:HEADER_BYTES])
+        form = sound_format(beginning(self._source))
         # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
         if form is None or form.demuxer not in _DEMUXERS:
             raise ValueError(

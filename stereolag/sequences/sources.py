@@ -24,7 +24,7 @@ from stereolag.io.disparities import read_disparity
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
-from stereolag.io.sources import Archive, Source, is_archive, quote, read_archive
+from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
@@ -223,9 +223,6 @@ def _layout_of(video: VideoFile) -> tuple[Layout, bool]:
     return Layout.BESIDE, False
 
 
-_BEGINNING = 4
-
-
 def open_sequence(
     left: Source,
     right: Source | None = None,
@@ -302,7 +299,7 @@ def _of_one(
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
     if path is not None and path.is_dir():
         raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
-    if not is_archive(_beginning(source)):
+    if not is_archive(beginning(source)):
         both = video(source)
         found, crossed = _layout_of(both) if layout is None else (layout, False)
         if found is Layout.BESIDE and (both.width < 2 or both.width % 2):
@@ -372,13 +369,3 @@ def _number(name: str) -> int | None:
 
 def _ending(path: Path) -> str:
     return path.suffix.removeprefix(".").casefold()
-
-
-def _beginning(source: Source) -> bytes:
-    if isinstance(source, str | PathLike):
-        with Path(source).open("rb") as file:
-            return file.read(_BEGINNING)
-    if isinstance(source, bytes | bytearray | memoryview):
-        return bytes(source[:_BEGINNING])
-    source.seek(0)
-    return source.read(_BEGINNING)
