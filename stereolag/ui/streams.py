@@ -344,7 +344,10 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
             if stream.connection is not connection:
                 raise _Closed(WRONG_TOKEN)
             if not (stream.brief or places.holds(connection)):
-                await _unless_over(receiving, _wait_for_place(socket, connection), left)
+                try:
+                    await _unless_over(receiving, _wait_for_place(socket, connection), left)
+                except TimeoutError:
+                    break
                 await _say(socket, "running", 0)
             started = time.monotonic()
             answer = await asyncio.get_running_loop().run_in_executor(_pool(), stream.answered, message)

@@ -344,6 +344,15 @@ def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pyte
         assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
 
 
+def test_a_stream_that_waits_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    with limited(max_live_streams=1, max_live_minutes=1):
+        _, first = open_stream()
+        assert number_answered(first, 1) == 1
+        monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
+        _, waiting = open_stream()
+        assert code_of_end(waiting, packed_item({}).data) == streams.TOO_LONG
+
+
 def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:
     """Send a message or a number over Streamlit's own connection; return the number answered, or how that ended."""
     packed = packed_item({"number": data}).data if isinstance(data, int) else data
