@@ -12,6 +12,8 @@ export default (component) => show(BrushPanel, component, view);
 class BrushPanel extends DrawingPanel {
   canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
   context = this.canvas.getContext("2d", { willReadFrequently: true });
+  /** @type {any} */
+  at; // the row and column of the brush
   mode = "Paint";
   shown = false; // whether the brush is
 
@@ -53,16 +55,6 @@ class BrushPanel extends DrawingPanel {
     this.sent = true;
     this.trigger("mask", this.mask);
     this.schedule();
-  }
-
-  choose(mode) {
-    this.mode = mode;
-    this.schedule();
-  }
-
-  resize(size) {
-    this.size = size;
-    this.showBrush();
   }
 
   press(event) {
@@ -109,14 +101,7 @@ class BrushPanel extends DrawingPanel {
   }
 
   showBrush(at = this.at) {
-    this.at = at;
-    this.shown = true;
-    this.schedule();
-  }
-
-  hideBrush() {
-    this.shown = false;
-    this.schedule();
+    this.set({ at, shown: true });
   }
 
   get disc() {

@@ -1,7 +1,7 @@
 // A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
 
 import { shareOf } from "../shared/dom.js";
-import { LivePanel, camera, devices, jpeg } from "../shared/live.js";
+import { LivePanel, camera, jpeg } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
 
@@ -22,8 +22,6 @@ class FollowingPanel extends LivePanel {
   path = [];
   number = 0;
   stills = new Map(); // frames on their way, by number
-  device = "";
-  cameras = [];
 
   setUp() {
     this.watchSize(this.stage);
@@ -32,19 +30,13 @@ class FollowingPanel extends LivePanel {
   async open() {
     const fresh = { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [], number: 0 };
     Object.assign(this, fresh, { stills: new Map() });
-    const opened = await camera(this.device);
-    this.cameras = await devices("videoinput");
+    const opened = await camera(this.chosen[0]);
+    await this.listDevices();
     return opened;
   }
 
   stopped() {
     this.box = null;
-  }
-
-  use(device) {
-    this.device = device;
-    this.stop();
-    this.start();
   }
 
   // What was followed is forgotten, and another box may be drawn.

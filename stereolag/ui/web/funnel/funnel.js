@@ -13,14 +13,8 @@ class FunnelPanel extends Panel {
     this.anchor = first; // the one used by the search
   }
 
-  reach(step) {
-    this.reached = step;
-    this.draw();
-  }
-
   pick(place) {
-    this.anchor = this.sorted[clamp(place, 0, this.sorted.length - 1)];
-    this.draw();
+    this.set({ anchor: this.sorted[clamp(place, 0, this.sorted.length - 1)] });
   }
 
   pickBar(event) {

@@ -82,7 +82,7 @@ class HoveredMatchPanel extends Panel {
     const { top, start, size, asked } = this.seen;
     const { colours } = this.data;
     const frame = (picture, row, col, height, width, colour, style = {}) => ({
-      row, col, height, width, colour, label: "", to: null, dashed: false, filled: false, pictures: [picture], ...style,
+      row, col, height, width, colour, pictures: [picture], ...style,
     });
     const height = asked.dy_last - asked.dy_first + size;
     const width = asked.dx_last - asked.dx_first + size;

@@ -38,7 +38,7 @@ class LinkedPictures extends Panel {
     this.legend = legend;
     this.surface = surface;
     const on = (kind, react) => this.listen(eventOf(kind), ({ detail }) => detail.name === this.name && react(detail));
-    on("marks", ({ item }) => this.setMarks(item.marks));
+    on("marks", ({ item }) => this.set({ marks: item.marks }));
     on("description", () => this.describe());
     on("preview", (item) => this.preview(item));
     this.listen(eventOf("pictures"), ({ detail }) => {
@@ -82,7 +82,7 @@ class LinkedPictures extends Panel {
     if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
     const titles = this.pictures.map(({ title }) => title);
     if (!this.pair.every((title) => titles.includes(title))) this.pair = [titles[0], titles[Math.min(1, titles.length - 1)]];
-    this.setMarks(data.marks);
+    this.set({ marks: data.marks });
   }
 
   // The picture that arrived under a digest, unpacked once.
@@ -114,23 +114,8 @@ class LinkedPictures extends Panel {
     this.draw();
   }
 
-  setMarks(marks) {
-    this.marks = marks;
-    this.draw();
-  }
-
-  turn(mode) {
-    this.mode = mode;
-    this.draw();
-  }
-
   choose(side, title) {
     this.pair[side] = title;
-    this.draw();
-  }
-
-  moveSplit(share) {
-    this.split = clamp(share, 0, 100);
     this.draw();
   }
 
@@ -222,12 +207,6 @@ class LinkedPictures extends Panel {
 
   // A visitor's input: pointer, wheel and keys.
 
-  // Moves the crosshair to a pixel; `null` removes it.
-  point(at) {
-    this.at = at;
-    this.draw();
-  }
-
   // The viewport under the pointer, by position: while that is captured, the target of every event is the stage.
   cellOf({ clientX, clientY }) {
     return this.findAll(".viewport").find((one) => {
@@ -258,7 +237,7 @@ class LinkedPictures extends Panel {
     const cell = this.held?.cell ?? this.cellOf(event);
     const last = this.pointers.get(event.pointerId);
     if (last && this.held) this.drag(event, last);
-    this.point(cell ? this.place(event, cell) : null);
+    this.set({ at: cell ? this.place(event, cell) : null });
   }
 
   drag(event, last) {
@@ -266,7 +245,7 @@ class LinkedPictures extends Panel {
     if (!this.held.moved && Math.hypot(dx, dy) < DRAG_PX) return;
     this.held.moved = true;
     const { u, v, width } = this.place(event, this.held.cell);
-    if (this.held.onSplit) this.moveSplit(u * 100);
+    if (this.held.onSplit) this.split = clamp(u * 100, 0, 100);
     else if (this.pointers.size === 2) {
       const other = [...this.pointers.values()].find((one) => one.pointerId !== event.pointerId);
       const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
@@ -325,7 +304,7 @@ class LinkedPictures extends Panel {
     const [row, col] = [clamp(from.row + down, 0, rows - 1), clamp(from.col + right, 0, cols - 1)];
     this.x = clamp(this.x, col + 1 - cols / this.zoom, col);
     this.y = clamp(this.y, row + 1 - rows / this.zoom, row);
-    this.point({ row, col });
+    this.set({ at: { row, col } });
   }
 
   shareOfCross() {

@@ -2,7 +2,7 @@
 
 import { line } from "../shared/dom.js";
 import { branch } from "../shared/hyperbola.js";
-import { devices, LivePanel } from "../shared/live.js";
+import { LivePanel } from "../shared/live.js";
 import { clamp, filled } from "../shared/numbers.js";
 import { show } from "../shared/panel.js";
 import { joined, listening } from "./pieces.js";
@@ -18,9 +18,8 @@ const NEEDLE = 100;
 export default (component) => show(Listening, component, view);
 
 class Listening extends LivePanel {
-  microphones = []; // all devices
-  chosen = ["", ""]; // the devices of both sensors; "" for the second channel of the first one
-  devices = 1; // in use
+  kind = "audioinput"; // two are chosen, or the second is "", for the second channel of the first one
+  inUse = 1; // devices
   levels = [0, 0]; // how loud both are, 0..1
   collected = []; // blocks that are not sent yet
   columns = []; // what is drawn of those before
@@ -34,24 +33,16 @@ class Listening extends LivePanel {
 
   setUp() {
     this.watchSize(this.root);
-    navigator.mediaDevices?.addEventListener?.("devicechange", () => this.running && this.list(), { signal: this.gone.signal });
+    navigator.mediaDevices?.addEventListener?.("devicechange", () => this.running && this.listDevices(), { signal: this.gone.signal });
   }
 
   begin(data) {
     super.begin(data);
     this.kept = false;
-    this.list();
   }
 
   nameOf(at) {
     return filled(this.data.words.sensor, { number: at + 1 });
-  }
-
-  // Offers the devices; the browser names them once one of them is allowed.
-  async list() {
-    this.microphones = this.running ? await devices("audioinput") : [];
-    this.chosen[0] ||= this.microphones[0]?.deviceId ?? "";
-    this.schedule();
   }
 
   // Asks the server to keep what is heard now; once it has, the page takes it as its recordings.
@@ -61,10 +52,9 @@ class Listening extends LivePanel {
     this.render();
   }
 
-  choose(at, deviceId) {
-    this.chosen[at] = deviceId;
-    this.stop();
-    this.start();
+  async listDevices() {
+    await super.listDevices();
+    this.chosen[0] ||= this.devices[0]?.deviceId ?? "";
   }
 
   /** @returns {Promise<any>} */
@@ -72,10 +62,10 @@ class Listening extends LivePanel {
     [this.collected, this.columns] = [[], []];
     const [first, second] = this.chosen;
     const chosen = second && second !== first ? [first, second] : [first];
-    this.devices = chosen.length;
+    this.inUse = chosen.length;
     this.begun = Date.now();
     const media = await listening(chosen, (...block) => this.take(block));
-    queueMicrotask(() => this.list());
+    queueMicrotask(() => this.listDevices());
     return media;
   }
 
@@ -111,7 +101,7 @@ class Listening extends LivePanel {
     if (count < PIECE_S * rate) return null;
     const parts = joined(this.collected, Math.round(KEPT_S * rate));
     this.collected = [];
-    const header = { rate, devices: this.devices, begun: this.begun, freeze: this.asked };
+    const header = { rate, devices: this.inUse, begun: this.begun, freeze: this.asked };
     this.asked = undefined;
     return { header, parts };
   }

@@ -143,15 +143,6 @@ class Player extends Panel {
     return this.video?.paused ?? true;
   }
 
-  begun() {
-    this.awaited = null;
-    this.render();
-  }
-
-  speed(rate) {
-    this.video.playbackRate = rate;
-  }
-
   seek(event) {
     this.go(Math.round(shareOf(event, event.currentTarget)[0] * (this.data.frames - 1)));
   }

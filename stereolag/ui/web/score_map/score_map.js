@@ -9,6 +9,9 @@ import { arrows, Panel, show } from "../shared/panel.js";
 export default (component) => show(ScoreMapPanel, component, view);
 
 class ScoreMapPanel extends Panel {
+  block = null; // of places, whose score is read; without one the hint is shown
+  chosen = null; // the one that is read while no pointer is there
+
   async load(data) {
     const turn = (this.turn = {});
     const { parts, ...header } = unpacked(data);
@@ -16,14 +19,14 @@ class ScoreMapPanel extends Panel {
     if (turn !== this.turn || this.gone.signal.aborted) return;
     if (this.data?.digest !== header.digest) this.chosen = null;
     this.data = { ...header, ...scoresOf(codes, header.steps), offsets: offsets.data };
-    this.read(this.chosen);
+    this.set({ block: this.chosen });
     put(this.find("canvas"), shown);
   }
 
   // A resting pointer also sends moves when something below it changes; they must not undo a key press.
   hover(event) {
     const at = `${event.screenX} ${event.screenY}`;
-    if (at !== this.rested) this.read(this.blockAt(event));
+    if (at !== this.rested) this.set({ block: this.blockAt(event) });
     this.rested = at;
   }
 
@@ -34,12 +37,6 @@ class ScoreMapPanel extends Panel {
 
   inside(row, col) {
     return { row: clamp(Math.floor(row), 0, this.data.rows - 1), col: clamp(Math.floor(col), 0, this.data.cols - 1) };
-  }
-
-  // Shows the score at a block of places; `null` shows the hint.
-  read(block) {
-    this.block = block;
-    this.render();
   }
 
   place() {
@@ -70,7 +67,10 @@ class ScoreMapPanel extends Panel {
 
   actions(event) {
     const from = this.block ?? this.inside(this.data.rows / 2, this.data.cols / 2);
-    const step = (down, right) => this.read((this.chosen = this.inside(from.row + down, from.col + right)));
+    const step = (down, right) => {
+      const block = this.inside(from.row + down, from.col + right);
+      this.set({ block, chosen: block });
+    };
     return { ...arrows(event, step), Enter: () => this.compare(), " ": () => this.compare() };
   }
 }

@@ -39,7 +39,7 @@ export function opened(media) {
 }
 
 // The devices of a kind, "videoinput" or "audioinput"; they have names once the visitor has allowed one.
-export async function devices(kind) {
+async function devices(kind) {
   const all = (await navigator.mediaDevices?.enumerateDevices()) ?? [];
   return all.filter((one) => one.kind === kind && one.deviceId).map(({ deviceId, label }, at) => ({
     deviceId, label: label || `Device ${at + 1}`,
@@ -104,6 +104,9 @@ export class LivePanel extends Panel {
   ahead = 0; // how many visitors are served before this one
   fault = ""; // what the server could not do
   rates = "";
+  kind = "videoinput"; // of its devices
+  devices = [];
+  chosen = ["", ""]; // those in use, by name
 
   constructor(parent) {
     super(parent);
@@ -133,6 +136,19 @@ export class LivePanel extends Panel {
   toggle() {
     if (this.running) this.stop();
     else this.start();
+  }
+
+  // Offers the devices; the browser names them once one of them is allowed.
+  async listDevices() {
+    this.devices = await devices(this.kind);
+    this.schedule();
+  }
+
+  // Takes another device.
+  choose(at, deviceId) {
+    this.chosen[at] = deviceId;
+    this.stop();
+    this.start();
   }
 
   async start() {

@@ -83,6 +83,12 @@ export class Panel {
     return Object.entries(this.data.colours).map(([name, colour]) => `--${name}: ${colour}`).join("; ");
   }
 
+  // Changes its state, and shows that.
+  set(state) {
+    Object.assign(this, state);
+    this.draw();
+  }
+
   // At most once per frame, however often the pointer moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {

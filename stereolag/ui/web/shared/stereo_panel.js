@@ -1,14 +1,12 @@
 // Both views of a stereo camera: from one camera whose pictures hold both, or from two.
 
-import { camera, devices, jpeg, LivePanel } from "./live.js";
+import { camera, jpeg, LivePanel, opened } from "./live.js";
 
 const TWO = "two";
 export const KEPT_QUALITY = 0.97;
 
 export class StereoPanel extends LivePanel {
   arrangement = ""; // of the views
-  names = ["", ""]; // of the chosen devices
-  cameras = []; // all devices
   skew = ""; // the time between both views, in words
 
   begin(data) {
@@ -25,25 +23,20 @@ export class StereoPanel extends LivePanel {
 
   // Takes a device for one of the views; if the other view had it, that gets the one given up.
   choose(at, name) {
-    const before = this.names[at];
-    this.names[at] = name;
-    if (this.names[1 - at] === name) this.names[1 - at] = before;
-    if (this.running) {
-      this.stop();
-      this.start();
-    } else this.render();
+    if (this.chosen[1 - at] === name) this.chosen[1 - at] = this.chosen[at];
+    if (this.running) super.choose(at, name);
+    else this.set({ chosen: this.chosen.with(at, name) });
   }
 
   async listDevices() {
-    this.cameras = await devices("videoinput");
-    this.names = this.names.map((name, at) => name || (this.cameras[at]?.deviceId ?? ""));
-    this.schedule();
+    await super.listDevices();
+    this.chosen = this.chosen.map((name, at) => name || (this.devices[at]?.deviceId ?? ""));
   }
 
   async open() {
     const cameras = [];
     try {
-      for (const name of this.names.slice(0, this.isTwo ? 2 : 1)) cameras.push(await camera(name));
+      for (const name of this.chosen.slice(0, this.isTwo ? 2 : 1)) cameras.push(await camera(name));
       await this.listDevices(); // they have names only now
       if (this.isTwo && new Set(cameras.map(deviceOf)).size < 2) {
         throw Object.assign(new Error(), { name: "oneCamera" });
@@ -52,15 +45,10 @@ export class StereoPanel extends LivePanel {
       cameras.forEach((one) => one.close());
       throw error;
     }
-    cameras.forEach((one, at) => (this.names[at] = deviceOf(one)));
+    cameras.forEach((one, at) => (this.chosen[at] = deviceOf(one)));
     this.videos = cameras.map(({ video }) => video);
     this.videos.forEach((one) => watch(one, () => this.wake()));
-    return {
-      get ended() {
-        return cameras.some(({ ended }) => ended);
-      },
-      close: () => cameras.forEach((one) => one.close()),
-    };
+    return opened(new MediaStream(cameras.flatMap(({ media }) => media.getTracks())));
   }
 
   // Whether all cameras have a new picture, which is then taken for seen.

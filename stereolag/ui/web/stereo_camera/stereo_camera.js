@@ -21,19 +21,6 @@ class StereoCamera extends StereoPanel {
     return this.arrangement === MOVED;
   }
 
-  takeFirst() {
-    this.first = this.picture(this.videos, 1);
-  }
-
-  freeze() {
-    this.freezing = true;
-  }
-
-  async open() {
-    this.first = null;
-    return super.open();
-  }
-
   // Starts a recording, or ends it; Python then makes a drive of it.
   record() {
     if (this.recording) this.stop();
