@@ -6,7 +6,6 @@ real pages that the component is there and that the page hears it.
 
 from __future__ import annotations
 
-import base64
 import json
 import tomllib
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from google.protobuf.json_format import MessageToDict
 from playwright.sync_api import Browser, FloatRect, Locator, Page
 from streamlit.components.v2 import manifest_scanner
 from streamlit.proto.BidiComponent_pb2 import BidiComponent
@@ -156,15 +156,7 @@ def _described(part: BidiComponent) -> dict[str, Any]:
     kind = part.WhichOneof("data")
     assert kind in {"json", "bytes"}, f"{part.component_name} is handed {kind}"
     assert part.isolate_styles
-    return {
-        "id": part.id,
-        "name": part.component_name,
-        "html": part.html_content,
-        "css": part.css_content,
-        "js": part.js_content,
-        "json": part.json if kind == "json" else None,
-        "bytes": base64.b64encode(part.bytes).decode("ascii"),
-    }
+    return dict(MessageToDict(part, preserving_proto_field_name=True))
 
 
 ShowParts = Callable[..., Parts]
