@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from tests.browser.visits import read_script, settled
+from tests.browser.visits import read_script, screenshot, settled
 
 FAULTS = ("moderate", "serious", "critical")
 
@@ -21,26 +20,13 @@ WITHOUT_SOURCES = "axe.configure({ noHtml: true })"
 """Not storing the source of each passing element saves a third of the time on a page with drawings."""
 
 
-class Finding(NamedTuple):
-    """A violated rule, its impact, the selectors of the elements, and why each fails."""
-
-    rule: str
-    impact: str
-    targets: tuple[str, ...]
-    reasons: tuple[str, ...]
-
-
-@cache
-def _script() -> str:
-    return Axe().axe_script
-
-
 def check(page: Page, state: str, *, only: str = "html", but: Sequence[str] = ()) -> None:
     """Expect no fault in a part of a page outside the parts in `but`, in the light and in the dark.
 
     All rules are checked in the page's own theme; then it is switched to the other theme, checked for its colours, and
     left there.
     """
+    screenshot(page)
     page.mouse.move(0, 0)  # Streamlit's tooltips lie outside every landmark
     app = page.get_by_test_id("stApp")
     theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
@@ -56,12 +42,12 @@ def check(page: Page, state: str, *, only: str = "html", but: Sequence[str] = ()
 
 def _lasting_faults(
     page: Page, options: dict[str, Any] | None = None, *, only: str, but: Sequence[str]
-) -> list[Finding]:
+) -> list[dict[str, Any]]:
     """Return the faults that are there twice: right after a change of theme, colours are still on their way."""
     for pause_ms in (0, 1000):
         page.wait_for_timeout(pause_ms)
         settled(page)
-        faults = [one for one in findings(page, options, only=only, but=but) if one.impact in FAULTS]
+        faults = [one for one in findings(page, options, only=only, but=but) if one["impact"] in FAULTS]
         if not faults:
             break
     return faults
@@ -69,29 +55,17 @@ def _lasting_faults(
 
 def findings(
     page: Page, options: dict[str, Any] | None = None, *, only: str = "html", but: Sequence[str] = ()
-) -> list[Finding]:
-    """Return axe-core's findings, including minor ones."""
+) -> list[dict[str, Any]]:
+    """Return axe-core's findings, including minor ones: violated rules, as scripts/violations.js tells them."""
     if not page.evaluate("'axe' in window"):
-        page.evaluate(_script())
+        page.evaluate(Axe().axe_script)
         page.evaluate(WITHOUT_SOURCES)
-    violations = page.evaluate(read_script("violations"), [[[only]], [[one] for one in but], OPTIONS | (options or {})])
-    return [
-        Finding(
-            one["id"],
-            one["impact"],
-            tuple(_selector(node["target"]) for node in one["nodes"]),
-            tuple(node["failureSummary"] for node in one["nodes"]),
-        )
-        for one in violations
-    ]
+    within = [[[only]], [[one] for one in but], OPTIONS | (options or {})]
+    found: list[dict[str, Any]] = page.evaluate(read_script("violations"), within)
+    return found
 
 
 def nameless(page: Page) -> list[str]:
     """Return the first characters of each picture, drawing and chart that has no alternative text."""
     found: list[str] = page.evaluate(read_script("nameless"))
     return found
-
-
-def _selector(target: list[Any]) -> str:
-    """Return the selector of an element; inside shadow roots axe gives one selector per root."""
-    return " >> ".join(one if isinstance(one, str) else " >> ".join(one) for one in target)

@@ -11,7 +11,7 @@ from playwright.sync_api import Page
 
 from stereolag.core.arrays import Rgb
 from stereolag.figures.pictures import data_url, png
-from tests.browser.visits import read_script
+from tests.browser.visits import read_script, settled
 
 
 def played_cameras(**cameras: Sequence[Rgb]) -> str:
@@ -28,6 +28,21 @@ def refuse_cameras(page: Page, error: str) -> None:
 def unplug_cameras(page: Page) -> None:
     """End all running cameras, as when they are unplugged."""
     page.evaluate("window.fakeMedia.open.forEach(({ track }) => track.stop())")
+
+
+def expect_cameras_off(page: Page) -> None:
+    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+
+
+def choose_arrangement(page: Page, name: str) -> None:
+    """Choose how cameras make a pair."""
+    page.locator("[class*=-camera-arrangement]").get_by_role("combobox").click()
+    page.get_by_role("option", name=name).click()
+    settled(page)
+
+
+def choose_device(page: Page, label: str, device: str) -> None:
+    page.locator(".live").get_by_role("combobox", name=label, exact=True).select_option(label=device)
 
 
 def stereo_scene(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.journeys import unfold
 from tests.browser.parts import box_of
 from tests.browser.visits import OpenPage, expect_visible, settled
 
@@ -18,8 +19,7 @@ OTHER_ADDRESS = "Depth_maps?pair=square&window_size=31&bm.block_size=9"
 def taken(page: Page) -> tuple[str, bytes]:
     """Return the address and the contents of the map in a file."""
     expect(page.get_by_role("slider", name="Block")).to_have_value("13")
-    page.locator("summary:visible").filter(has_text="Take it away").first.click()
-    settled(page)
+    unfold(page, "Take it away")
     expect_visible(page.get_by_text("All files are for the images at full size, 480 × 480 pixels."))
     page.get_by_role("button", name="More files").click()
     settled(page)

@@ -69,9 +69,8 @@ def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPart, par
     if part in {"readout", "blanks"}:  # the others are checked on their page
         check(page, part, only="main")
     turned_dark(page, width=390)
-    screenshot(page, f"depth-{part}-phone")
     resized(page, 1280)
-    screenshot(page, f"depth-{part}-dark")
+    screenshot(page)
     page.emulate_media(color_scheme="light")
 
 
@@ -96,7 +95,7 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     parts.answer()
     assert "A to B" in parts.said()
     expect(page.locator(".viewport").first.locator("svg text")).to_have_text(["A", "B"])
-    screenshot(page, "depth-readout-light")
+    screenshot(page)
 
 
 def test_all_pictures_zoom_and_move_together(open_part: OpenPart) -> None:
@@ -118,7 +117,7 @@ def test_all_pictures_zoom_and_move_together(open_part: OpenPart) -> None:
     assert {view.get_attribute("viewBox") for view in views.all()} == {moved}
     picture.dblclick(position=point(picture, 0.5, 0.5))
     expect(views.first).to_have_attribute("viewBox", whole)
-    screenshot(page, "depth-comparison-light")
+    screenshot(page)
 
 
 def test_before_and_after_needs_no_rerun(open_part: OpenPart) -> None:
@@ -134,7 +133,7 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPart) -> None:
     hover(page.locator(".viewport"), 0.5, 0.5)
     expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+\sm$"))
     assert sent(page) == []
-    screenshot(page, "depth-before-after-dark")
+    screenshot(page)
     page.get_by_role("button", name="Side by side").click()
 
 
@@ -153,7 +152,7 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPart) -> None
     assert window in [{name: mark[name] for name in window} for mark in framed]
     page.get_by_role("application").blur()
     expect(page.locator(".viewport").first.locator("svg path[d='M144 72h15v15h-15z']")).not_to_have_count(0)
-    screenshot(page, "depth-inspection-light")
+    screenshot(page)
 
 
 # Outlines
@@ -189,10 +188,8 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts
     zoomed = page.locator(".viewport > svg").first.get_attribute("viewBox")
     assert zoomed != "0 0 280 160"
     expect(over["Convolution"]).to_have_attribute("viewBox", str(zoomed))
-    screenshot(page, "depth-outlines-light")
     turned_dark(page, width=420)
     expect(page.locator(".outlines")).to_have_count(4)
-    screenshot(page, "depth-outlines-dark")
     parts.hand_over(lambda: show_comparison(plain))
     expect(page.locator(".outlines")).to_have_count(0)
 
@@ -220,7 +217,7 @@ def test_the_search_follows_the_pointer_and_the_keys_leaves_again_and_a_click_ex
     assert abs(abs(places[0] - places[1]) / 14.5 % 1 - 0.5) > 0.4  # a whole number of pickets apart
     expect(page.locator(".strip .frame")).to_have_count(3)
     assert [frame.get_attribute("d") for frame in frames.all()] != framed
-    screenshot(page, "depth-hovered-fence-light")
+    screenshot(page)
 
     page.get_by_role("application").focus()
     page.keyboard.press("ArrowRight")
@@ -239,5 +236,4 @@ def test_the_search_follows_the_pointer_and_the_keys_leaves_again_and_a_click_ex
     page.mouse.move(2, 2)
     page.get_by_role("application").blur()
     expect(reading).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks"))
-    screenshot(page, "depth-hovered-fence-phone")
     expect_fitting(page, 420)

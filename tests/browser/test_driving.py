@@ -15,7 +15,7 @@ from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from tests.app.test_driving_page import drive
 from tests.archives import zipped
-from tests.browser.fake_media import played_cameras, stereo_scene
+from tests.browser.fake_media import expect_cameras_off, played_cameras, stereo_scene
 from tests.browser.layout import USUAL
 from tests.browser.parts import box_of
 from tests.browser.visits import OpenPage, expect_visible, resized, screenshot, settled
@@ -115,7 +115,7 @@ def test_a_recorded_drive_has_maps_and_a_video_like_an_uploaded_one(page: Page) 
     expect(page.get_by_text("Until your frames are here")).to_have_count(0)
     settled(page)
     expect(page.locator(".player")).to_be_visible()
-    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+    expect_cameras_off(page)
 
 
 def test_it_is_watched_while_it_is_computed_and_called_off(page: Page) -> None:
@@ -170,11 +170,10 @@ def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
     expect_visible(visit.page.get_by_role("button", name="Pause"))
     visit.page.keyboard.press("Space")
     chart = visit.page.locator(".player .chart svg").first
-    box = chart.bounding_box()
-    assert box is not None
+    box = box_of(chart)
     chart.click(position={"x": box["width"] - 1, "y": box["height"] / 2})
     expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")
-    screenshot(visit.page, "driving-light")
+    screenshot(visit.page)
 
 
 def test_no_step_is_lost_however_quickly_keys_follow(visit: Drive) -> None:

@@ -14,7 +14,7 @@ from stereolag.ui.lag.inputs import RecordingPair, example_recordings
 from stereolag.ui.lag.parts import fool_it, show_phasors, show_plan, slide_by_hand
 from tests.browser.axe import check
 from tests.browser.parts import ShowParts, box_of, drag, sent
-from tests.browser.visits import expect_fitting, screenshot, turned_dark
+from tests.browser.visits import expect_fitting, turned_dark
 
 
 def painted(panel: Locator) -> int:
@@ -79,7 +79,6 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(show_parts:
     page.locator(".sliding .play").click()
     expect(page.locator(".sliding .peak")).to_have_count(10)
     expect_fitting(page, 390)
-    screenshot(page, "sensor-lag-sliding-phone")
     check(page, "sliding", only="main")
 
 
@@ -148,7 +147,6 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
     expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # animated, it takes 3 s
     expect(root.locator(".peak")).to_have_count(5)
     expect_fitting(page, 420)
-    screenshot(page, "sensor-lag-phasors-phone")
     check(page, "phasors", only="main")
 
 
@@ -195,7 +193,6 @@ def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: 
     answered(echo=150, repetition=0)
     expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
     expect_fitting(page, 420)
-    screenshot(page, "sensor-lag-disturbances-phone")
     check(page, "disturbances", only="main")
     page.evaluate("sent.push({ ...sent.at(-1), value: { noise: 99 } })")
     parts.answer()
@@ -231,5 +228,4 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(show_pa
     expect(said).to_contain_text(re.compile(r"300\sm longer.*This is your lag\."))
     assert sent(page) == []
     turned_dark(page, width=390)
-    screenshot(page, "sensor-lag-plan-phone")
     check(page, "plan", only="main")

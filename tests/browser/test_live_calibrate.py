@@ -9,9 +9,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.core.arrays import Rgb
+from tests.browser import fake_media
 from tests.browser.axe import check
-from tests.browser.fake_media import played_cameras, refuse_cameras, unplug_cameras
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled, turned_dark
 from tests.held_boards import SQUARE_M, obeying, taken
 
 
@@ -22,7 +22,7 @@ def pairs() -> list[tuple[Rgb, Rgb]]:
 
 def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
     left, right = zip(*pairs, strict=True)
-    cameras = played_cameras(both=[np.hstack(pair) for pair in pairs], one=left, two=right)
+    cameras = fake_media.played_cameras(both=[np.hstack(pair) for pair in pairs], one=left, two=right)
     return open_page("Calibrate", choose="Live camera", script=cameras)
 
 
@@ -46,11 +46,11 @@ def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
         expect(count).to_contain_text(re.compile(rf"^{number + 1} pair"))
         expect(said).not_to_be_empty()
     expect(page.get_by_text("A chessboard of 10 × 7 squares.")).to_be_attached()
-    screenshot(page, "calibrate-live")
+    screenshot(page)
     show(page, len(pairs) - 1)
     expect(page.get_by_text(f"The {len(pairs)} pairs that the camera has taken are in use.")).to_be_attached()
     settled(page)
-    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+    fake_media.expect_cameras_off(page)
     page.get_by_role("spinbutton", name="Side of a square").fill(str(1000 * SQUARE_M))
     page.keyboard.press("Enter")
     heading = page.get_by_role("heading", name=f"Calibrated from {len(pairs)} of {len(pairs)} pairs")
@@ -66,32 +66,27 @@ def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
 ) -> None:
     page = camera_page(open_page, pairs)
     state, count = page.locator(".live .state"), page.locator(".boards .count")
-    refuse_cameras(page, "NotAllowedError")
+    fake_media.refuse_cameras(page, "NotAllowedError")
     page.get_by_role("button", name="Start the camera").click()
     expect(state).to_contain_text("does not allow it")
-    refuse_cameras(page, "")
+    fake_media.refuse_cameras(page, "")
     start(page)
     expect(count).to_have_text("1 pair taken")
-    unplug_cameras(page)
+    fake_media.unplug_cameras(page)
     expect(state).to_contain_text("was unplugged")
     finish = page.get_by_role("button", name="Calibrate with these")
     expect(finish).to_be_disabled()
-    page.locator("[class*=calibrate-camera-arrangement]").get_by_role("combobox").click()
-    page.get_by_role("option", name="Two webcams").click()
-    settled(page)
+    fake_media.choose_arrangement(page, "Two webcams")
     start(page)
     for label, device in (("Right camera", "two"), ("Camera", "one")):
-        page.locator(".boards").get_by_role("combobox", name=label, exact=True).select_option(label=device)
+        fake_media.choose_device(page, label, device)
         expect(state).to_have_text("Live")
     expect(page.locator(".skew")).to_contain_text("ms")
     for number in (1, 2):
         show(page, number)
         expect(count).to_have_text(f"{number + 1} pairs taken")
-    screenshot(page, "calibrate-live-two")
     check(page, "Calibrate, live")
     turned_dark(page, width=390)
-    expect_fitting(page, 390)
-    screenshot(page, "calibrate-live-phone")
     page.get_by_role("button", name="Start over").click()
     expect(count).to_have_text("1 pair taken")  # of the board as it is held now
     for number in (3, 4):

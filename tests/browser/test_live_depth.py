@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, WebSocket, expect
 
-from tests.browser import axe
-from tests.browser.fake_media import played_cameras, refuse_cameras, stereo_scene, unplug_cameras
+from tests.browser import axe, fake_media
+from tests.browser.parts import box_of
 from tests.browser.visits import OpenPage, settled
 from tests.packed import unpacked, values_of
 
 NEAR, FAR = 30, 9
 PATIENCE = 100
-LEFT, RIGHT, TRUTH = stereo_scene(7, near=NEAR, far=FAR)
+LEFT, RIGHT, TRUTH = fake_media.stereo_scene(7, near=NEAR, far=FAR)
 
 
 @pytest.fixture(scope="module")
 def camera_page(keep_page: OpenPage) -> Page:
     """Open the depth page with four cameras: both views in one picture, or one view each."""
-    cameras = played_cameras(both=[np.hstack([LEFT, RIGHT])], one=[LEFT], two=[RIGHT], hand=[LEFT, RIGHT])
+    cameras = fake_media.played_cameras(both=[np.hstack([LEFT, RIGHT])], one=[LEFT], two=[RIGHT], hand=[LEFT, RIGHT])
     return keep_page("Depth_maps?pair=own", choose="Live camera", script=cameras)
 
 
@@ -37,8 +37,7 @@ def start(page: Page) -> None:
 def values_at(page: Page, share: tuple[float, float]) -> list[float]:
     """Return the disparities of all maps under a point, given as shares of their height and width."""
     viewport = page.locator(".viewport").first
-    box = viewport.bounding_box()
-    assert box is not None
+    box = box_of(viewport)
     viewport.hover(position={"x": share[1] * box["width"], "y": share[0] * box["height"]})
     expect(page.locator(".reading").first).to_contain_text("px")
     texts = page.locator(".reading").all_inner_texts()
@@ -47,17 +46,7 @@ def values_at(page: Page, share: tuple[float, float]) -> list[float]:
 
 def stop(page: Page) -> None:
     page.get_by_role("button", name="Stop").click()
-    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
-
-
-def choose_device(page: Page, label: str, device: str) -> None:
-    page.locator(".live").get_by_role("combobox", name=label, exact=True).select_option(label=device)
-
-
-def choose_arrangement(page: Page, name: str) -> None:
-    page.locator("[class*=depth-camera-arrangement]").get_by_role("combobox").click()
-    page.get_by_role("option", name=name).click()
-    settled(page)
+    fake_media.expect_cameras_off(page)
 
 
 def assert_maps_are_right(page: Page) -> None:
@@ -83,15 +72,15 @@ def test_every_failure_of_a_camera_has_its_own_sentence(camera_page: Page) -> No
     state = page.locator(".live .state")
     sentences = set()
     for error in ("NotAllowedError", "NotFoundError", "NotReadableError", "OverconstrainedError", "AbortError"):
-        refuse_cameras(page, error)
+        fake_media.refuse_cameras(page, error)
         page.get_by_role("button", name="Start").click()
         expect(state).not_to_contain_text("before you start")
         sentences.add(state.inner_text())
         expect(page.locator(".live.on")).to_have_count(0)
     assert len(sentences) == 5
-    refuse_cameras(page, "")
+    fake_media.refuse_cameras(page, "")
     start(page)
-    unplug_cameras(page)
+    fake_media.unplug_cameras(page)
     expect(state).to_contain_text("was unplugged")
     start(page)
     stop(page)
@@ -173,10 +162,10 @@ def test_where_no_socket_opens_frames_go_over_the_own_connection_of_the_page(cam
 
 def test_two_webcams_are_one_stereo_camera_and_can_be_swapped(camera_page: Page) -> None:
     page = camera_page
-    choose_arrangement(page, "Two webcams")
+    fake_media.choose_arrangement(page, "Two webcams")
     start(page)
     for label, device in (("Camera", "one"), ("Right camera", "two")):
-        choose_device(page, label, device)
+        fake_media.choose_device(page, label, device)
     expect(page.locator(".skew")).to_contain_text("ms")
     expect(page.locator(".live .state")).to_have_text("Live")
     assert_maps_are_right(page)
@@ -189,9 +178,9 @@ def test_two_webcams_are_one_stereo_camera_and_can_be_swapped(camera_page: Page)
 
 def test_one_webcam_moved_by_hand_makes_a_pair(camera_page: Page) -> None:
     page = camera_page
-    choose_arrangement(page, "One webcam, moved by hand")
+    fake_media.choose_arrangement(page, "One webcam, moved by hand")
     start(page)
-    choose_device(page, "Camera", "hand")
+    fake_media.choose_device(page, "Camera", "hand")
     expect(page.locator(".live .state")).to_have_text("Live")
     page.get_by_role("button", name="Take the left picture").click()
     page.evaluate("fakeMedia.frame = 1")
@@ -200,4 +189,4 @@ def test_one_webcam_moved_by_hand_makes_a_pair(camera_page: Page) -> None:
     expect(page.get_by_text("In use: a frame of the camera")).to_be_attached()
     settled(page)
     expect(page.get_by_role("heading", name="Look closer")).to_be_attached()
-    assert page.evaluate("fakeMedia.open.every(({ track }) => track.readyState === 'ended')")
+    fake_media.expect_cameras_off(page)

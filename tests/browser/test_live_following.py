@@ -49,7 +49,7 @@ def test_a_sign_is_followed_until_it_is_covered_or_gone_found_again_and_a_frame_
     panel.get_by_role("button", name="Start").click()
     expect(panel.get_by_role("button", name="Follow the box")).to_be_visible()
     expect(panel.get_by_role("button", name="Freeze")).to_be_disabled()
-    screenshot(page, "following-box")
+    screenshot(page)
     canvas = panel.locator("canvas")
     canvas.scroll_into_view_if_needed()
     box = box_of(canvas)
@@ -76,14 +76,12 @@ def test_a_sign_is_followed_until_it_is_covered_or_gone_found_again_and_a_frame_
     whole = [one for one in told if not one["unseen"] and not leaving - 5 <= one["number"] < back + 5]
     states = [one["state"] for one in whole]
     assert states.count("found") > 0.9 * len(states)
-    screenshot(page, "following-found")
     check(page, "Rocketman search: a sign is followed")
     turned_dark(page, width=390)
-    screenshot(page, "following-dark-phone")
 
     panel.get_by_role("button", name="Freeze").click()
     settled(page)
     for said in ("The frame that you froze is in use.", "What you cut from the camera’s picture is in use."):
         expect(page.get_by_text(said)).to_be_attached()
     expect(page.get_by_role("heading", name="Found at row")).to_be_visible()
-    screenshot(page, "following-frozen")
+    screenshot(page)

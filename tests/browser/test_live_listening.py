@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.axe import check
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, read_script, screenshot, settled, turned_dark
+from tests.browser.visits import OpenPage, expect_visible, read_script, settled, turned_dark
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,4 @@ def test_a_lag_is_found_followed_and_frozen(page: Page) -> None:
         "fake.streams.every(({ destination }) => destination.stream.getTracks()[0].readyState === 'ended')"
     )
     settled(page)
-    screenshot(page, "sensor-lag-live")
     turned_dark(page, width=390)
-    expect_fitting(page, 390)
-    screenshot(page, "sensor-lag-live-phone")

@@ -22,7 +22,7 @@ from stereolag.ui.navigation import PAGES
 from tests.app import uploads
 from tests.browser.fake_media import played_cameras, stereo_scene
 from tests.browser.serving import NGINX, PROJECT, Server, free_port, status_of, wait_until
-from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
+from tests.browser.visits import expect_visible, faultless_pages, file_of, give, settled
 
 PROMISED = {
     "X-Content-Type-Options": "nosniff",
@@ -116,10 +116,8 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
         settled(page)
         page.get_by_text("Your own files").click()
         settled(page)
-        inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
-        for place, (name, picture) in enumerate({"left.png": scene[:, :-5], "right.png": scene[:, 5:]}.items()):
-            inputs.nth(place).set_input_files(file_of(name, uploads.png(picture)))
-            settled(page)
+        pair = {"left.png": scene[:, :-5], "right.png": scene[:, 5:]}
+        give(page, *(file_of(name, uploads.png(picture)) for name, picture in pair.items()))
         expect_visible(page.get_by_text("Your own pair").first)
         expect_visible(page.locator(".linked figure").first)
         page.reload()

@@ -95,7 +95,7 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
     expect(page.locator(".by-hand .score")).to_have_text("0.384")
     drawn = "canvas => new Set(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size"
     assert leaders.first.locator("canvas").evaluate(drawn) > 50
-    screenshot(page, "rocketman-by-hand")
+    screenshot(page)
     page.locator(".by-hand .clear").click()
     expect(leaders).to_have_count(0)
     expect(page.locator(".by-hand .said")).to_be_empty()  # cleared in the frame that redraws the score map
@@ -142,7 +142,6 @@ def test_the_search_by_hand_can_be_done_in_dark_and_on_a_phone_by_touch(search: 
     page.locator(".by-hand .reveal").click()
     expect(page.locator(".by-hand .said")).to_contain_text(re.compile(r"row 1048, column 1707: 0\.7[56]\d"))
     expect_fitting(page, 420)
-    screenshot(page, "rocketman-by-hand-phone")
 
 
 # The steps of "sampled"
@@ -182,7 +181,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     expect(said).to_contain_text("Too many: only their count is shown")
     buttons.nth(1).click()
     expect(said).to_contain_text("600 of them are drawn")
-    screenshot(page, "rocketman-funnel")
+    screenshot(page)
 
     box = box_of(bars)
     bars.click(position={"x": box["width"] * 2.5 / 24, "y": 60})
@@ -199,7 +198,6 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     buttons.nth(3).click()
     expect(said).not_to_contain_text("score 1.00")
     expect_fitting(page, 420)
-    screenshot(page, "rocketman-funnel-phone")
     check(page, "funnel", only="main")
 
 

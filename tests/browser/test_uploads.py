@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from playwright.sync_api import FilePayload, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.app.uploads import wav
+from tests.browser.journeys import unfold
 from tests.browser.serving import Server
-from tests.browser.visits import OpenPage, expect_visible, file_of, settled
+from tests.browser.visits import OpenPage, expect_visible, file_of, give, settled
 
 SOUND = 0.1 * np.random.default_rng(3).normal(size=9_000)
 EXAMPLE = "378.17 m"
@@ -17,21 +18,10 @@ BROKEN = file_of("broken.wav", b"RIFF and nothing more")
 REFUSAL = "cut short before the layout of its samples"
 
 
-def give(page: Page, number: int, file: FilePayload) -> None:
-    page.locator("input[type=file]").nth(number).set_input_files(file)
-    settled(page)
-
-
 def give_both(page: Page) -> None:
-    give(page, 0, file_of("first.wav", wav(SOUND[300:][:8_000])))
-    give(page, 1, file_of("second.wav", wav(SOUND[:8_000])))
+    give(page, file_of("first.wav", wav(SOUND[300:][:8_000])), file_of("second.wav", wav(SOUND[:8_000])))
     expect_visible(page.get_by_role("heading", name=OWN))
     settled(page)  # the uploaders are folded away now
-
-
-def unfold(page: Page) -> None:
-    page.locator("summary").filter(has_text="Your own files").click()
-    settled(page)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +32,7 @@ def own_page(keep_page: OpenPage) -> Page:
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
     page = own_page
     give_both(page)
-    unfold(page)
+    unfold(page, "Your own files")
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
     page.evaluate(
         """() => {
@@ -52,13 +42,13 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -
           window.watch.observe(document.body, { childList: true, subtree: true, characterData: true });
         }"""
     )
-    give(page, 1, BROKEN)
+    give(page, BROKEN, first=1)
     expect_visible(page.get_by_text(REFUSAL))
     expect_visible(page.get_by_text("The previous file stays in use."))
     expect_visible(page.get_by_role("heading", name=OWN))
     assert not page.evaluate("window.thrownBack")
     page.evaluate("window.watch.disconnect()")  # reading all of the text at every change takes the processor
-    give(page, 1, file_of("third.wav", wav(SOUND[200:][:8_000])))
+    give(page, file_of("third.wav", wav(SOUND[200:][:8_000])), first=1)
     expect_visible(page.get_by_role("heading", name="Sensor 2 hears it 0.0125 s"))
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
 
@@ -94,7 +84,7 @@ def test_after_a_restart_the_page_says_that_the_files_are_gone_and_one_that_is_r
     expect(page.get_by_text("Your own recordings.")).to_have_count(0)
     expect(page.get_by_role("heading", name=EXAMPLE)).to_have_count(0)  # nobody must take that for an answer
     give_both(page)
-    unfold(page)
+    unfold(page, "Your own files")
     page.get_by_role("button", name="Remove second.wav").click()
     expect_visible(page.get_by_text("the page shows the example"))
     settled(page)

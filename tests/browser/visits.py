@@ -6,11 +6,15 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 from playwright.sync_api import Browser, ConsoleMessage, FilePayload, Locator, Page, TimeoutError, expect
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
+
+NUMBERS = count(1)
+"""Numbers of the screenshots, in the order in which they are taken."""
 
 SCRIPTS = Path(__file__).with_name("scripts")
 
@@ -89,10 +93,12 @@ def new_window(browser: Browser) -> Page:
 def turned_dark(page: Page, *, width: int) -> None:
     """Switch an open page to dark and to a width, such as a phone's, and expect it to fit: opening another page takes
     ten times as long."""
+    screenshot(page)
     page.emulate_media(color_scheme="dark")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
     resized(page, width)
     expect_fitting(page, width)
+    screenshot(page)
 
 
 def resized(page: Page, width: int, height: int = 900) -> None:
@@ -109,7 +115,6 @@ def expect_fitting(page: Page, width: int) -> None:
 
 def settled(page: Page) -> None:
     """Wait until the server has answered, the script has run, heavy work is done and every chart is drawn."""
-    page.wait_for_selector("h1")
     page.evaluate(read_script("rest"), TIMEOUT_MS)
 
 
@@ -125,17 +130,25 @@ def file_of(name: str, data: bytes) -> FilePayload:
     return {"name": name, "mimeType": "application/octet-stream", "buffer": data}
 
 
-def screenshot(page: Page, name: str) -> None:
+def give(page: Page, *given: FilePayload | list[FilePayload], first: int = 0) -> None:
+    """Upload a file, or several, to each of the boxes on the page from one on."""
+    for number, some in enumerate(given, first):
+        page.locator("input[type=file]").nth(number).set_input_files(some)
+        settled(page)
+
+
+def screenshot(page: Page) -> None:
     """Save a picture of the whole page in screenshots/, which git ignores, if $STEREOLAG_SCREENSHOTS is set."""
-    settled(page)
     if not os.environ.get("STEREOLAG_SCREENSHOTS"):
         return
+    settled(page)
     SCREENSHOTS.mkdir(exist_ok=True)
     before = page.viewport_size
     assert before is not None
     height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
     resized(page, before["width"], height)
-    path = SCREENSHOTS / f"{name}.png"
+    test = os.environ["PYTEST_CURRENT_TEST"].rpartition("/")[2].partition(" ")[0]
+    path = SCREENSHOTS / f"{test.replace('::', '.')}.{next(NUMBERS)}.png"
     try:
         page.screenshot(path=path, timeout=TIMEOUT_MS / 3)
     except TimeoutError:  # about once in several hundred times Chromium on a busy machine draws nothing at first

@@ -6,7 +6,7 @@ async (patience) => {
     ...Object.entries(awaited).filter(([, value]) => value === true).map(([name]) => name),
     ...[...awaited.timers].map((timer) => `timer ${timer}`),
   ];
-  const finished = () => !waitsFor().length
+  const finished = () => !waitsFor().length && !none("h1")
     && document.querySelector("[data-testid=stApp]")?.dataset.testScriptState === "notRunning"
     && none("[data-testid=stSkeleton], [data-testid=stSpinner], [class*=st-key-results-cancel]")
     && [...document.querySelectorAll("[data-testid=stPlotlyChart]")].every((chart) => chart.querySelector("svg"))
