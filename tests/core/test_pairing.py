@@ -42,14 +42,16 @@ FOLDS: dict[str, tuple[str, list[str]]] = {
     ),
     "KITTI 2015": (
         " ".join(
-            f"image_2/0{n}_10.png image_3/0{n}_10.png image_2/0{n}_11.png image_3/0{n}_11.png "
-            f"disp_occ_0/0{n}_10.png disp_noc_0/0{n}_10.png calib_cam_to_cam/0{n}.txt"
+            f"training/image_2/00000{n}_10.png training/image_3/00000{n}_10.png training/image_2/00000{n}_11.png "
+            f"training/image_3/00000{n}_11.png training/disp_occ_0/00000{n}_10.png training/disp_noc_0/00000{n}_10.png "
+            f"training/calib_cam_to_cam/00000{n}.txt"
             for n in "01"
         ),
         [
-            f"image_2/0{n}_{frame}.png image_3/0{n}_{frame}.png {truth} calib_cam_to_cam/0{n}.txt"
+            f"training/image_2/00000{n}_{frame}.png training/image_3/00000{n}_{frame}.png {truth} "
+            f"training/calib_cam_to_cam/00000{n}.txt"
             for n in "01"
-            for frame, truth in (("10", f"disp_occ_0/0{n}_10.png"), ("11", "-"))
+            for frame, truth in (("10", f"training/disp_occ_0/00000{n}_10.png"), ("11", "-"))
         ],
     ),
     "KITTI's sequences": (
