@@ -47,7 +47,7 @@ def test_a_map_follows_a_slider_while_it_is_dragged_and_is_whole_once_it_is_rele
     page.mouse.down()
     drag_to(xs[1], 240)
     numbers = page.locator(".linked .figures").first
-    expect(numbers).to_contain_text(re.compile("Preview1/2 size.*Coverage.*EPE"))
+    expect(numbers).to_contain_text(re.compile("Preview1/2 size.*Coverage.*EPE", re.DOTALL))
     expect(page).to_have_url(re.compile("window_size=31&"))
     drag_to(xs[0], 240)
     page.mouse.up()

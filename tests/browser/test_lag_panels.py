@@ -182,6 +182,7 @@ def test_a_drag_asks_now_and_then_and_its_last_position_is_answered(show_parts: 
     expect(slider("noise")).to_have_attribute("aria-valuetext", "−30\N{NO-BREAK SPACE}dB")
     expect(slider("period")).to_be_disabled()
     slider("repetition").press("End")
+    expect(slider("period")).to_be_enabled()
     slider("period").press("Home")
     answered(noise=-30, repetition=100, period=20)
     expect(verdict).to_have_text("Cannot tell: it repeats every 20 samples.")

@@ -34,6 +34,7 @@ class SlidersPanel extends Panel {
   }
 
   take(target) {
+    clearInterval(this.looking); // a second finger comes down before the first is lifted
     this.dragged = this.sliderOf(target);
     if (!this.dragged) return;
     this.start = this.seen = this.dragged.handle.value;
