@@ -86,7 +86,7 @@ SET = f"{PAIR}.set"
 """Session-state key of the set of pairs in use, if there is one."""
 STEP = f"{PAIR}.step"
 """Session-state key of the index of the pair shown, from 0, in its set."""
-RESTORED = f"{PAIR}.restored"
+RESTORED_PAIR = f"{PAIR}.restored"
 """Session-state key of the digest of the session restored last."""
 
 LIVE_TITLE = "Live camera"
@@ -449,16 +449,16 @@ def _pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
     """Return the pair of a session, setting the page to it once, or the one chosen from a set; None without either."""
     state = st.session_state
     if given is None:
-        for place in (SET, RESTORED, STEP):
+        for place in (SET, RESTORED_PAIR, STEP):
             state.pop(place, None)
         return None
     if isinstance(given.content, Session):
         state.pop(SET, None)
-        if state.get(RESTORED) != given.digest:
-            state[RESTORED] = given.digest
+        if state.get(RESTORED_PAIR) != given.digest:
+            state[RESTORED_PAIR] = given.digest
             restore(given.content)
         return session_pair(given.content, given.digest)
-    state.pop(RESTORED, None)
+    state.pop(RESTORED_PAIR, None)
     pairs = state[SET] = given.content
     number = state[STEP] = min(state.get(STEP) or 0, len(pairs) - 1)
     try:
