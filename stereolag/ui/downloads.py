@@ -26,7 +26,7 @@ from stereolag.io.recordings import wav
 from stereolag.io.sources import bundle
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
-from stereolag.ui.results import HEAVY_MEMORY, limiter
+from stereolag.ui.background_jobs import HEAVY_MEMORY, limiter
 
 KEPT_S = 60
 """How long a file made on demand can be fetched, s."""

@@ -17,8 +17,8 @@ from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
+from stereolag.ui.background_jobs import this_visit
 from stereolag.ui.controls import run_of_page, run_of_part
-from stereolag.ui.results import this_visit
 from stereolag.warming import warm
 
 P = ParamSpec("P")

@@ -35,9 +35,9 @@ from stereolag.core.jobs import limits
 from stereolag.io.guard import guarded
 from stereolag.io.images import read_camera_frame
 from stereolag.loops.bands import available_cores
+from stereolag.ui.background_jobs import LOOKS_S, Limiter
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import LOOKS_S, Limiter
 from stereolag.ui.sentences import LIVE_WORDS
 
 PATH = "/live"

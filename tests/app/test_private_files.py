@@ -10,7 +10,7 @@ from streamlit.runtime import Runtime
 from streamlit.runtime.media_file_manager import MediaFileManager
 from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
 
-from stereolag.ui import downloads, results
+from stereolag.ui import background_jobs, downloads
 
 
 class Clock:
@@ -103,5 +103,5 @@ def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileMa
     clock.pass_by()
     files.remove_orphaned_files()  # as happens when their session ends
     assert fetched(files, name)
-    results.give_memory_back()
+    background_jobs.give_memory_back()
     assert fetched(files, name) is None

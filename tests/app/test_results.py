@@ -14,8 +14,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import Estimate, Progress
 from stereolag.core.typography import typeset
-from stereolag.ui import results
-from stereolag.ui.results import HEAVY_MEMORY, Job
+from stereolag.ui import background_jobs, results
+from stereolag.ui.background_jobs import HEAVY_MEMORY, Job
 from stereolag.ui.sentences import duration
 from tests.app.pages import page_of, until
 
@@ -119,8 +119,8 @@ def limit(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Return a function that sets the number of jobs computed at once, and the memory of all."""
 
     def set_to(at_once: int, memory: int = MEMORY) -> None:
-        limiter = results.Limiter(memory, at_once)
-        monkeypatch.setattr(results, "limiter", lambda: limiter)
+        limiter = background_jobs.Limiter(memory, at_once)
+        monkeypatch.setattr(background_jobs, "limiter", lambda: limiter)
 
     return set_to
 
@@ -173,9 +173,9 @@ def test_a_job_that_fails_gives_its_turn_back(limit: Callable[..., None]) -> Non
 
 
 def test_what_is_light() -> None:
-    assert not results.is_heavy(Estimate(HEAVY_MEMORY - 1, results.HEAVY_S / 2))
-    assert results.is_heavy(Estimate(HEAVY_MEMORY, 0.0))
-    assert results.is_heavy(Estimate(0, results.HEAVY_S))
+    assert not background_jobs.is_heavy(Estimate(HEAVY_MEMORY - 1, background_jobs.HEAVY_S / 2))
+    assert background_jobs.is_heavy(Estimate(HEAVY_MEMORY, 0.0))
+    assert background_jobs.is_heavy(Estimate(0, background_jobs.HEAVY_S))
 
 
 # A job on a page

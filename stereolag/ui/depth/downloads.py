@@ -35,6 +35,7 @@ from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import prose
+from stereolag.ui.background_jobs import is_heavy
 from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, choose_map, kept_for, settings_key
@@ -50,7 +51,7 @@ from stereolag.ui.downloads import (
 )
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import refusals_shown
-from stereolag.ui.results import computed_in_turn, is_heavy
+from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import upload
 

@@ -25,13 +25,14 @@ from stereolag.pair import Pair, PairId, Preparation, Rows, prepare
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
+from stereolag.ui.background_jobs import is_heavy
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView, kept_for
 from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
 from stereolag.ui.elements import show_offer, show_refused, show_remedy
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.navigation import DEPTH_PAGE, PAGES
-from stereolag.ui.results import computed, computed_before, computed_in_turn, is_heavy
+from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import OWN, no_files_yet, upload_named
 

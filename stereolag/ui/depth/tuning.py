@@ -38,6 +38,7 @@ from stereolag.figures.maps import sweep_bad, sweep_maps
 from stereolag.pair import Pair, PairId, Preparation, prepare
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
+from stereolag.ui.background_jobs import Job, show_busy, this_visit, watch
 from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
 from stereolag.ui.depth.maps import DepthView, choose_map, known_truth, show_beside
 from stereolag.ui.depth.sentences import (
@@ -52,7 +53,6 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.depth.state import adopt
 from stereolag.ui.elements import refusals_shown, show_refused
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import Job, show_busy, this_visit, watch
 
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
 FEWER, MORE = 5, 7

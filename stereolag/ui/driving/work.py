@@ -23,13 +23,13 @@ from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState,
 from stereolag.sequences.frames import MOTION, SequenceMemory, table_lines
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
+from stereolag.ui.background_jobs import Job, show_busy, this_visit, watch
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.depth.live import transfer
 from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import EXAMPLE, KEY, MOTION_TITLE, ORIGIN, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import DEPTH_PAGE, failures_answered
-from stereolag.ui.results import Job, show_busy, this_visit, watch
 from stereolag.ui.sentences import MOTION_IN_WORDS, duration
 
 WORK = f"{KEY}.work"
