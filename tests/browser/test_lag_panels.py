@@ -65,7 +65,7 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(show_parts:
     assert painted(page.locator(".sliding")) == 1
     page.locator(".sliding .play").click()
     expect(said).to_contain_text("loud stretch wins")
-    page.locator(".sliding .normalise").check()
+    page.get_by_role("checkbox", name="Normalise").check()
     expect(said).to_contain_text("lag 90, reaches 1")
     stage.press("Home")
     stage.press("Shift+ArrowRight")
@@ -134,7 +134,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(show_parts: 
     root.locator(".play").click()
     expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
     expect(said).to_contain_text("The peak is broad")
-    root.locator(".whiten").check()
+    root.get_by_role("checkbox", name="Whiten").check()
     expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation, all frequencies alike 0.88")
     expect(said).to_contain_text("needle")
     root.locator(".clear").click()

@@ -42,6 +42,10 @@ class DisturbancesPanel extends ExamplesPanel {
     this.chosen = example.title;
   }
 
+  isChosen({ title }) {
+    return title === this.chosen;
+  }
+
   change(settings) {
     this.chosen = null;
     this.settings = { ...this.settings, ...settings };

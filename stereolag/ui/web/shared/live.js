@@ -1,6 +1,7 @@
 // Live media: a panel that sends frames of a camera or pieces of sound to the server, and draws what comes back.
 
 import { eventOf, received } from "./exchange.js";
+import { html, live } from "./lit_html.js";
 import { filled } from "./numbers.js";
 import { packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
@@ -167,6 +168,24 @@ export class LivePanel extends Panel {
     this.media = media;
     this.enter("connecting");
     this.connect(run);
+  }
+
+  // The markup that all have: start or stop, how the run is going, and a choice of the device at a place.
+  starter() {
+    return html`<button type="button" @click=${() => this.toggle()}>${this.data.words[this.running ? "stop" : "start"]}</button>`;
+  }
+
+  lights() {
+    return html`<span class="light"></span><span class="state" role="status">${this.told}</span>`;
+  }
+
+  chooser(at, name, hidden, first) {
+    return html`
+      <select aria-label=${name} ?hidden=${hidden} @change=${({ target }) => this.choose(at, target.value)}>
+        ${first ? html`<option value="" .selected=${live(this.chosen[at] === "")}>${first}</option>` : ""}
+        ${this.devices.map(({ deviceId, label }) => html`
+          <option value=${deviceId} .selected=${live(deviceId === this.chosen[at])}>${label}</option>`)}
+      </select>`;
   }
 
   enter(phase) {

@@ -1,5 +1,6 @@
 // Both views of a stereo camera: from one camera whose pictures hold both, or from two.
 
+import { html } from "./lit_html.js";
 import { camera, jpeg, LivePanel, opened } from "./live.js";
 
 const TWO = "two";
@@ -26,6 +27,13 @@ export class StereoPanel extends LivePanel {
     if (this.chosen[1 - at] === name) this.chosen[1 - at] = this.chosen[at];
     if (this.running) super.choose(at, name);
     else this.set({ chosen: this.chosen.with(at, name) });
+  }
+
+  // The markup of the cameras in use.
+  cameras() {
+    return html`
+      ${this.chooser(0, "Camera", this.devices.length < 2)}${this.chooser(1, "Right camera", !this.isTwo)}
+      <button type="button" class="swap" ?hidden=${!this.isTwo} @click=${() => this.choose(0, this.chosen[1])}>Swap left and right</button>`;
   }
 
   async listDevices() {
