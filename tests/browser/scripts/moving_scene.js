@@ -1,9 +1,9 @@
 // A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
 // It takes its next picture once the one before was answered, so that answers and pictures go together.
 (() => {
-  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 120];
-  const COVERED = [25, 45];
-  const AWAY = [60, 105];
+  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 80];
+  const COVERED = [15, 30];
+  const AWAY = [40, 70];
   let seed = 7;
   const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
   const drawing = (cols, rows) => new OffscreenCanvas(cols, rows).getContext("2d");
