@@ -16,8 +16,10 @@ from stereolag.geometry.board_samples import (
     is_still,
 )
 from stereolag.geometry.boards import Board, BoardViews, Corners, Markers
-from stereolag.geometry.calibrating import calibrate_boards
+from stereolag.geometry.calibrating import calibrate_boards, covered_cells
 from tests.held_boards import BASELINE_M, CHESSBOARD, SIZE, SQUARE_M, held, obeying, seen
+
+PLACES = (60, 30), (240, 180)
 
 
 def pose_of(*pair: Corners) -> BoardPose:
@@ -101,6 +103,13 @@ def test_whoever_does_what_is_missing_is_soon_done_and_well_calibrated() -> None
     assert min(result.left_coverage, result.right_coverage) > ENOUGH_COVERAGE - 0.01
     assert result.focal_error < 0.01
     assert result.calibration.baseline_m == pytest.approx(BASELINE_M, rel=0.01)
+
+
+def test_what_is_covered_is_within_the_corners_of_each_picture() -> None:
+    boards = [Corners(np.arange(4), np.array([[x, y], [x + 80, y], [x, y + 60], [x + 80, y + 60]])) for x, y in PLACES]
+    cells = covered_cells(boards, (400, 300))
+    assert cells.mean() == pytest.approx(2 * 0.2**2, rel=0.15)
+    assert cells[10:30, 15:35].all() and cells[60:80, 60:80].all()
 
 
 def test_many_pictures_are_enough_whatever_they_lack() -> None:

@@ -30,7 +30,8 @@ import pytest
 
 import stereolag
 import stereolag as sl
-from stereolag.loops import compilation, numba_inside
+from stereolag.core.jobs import Progress, silent
+from stereolag.loops import bands, compilation, numba_inside
 from stereolag.loops.bands import available_cores, in_threads, lone_threads, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
 from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
@@ -464,8 +465,12 @@ def test_work_of_a_lone_thread_stays_in_it() -> None:
         assert 1 <= len(set().union(*(one.result() for one in pieces))) <= available_cores()
 
 
-def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_ended() -> None:
-    assert in_threads([]) == []
+@pytest.mark.parametrize("progress", [silent, lambda fraction: None])
+def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_ended(
+    progress: Progress, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bands, "available_cores", lambda: 2)
+    assert in_threads([], progress) == []
     begun, ended = threading.Event(), threading.Event()
 
     def own() -> None:
@@ -478,7 +483,7 @@ def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_
         ended.set()
 
     with pytest.raises(ValueError, match="a bad job"):
-        in_threads([own, other])
+        in_threads([own, other], progress)
     assert ended.is_set()
 
 

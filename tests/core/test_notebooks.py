@@ -86,6 +86,7 @@ def test_what_is_not_sure_names_no_lag_as_found_no_time_and_no_metres(name: str)
     shown = words(RESULTS[name][0]._repr_html_())
     assert not re.search(r"hears it \d|\d m\b|m/s|\. Score", shown)
     assert "The highest point scores" in shown
+    assert "44,100 samples a second" in shown
 
 
 def test_the_image_shows_what_the_result_does_not_hold(browser: list[str]) -> None:

@@ -23,11 +23,13 @@ from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.assess.findings import Finding, FindingCode
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
+from stereolag.io.images import image_png
 from stereolag.sequences import (
     SequenceMemory,
     SequenceState,
     SequenceVideo,
     StereoSequence,
+    diagnose_sequence,
     open_sequence,
     run_sequence,
 )
@@ -61,6 +63,16 @@ def nothing_matched() -> None:
 def drive(tmp_path: Path) -> StereoSequence:
     left, right, truth = write_folders(tmp_path / "drive")
     return open_sequence(left, right, truth=truth)
+
+
+def test_a_drive_is_searched_over_the_range_of_all_its_frames_and_a_black_one_has_none(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path, disparities=(4, 9, 6))
+    examined = diagnose_sequence(open_sequence(left, right))
+    assert examined is not None and examined.disparities == pytest.approx((4, 9), abs=0.5)
+    for side in (left, right):
+        (side / "001.png").write_bytes(image_png(np.zeros((ROWS, COLS), np.uint8)))
+    examined = diagnose_sequence(open_sequence(left, right))
+    assert examined is not None and examined.disparities == pytest.approx((4, 6), abs=0.5)
 
 
 def rows_of(out: Path) -> list[dict[str, str]]:
