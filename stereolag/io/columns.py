@@ -100,8 +100,14 @@ _RATE = re.compile(r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate", re.IGNOR
 _STEP = re.compile(
     r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE
 )
-_QUANTITY = re.compile(r"[\s,;:=|\"(\[]*(\d[\d.]*(?:e[-+]?\d+)?)[\s,;|\"]*(?:([kmµμun]?)(hz|s\b|sec))?", re.IGNORECASE)
-_PREFIXES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "n": 1e-9}
+_QUANTITY = re.compile(
+    r"[\s,;:=|\"]*(?:[(\[](?P<within>[a-zµμ /]+|1/s)[)\]])?[\s,;:=|\"(\[]*"
+    r"(?:(?P<grouped>\d{1,3}(?:[ ,]\d{3})+(?:\.\d+)?)(?= ?[kmg]?(?:hz|sa?/s))"
+    r"|(?P<number>(?:\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?))[\s,;|\"]*(?P<unit>[a-zµμ]+(?:/s)?)?",
+    re.IGNORECASE,
+)
+_PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
+_PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 
 _UNIX_S = 1e9, 4e9
 """Seconds since 1970 of the years 2001 and 2096."""
@@ -402,6 +408,10 @@ def _names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
             fields.pop()
         if len(fields) != width or (width == 1 and names) or not any(_kind(field) == "word" for field in fields):
             break
+        if names and any(
+            (named := pattern.search(line)) and _quantity(line, named.end(), 1, layout) for pattern in (_RATE, _STEP)
+        ):
+            break
         names.insert(0, fields)
     return tuple(" ".join(filter(None, parts)) for parts in zip(*names, strict=True)) or ("",) * width
 
@@ -416,10 +426,26 @@ def _stated(layout: _Layout) -> tuple[float | None, float]:
         for pattern, power in ((_RATE, 1), (_STEP, -1)):
             if rate is None and (named := pattern.search(line)):
                 beneath = next((value for field, value in under.items() if pattern.search(field)), "")
-                said = _QUANTITY.match(line, named.end()) or _QUANTITY.match(beneath)
-                value = (_number(said[1]) or 0.0) * _PREFIXES.get(said[2] or "", 1.0) if said else 0.0
-                rate = value**power if value > 0 else None
+                value = _quantity(line, named.end(), power, layout) or _quantity(beneath, 0, power, layout)
+                rate = value**power if value else None
     return rate, start_s
+
+
+def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:
+    """Return the rate, Hz (power 1), or the interval, s (-1), that stands at a place of a heading; 0 if none does."""
+    said = _QUANTITY.match(text, place)
+    if said is None:
+        return 0.0
+    number, unit = said["grouped"], said["within"] or said["unit"] or ""
+    if number:
+        number = number.replace(" ", "").replace(",", "." if layout.separator == ";" else "")
+    elif layout.separator == "," and "," in said["number"]:  # the next field
+        number, unit = said["number"].partition(",")[0], said["within"] or ""
+    else:
+        number = said["number"].replace(",", ".")
+    prefix = _PREFIX.match(unit)
+    size = _unit(unit) if power < 0 else _PREFIXES[prefix[1]] if prefix else None
+    return float(number) * (size or 1.0)
 
 
 def _without_footer(text: str, layout: _Layout) -> tuple[str, int]:

@@ -439,6 +439,31 @@ def test_sensors_that_take_turns_are_tracks() -> None:
         read_columns(text.replace(f"gyr,0.005,{B[1]}", "gyr,0.005,x").encode(), 2)
 
 
+@pytest.mark.parametrize(
+    ("heading", "row", "rate"),
+    [
+        ("Sampling rate: 1 MHz", "{}", 1e6),
+        ("Sample Rate: 48 KHz", "{}", 48e3),
+        ("Sample rate: 2 MSa/s", "{}", 2e6),
+        ("Sample rate: 0.5 mHz", "{}", 5e-4),
+        ("# fs: 1,000 Hz", "{}", 1000.0),
+        ("# fs = 44 100 Hz", "{}", 44_100.0),
+        ("Abtastrate;2,5;kHz", "{}", 2500.0),
+        ("Sampling Rate (Hz),1000,2", "{},{}", 1000.0),
+        ("Sample rate,250,3", "{},{}", 250.0),
+        ("Sampling period (ms): 20", "{}", 50.0),
+        ("Sampling rate [1/s]: 4", "{}", 4.0),
+        ("Sample interval: 5 min", "{}", 1 / 300),
+        ("Sampling interval: 1 hour", "{}", 1 / 3600),
+        ("Sample Interval [ms];20\nNr;V", "{1};{0}", 50.0),
+    ],
+)
+def test_a_heading_states_the_rate_in_any_unit_and_with_any_comma(heading: str, row: str, rate: float) -> None:
+    recording = read(rows(lambda index: row.format(A[index], index), heading))
+    assert recording.sampling_rate == pytest.approx(rate, rel=1e-12)
+    np.testing.assert_array_equal(recording.channels[0], A)
+
+
 def test_counts_give_no_rate_but_their_gaps() -> None:
     recording = read(rows(lambda i: f"{i + (i >= 100) * 7},{A[i]}", "No.,A"))
     assert recording.sampling_rate is None
