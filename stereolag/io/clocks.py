@@ -333,7 +333,10 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     if same.mean() > COARSE:
         times, rounding = _spread(times)
         notes.append("several samples with one time, spread evenly")
-    elif same.any() and rounding < np.median(np.diff(times)) / 2:
+    elif same.any() and (
+        rounding < np.median(np.diff(times)) / 2
+        or np.array_equal(values[:, 1:][:, same], values[:, :-1][:, same], equal_nan=True)  # lines written twice
+    ):
         kept = np.concatenate(([True], ~same))
         times, values = times[kept], values[:, kept]
         notes.append(f"{int(same.sum())} of two samples with one time left out")
@@ -347,7 +350,7 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     long = LONG_STEP * max(usual_step, float(np.quantile(steps, 0.9))) + slack
     usual = steps[steps <= long]
     step, is_even = float(usual.mean()), True
-    step = _round_step(step, rounding / usual.size + 1e-9 * step)
+    step = _round_step(step, min(rounding, float(np.ptp(usual))) / usual.size + 1e-9 * step)
     positions = np.empty(times.size)
     ends = np.flatnonzero(steps > long)
     for first, last in zip(np.r_[0, ends + 1], np.r_[ends + 1, times.size], strict=True):
@@ -423,15 +426,17 @@ _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _OTHER_MONTHS = {"mai": "may", "okt": "oct", "dez": "dec"}
 
 _DATE = (
-    r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[A-Za-z]{3,9})\.?(?P=mark)(?P<third>\d{1,4})"
+    r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[A-Za-z]{3,9})\.?(?P=mark)(?P<third>\d{1,4})(?!\d)"
     r"|(?P<month>[A-Za-z]{3,9})\.? +(?P<day>\d{1,2}),? +(?P<year>\d{4})|(?P<packed>(?:19|20)\d{6})"
 )
 _CLOCK = (
     r"(?P<h>\d{1,5}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:(?P<point>[.,:])(?P<f>\d{1,9}))?"
     r"|(?P<hms>\d{6})(?:[.,](?P<part>\d{1,9}))?"
 )
-_AFTER = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d:?\d\d|[A-Z]{3,4}"
-_STAMP = re.compile(rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:{_DATE})?(?:\s*T|\s*,|_)?\s*(?:(?:{_CLOCK})\s*(?:{_AFTER})?)?")
+_AFTER = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d(?::?\d\d)?|[A-Z]{3,4}"
+_STAMP = re.compile(
+    rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|_)?\s*(?:(?:{_CLOCK})\s*(?:{_AFTER})?)?"
+)
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?")
 _NEXT_DAY = -DAY_S / 2
 """A step of a time of day, s, below which midnight has passed."""
@@ -566,5 +571,5 @@ def _seconds(one: re.Match[str], *, by_minutes: bool, milliseconds: bool) -> flo
         total += int(fraction) / (1000 if milliseconds else 10 ** len(fraction))
     zone = one["zone"]
     if zone and zone[0] in "+-":
-        total -= int(zone[0] + "1") * (int(zone[1:3]) * 3600 + int(zone[-2:]) * 60)
+        total -= int(zone[0] + "1") * (int(zone[1:3]) * 3600 + int(zone[3:].lstrip(":") or 0) * 60)
     return total

@@ -89,6 +89,7 @@ _UNITS = {
         ("s sec second sekunde sekunden", 1.0),
         ("min minute", 60.0),
         ("h hr hour", 3600.0),
+        ("day tag tage", DAY_S),
     )
     for unit in names.split()
 }
@@ -618,8 +619,13 @@ def _rises_alone(values: Vector) -> bool:
 
 def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     """Return a column of numbers as times, and whether these are seconds: not counts of an unknown unit."""
-    first = float(values[~np.isnan(values)][0])
-    unit, rounding = _unit(name), granule(values[~np.isnan(values)])
+    there = ~np.isnan(values)
+    first = float(values[there][0])
+    unit, rounding = _unit(name), granule(values[there])
+    if unit is None and is_time(name) and _are_digits_of_clocks(values[there]):
+        times = read_stamps([f"{value:013.6f}" for value in values])
+        if not np.isnan(times.seconds[there]).any():
+            return replace(times, rounding=rounding), True
     if unit is None:
         low, high = _UNIX_S
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
@@ -631,6 +637,20 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     unit = unit or 1.0
     epoch: Literal["1970", "start"] = "1970" if _UNIX_S[0] <= first * unit < _UNIX_S[1] else "start"
     return Times((values - first) * unit, first * unit, epoch, rounding * unit), not is_count
+
+
+def _are_digits_of_clocks(values: Vector) -> bool:
+    """Return whether numbers are dates and times of day, 20240513101500, or times of day alone, 101500.
+
+    Seconds as short as these, counted on, would also end in 60 to 99.
+    """
+    days, clocks = np.divmod(values, 1e6)
+    minutes, seconds = clocks // 100, clocks % 100
+    if (values < 0).any() or (seconds >= 60).any() or (minutes % 100 >= 60).any() or (minutes >= 2400).any():
+        return False
+    if days.any():
+        return bool(days.min() >= 19_000_101 and days.max() < 21_000_000)
+    return bool(np.ptp(minutes) > 0 and np.median(np.diff(values)) < 40)
 
 
 def on_own_clock(

@@ -137,6 +137,8 @@ DATED = {
         lambda i: f"{i + 1}\t{DATE_AND_CLOCK(i)}\t{i * 5000 % 10**6}\t{sign(A[i])}\t{sign(B[i])}\tLL",
         "Vendor\tX\nSampling interval\t5ms\nNO.\tDate\tTime\tus\tmV\tmV\tAlarm",
     ),
+    "Apache": dated("%d/%b/%Y:%H:%M:%S.%L +0000", "{};{};{}", "Time;A;B"),
+    "zone of hours, as of PostgreSQL": dated("%Y-%m-%d %H:%M:%S.%L+00", "{};{};{}", "Time;A;B"),
     "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
     "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
     "Unix without a heading": timed("{} {} {}", start=START_S),
@@ -370,6 +372,40 @@ def test_day_and_month_are_told_apart_where_the_dates_allow_it(pattern: str) -> 
 def test_halves_of_the_day_zones_and_months(text: str, clock: str) -> None:
     times = read_stamps([text])
     assert (times.epoch, times.start_s) == ("1970", datetime.fromisoformat(f"2024-05-13T{clock}+00:00").timestamp())
+
+
+@pytest.mark.parametrize("days", [1, 7])
+def test_dates_alone_are_days_apart_and_not_nearly(days: int) -> None:
+    recording = read(rows(lambda index: f"{stamp('%Y-%m-%d', days * 86_400)(index)},{A[index]}", "Date,A"))
+    assert recording.sampling_rate == pytest.approx(1 / (days * 86_400), rel=1e-11)
+    np.testing.assert_array_equal(recording.channels[0], A)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "decimals", "epoch"),
+    [("%Y%m%d%H%M%S", 0, "1970"), ("%H%M%S", 0, "midnight"), ("%H%M%S.5", 1, "midnight")],
+)
+def test_times_of_day_may_be_numbers_without_colons(pattern: str, decimals: int, epoch: str) -> None:
+    recording = read(rows(lambda index: f"{stamp(pattern, 1.0)(index)},{A[index]}", "time,A"))
+    assert (recording.sampling_rate, recording.epoch, recording.gaps) == (1.0, epoch, ())
+    assert recording.start_s == (START_S if epoch == "1970" else 36_000) + 0.5 * decimals
+    np.testing.assert_array_equal(recording.channels[0], A)
+
+
+def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
+    recording = read(rows(lambda index: f"{100_000 + index},{A[index]}", "time,A"))
+    assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
+
+
+def test_lines_written_twice_are_read_once() -> None:
+    lines = [f"{index / RATE:.3f},{A[index]}" for index in range(A.size) for _ in range(1 + (index % 50 == 9))]
+    recording = read("\n".join(["t,A", *lines]))
+    assert recording.sampling_rate == RATE
+    np.testing.assert_array_equal(recording.channels[0], A)
+
+
+def test_times_in_days() -> None:
+    assert read(timed("{},{},{}", "Time (days),A,B", 86_400, 12)).sampling_rate == pytest.approx(RATE, rel=1e-6)
 
 
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
