@@ -68,6 +68,7 @@ Kind: TypeAlias = Literal["number", "stamp", "word", "missing"]
 _SEPARATORS = (";", "\t", ",", "|", None)
 _STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
 """NUL characters directly after a complete number."""
+_SPACES = dict.fromkeys(map(ord, "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}"), " ")
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
 _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
@@ -78,7 +79,8 @@ _MISSING = re.compile(
     re.IGNORECASE,
 )
 _WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+\.\d*")
+_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})*(?P<rest>(?!(?P=mark))[.,]\d*)?")
+"""A number whose thousands are set apart; 1,234 or 1.234 may be one."""
 
 _UNITS = {
     unit: seconds
@@ -202,7 +204,7 @@ def _decoded(data: bytes) -> str:
         except UnicodeDecodeError:
             text = data.decode("latin-1")
     text = text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
-    return text.replace("\N{MINUS SIGN}", "-").replace("\N{NO-BREAK SPACE}", " ")
+    return text.replace("\N{MINUS SIGN}", "-").translate(_SPACES)
 
 
 def _without_nuls(text: str) -> tuple[str, int]:
@@ -263,6 +265,8 @@ class _Layout:
         The heading of each column, "" if it has none.
     label, turns
         The column of words by which lines take turns, and these words in their order.
+    marks
+        What sets thousands apart in each column, "" if nothing does.
     """
 
     separator: str | None
@@ -273,6 +277,7 @@ class _Layout:
     names: tuple[str, ...] = ()
     label: int = 0
     turns: tuple[str, ...] = ("1",)
+    marks: tuple[str, ...] = ()
 
     def of(self, kind: Kind) -> list[int]:
         """Return the columns of one kind."""
@@ -297,7 +302,10 @@ def _layout(text: str, whole: str) -> _Layout:
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
     heading = [line for line in heading if line][-MOST_LINES:]
     best = _with_turns(best, [line for _, line in probed])
-    return replace(best, heading=tuple(heading), names=_names(heading, best))
+    rows = [row for row in _split([line for _, line in probed], best.separator) if _is_row(row, best)]
+    columns = ([row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds)))
+    marks = tuple(_mark_of(texts, best.separator) for texts in columns)
+    return replace(best, heading=tuple(heading), names=_names(heading, best), marks=marks)
 
 
 def _with_turns(layout: _Layout, lines: Sequence[str]) -> _Layout:
@@ -386,15 +394,40 @@ def _is_row(row: Sequence[str], layout: _Layout) -> bool:
     return 2 * there >= len(layout.of("number")) and not any(map(str.strip, row[len(layout.kinds) :]))
 
 
-def _number(field: str) -> float | None:
-    """Return the number in a field: with a decimal comma, thousands or a unit as well; None if there is none."""
+def _number(field: str, mark: str = "") -> float | None:
+    """Return the number in a field: with a decimal comma, thousands set apart or a unit as well; None if there is none.
+
+    A single comma or point sets thousands apart only if it is the `mark` of the column.
+    """
     if "_" in field:
         return None
-    for text in (field, field.replace(",", "." if not _THOUSANDS.fullmatch(field) else "")):
+    if (grouped := _mark_of_thousands(field)) or mark:
+        field = field.replace(grouped or mark, "")
+    for text in (field, field.replace(",", ".")):
         with suppress(ValueError):
             return float(text)
     with_unit = _WITH_UNIT.fullmatch(field)
-    return _number(with_unit[1]) if with_unit else None
+    return _number(with_unit[1], mark) if with_unit else None
+
+
+def _mark_of_thousands(field: str) -> str:
+    """Return the mark that sets the thousands of a number apart, if it cannot be a decimal one; otherwise ""."""
+    found = _GROUPED.fullmatch(field)
+    is_clear = found and (found["mark"] in "' " or found["rest"] or field.count(found["mark"]) > 1)
+    return found["mark"] if found and is_clear else ""
+
+
+def _mark_of(texts: Sequence[str], separator: str | None) -> str:
+    """Return the mark that sets thousands apart in a column, "" if none does.
+
+    In quotes between commas, 1,234 is a thousand beside whole numbers that are less.
+    """
+    mark = next(filter(None, map(_mark_of_thousands, texts)), "")
+    if mark or separator != ",":
+        return mark
+    with_comma = [text for text in texts if "," in text]
+    are_thousands = bool(with_comma) and all(map(_GROUPED.fullmatch, with_comma))
+    return "," if are_thousands and any(re.fullmatch(r"[-+]?\d{1,3}", text) for text in texts) else ""
 
 
 def _names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
@@ -491,7 +524,7 @@ def _read(text: str, layout: _Layout) -> tuple[npt.NDArray[np.float64], dict[int
 
 def _quick(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:
     """Return the columns of a block that holds plain numbers alone; otherwise None."""
-    if set(layout.kinds) != {"number"} or not block.strip():
+    if set(layout.kinds) != {"number"} or any(layout.marks) or not block.strip():
         return None
     with suppress(ValueError):
         plain = block if layout.separator == "," else block.replace(",", ".")  # a decimal comma
@@ -517,14 +550,15 @@ def _checked(rows: list[list[str]], lines: npt.NDArray[np.int64], layout: _Layou
 
 def _values(texts: Sequence[str], lines: npt.NDArray[np.int64], column: int, layout: _Layout) -> Vector:
     """Return the numbers of a column, NaN where missing; ValueError about anything else."""
+    mark = layout.marks[column]
     commas = layout.separator != "," and any("," in text for text in texts[:PROBED])
     with suppress(ValueError):
-        if not any("_" in text for text in texts):
+        if not mark and not any("_" in text for text in texts):
             plain = (text.replace(",", ".") for text in texts) if commas else texts
             return np.fromiter(map(float, plain), np.float64, len(texts))
     values = np.empty(len(texts))
     for row, text in enumerate(map(str.strip, texts)):
-        value = np.nan if _MISSING.fullmatch(text) else _number(text)
+        value = np.nan if _MISSING.fullmatch(text) else _number(text, mark)
         if value is None:
             raise _unreadable(lines[row], text, column, layout, "numbers")
         values[row] = value

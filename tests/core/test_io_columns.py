@@ -397,6 +397,28 @@ def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
     assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
 
 
+@pytest.mark.parametrize(
+    ("mark", "point", "decimals", "row"),
+    [
+        (",", ".", 0, '{},"{}"'),
+        (",", ".", 1, '{},"{}"'),
+        (",", ".", 0, "{};{}"),
+        (",", ".", 1, "{}\t{}"),
+        (".", ",", 1, "{};{}"),
+        ("'", ".", 1, "{};{}"),
+        ("\u202f", ",", 1, "{};{}"),
+        ("\xa0", ",", 0, "{};{}"),
+    ],
+)
+def test_thousands_may_be_set_apart(mark: str, point: str, decimals: int, row: str) -> None:
+    values = np.round(10 ** (3 + A) - 1000 * A, decimals)
+    english = (f"{value:,.{decimals}f}" for value in values)
+    fields = [text.translate({ord(","): mark, ord("."): point}) for text in english]
+    text = "\n".join(["t" + row[2] + "A", *(row.format(index, field) for index, field in enumerate(fields))])
+    assert any(mark in field for field in fields) and any(len(field) <= 3 + 2 * decimals for field in fields)
+    np.testing.assert_array_equal(read(text).channels, values[None])
+
+
 def test_lines_written_twice_are_read_once() -> None:
     lines = [f"{index / RATE:.3f},{A[index]}" for index in range(A.size) for _ in range(1 + (index % 50 == 9))]
     recording = read("\n".join(["t,A", *lines]))
