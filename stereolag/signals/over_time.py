@@ -565,11 +565,15 @@ def on_first_clock(signal_2: npt.NDArray[np.floating], over_time: LagOverTime, f
     return out
 
 
+_ROUNDING = 1e-9
+"""Samples by which rounding may put a position beyond the first or last sample that it is meant to be at."""
+
+
 @compiled(fastmath={"reassoc", "contract"})
 def resample(
     samples: npt.NDArray[np.floating], first: float, step: float, filters: FloatMap, out: npt.NDArray[np.float32]
 ) -> None:
-    """Fill `out` with the values at `first`, `first` + `step`, … of `samples`; 0 outside of them.
+    """Fill `out` with the values at `first`, `first` + `step`, … of `samples`; 0 outside of them but for rounding.
 
     Parameters
     ----------
@@ -586,7 +590,7 @@ def resample(
     for i in range(out.size):
         at = first + i * step
         out[i] = 0.0
-        if at < 0 or at > samples.size - 1:
+        if at < -_ROUNDING or at > samples.size - 1 + _ROUNDING:
             continue
         whole = int(at)
         place = (at - whole) * phases
@@ -609,7 +613,7 @@ def resample_reference(samples: Vector, first: float, step: float, filters: Floa
     places = np.arange(phases + 1) / phases
     found = np.zeros(values)
     for i, (position, begin) in enumerate(zip(at, whole, strict=True)):
-        if 0 <= position <= samples.size - 1:
+        if -_ROUNDING <= position <= samples.size - 1 + _ROUNDING:
             weights = [np.interp(position - begin, places, column) for column in filters.T]
             found[i] = np.dot(weights, np.pad(padded, (0, 2))[begin + 1 : begin + 1 + 2 * half])
     return found

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.recordings import trial
@@ -266,12 +266,18 @@ def test_long_recordings_are_judged_by_sections() -> None:
 
 @given(size=st.integers(2, 80), first=st.floats(-5, 60), step=st.floats(0.9, 1.1), values=st.integers(1, 90))
 def test_a_resampled_recording_is_the_plain_formula(size: int, first: float, step: float, values: int) -> None:
-    # Rounding decides whether a place at either end of the recording is within it.
-    places = first + step * np.arange(1, values)
-    assume(np.abs(np.subtract.outer([0, size - 1], places)).min(initial=1) > 1e-9)
     samples, filters = np.random.default_rng(size).normal(size=size), over_time.interpolation()
     out = np.empty(values, dtype=np.float32)
     resample(samples, first, step, filters, out)
+    np.testing.assert_allclose(out, resample_reference(samples, first, step, filters, values), atol=1e-5)
+
+
+@pytest.mark.parametrize(("size", "first", "values"), [(31, 2.15, 38), (21, 0.4, 10), (15, 0.3, 28), (34, 0.3, 19)])
+def test_a_last_place_at_the_last_sample_is_within_the_recording(size: int, first: float, values: int) -> None:
+    samples, filters = np.random.default_rng(size).normal(size=size), over_time.interpolation()
+    step, out = (size - 1 - first) / (values - 1), np.empty(values, dtype=np.float32)
+    resample(samples, first, step, filters, out)
+    assert out[-1] == pytest.approx(samples[-1], abs=1e-5)
     np.testing.assert_allclose(out, resample_reference(samples, first, step, filters, values), atol=1e-5)
 
 
