@@ -72,8 +72,8 @@ _SPACES = dict.fromkeys(map(ord, "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
 _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
-_ARROW = re.compile(r"^([\d:.]+) -> ", re.MULTILINE)
-"""What a serial monitor (Arduino) writes behind the time."""
+_MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
+"""What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
 _MISSING = re.compile(
     r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
     re.IGNORECASE,
@@ -144,7 +144,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
-    whole = _ARROW.sub(r"\1, " if "," in whole else r"\1 ", whole)
+    whole = _MONITOR.sub(r"\g<time>\g<within>, " if "," in whole else r"\g<time>\g<within> ", whole)
     text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
     if any(mark in text for mark in ("+ ", "- ", "M", "m")):
         text = _SPACED.sub(r"\1\2", text)

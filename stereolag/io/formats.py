@@ -101,7 +101,7 @@ FOREIGN_FORMATS = tuple(
         (rb"\x7fELF|MZ.{0,20}\0", "a program", _NO_RECORDING),
         (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _AS_NUMBERS),
         (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
-        (rb"\s*[\[{]\s*[\[{\"\d\]}-]", "a JSON file", _AS_NUMBERS),
+        (rb"\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))", "a JSON file", _AS_NUMBERS),
     )
 )
 """Files of other kinds by their beginning: what they are, and what to do with them."""

@@ -65,6 +65,7 @@ def timed(row: str, heading: str = "", unit: float = 1.0, decimals: int = 3, sta
 ELAPSED = {
     "seconds": timed("{},{},{}", "t,A,B"),
     "seconds without a heading": timed("{} {} {}"),
+    "seconds in brackets, as the kernel logs": timed("[    {}] {} {}"),
     "trailing commas": timed("{},{},{},", "t,A,B,"),
     "quotes": timed('"{}","{}","{}"', '"t","A","B"'),
     "footer": timed("{},{},{}", "t,A,B") + "\n\nMin,-3.2,-3.1\nMax,3.1,3.2\n",
@@ -139,6 +140,7 @@ DATED = {
     ),
     "Apache": dated("%d/%b/%Y:%H:%M:%S.%L +0000", "{};{};{}", "Time;A;B"),
     "zone of hours, as of PostgreSQL": dated("%Y-%m-%d %H:%M:%S.%L+00", "{};{};{}", "Time;A;B"),
+    "a log with its dates in brackets": dated("[%Y-%m-%d %H:%M:%S.%L]", "{} {} {}"),
     "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
     "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
     "Unix without a heading": timed("{} {} {}", start=START_S),
@@ -154,6 +156,8 @@ DATED = {
 CLOCK_OF_DAY = {
     "serial monitor, commas": dated("%H:%M:%S.%L", "{} -> {},{}"),
     "serial monitor, spaces": dated("%H:%M:%S.%L", "{} -> {} {}"),
+    "serial monitor, brackets": dated("%H:%M:%S.%L", "[{}] {} {}"),
+    "serial monitor, brackets and commas": dated("%H:%M:%S.%L", "[{}] {},{}"),
 }
 
 
