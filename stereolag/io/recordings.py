@@ -6,7 +6,7 @@ import io
 import itertools
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -37,7 +37,13 @@ from stereolag.io.sources import (
 if TYPE_CHECKING:
     from stereolag.signals import SignalLag
 
-_MAT_MAGIC = b"MATLAB 5.0 MAT-file"
+_MAT_MAGIC = re.compile(
+    rb"MATLAB 5\.0 MAT-file"
+    # Version 4 has no name: kind of the numbers, rows, columns, whether complex, length of the name, name.
+    rb"|[\0-\x34]\0\0\0.{8}[\0\1]\0\0\0[\x02-\x40]\0\0\0[A-Za-z]\w*\0"
+    rb"|\0\0(?:\x03[\xe8-\xff]|\x04[\0-\x1c]).{8}\0\0\0[\0\1]\0\0\0[\x02-\x40][A-Za-z]\w*\0",
+    re.DOTALL,
+)
 _MAT_KINDS = frozenset(
     ["double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))]
 )
@@ -108,7 +114,7 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
         return _from_arrays({"1": parse_npy(data, WHAT)}, track, "NPY")
     if is_archive(data):
         return _from_arrays(_npz(data), track, "NPZ")
-    if data.startswith(_MAT_MAGIC):
+    if _MAT_MAGIC.match(data):
         return _from_arrays(_mat(data), track, "MAT")
     check_text(head)
     return read_columns(data, track)
@@ -139,24 +145,30 @@ def _npz(data: bytes) -> dict[str, npt.NDArray[Any]]:
 
 def _mat(data: bytes) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of numbers in a MAT file of MATLAB or Octave."""
-    try:
-        stream: Any = io.BytesIO(data)
+    stream: Any = io.BytesIO(data)
+    with _damaged_if_it_fails():
         held = scipy.io.whosmat(stream)
-        names = [name for name, shape, kind in held if kind in _MAT_KINDS and len(shape) == 2]
-        for name, shape, _ in held:
-            if name in names and max(shape) > 1:
-                check_size(min(shape), max(shape))
-        stream.seek(0)
+    names = [name for name, shape, kind in held if kind in _MAT_KINDS and len(shape) == 2]
+    for name, shape, _ in held:
+        if name in names and max(shape) > 1:
+            check_size(min(shape), max(shape))
+    stream.seek(0)
+    with _damaged_if_it_fails():
         loaded = scipy.io.loadmat(stream, variable_names=names) if names else {}
         arrays = {name: np.asarray(loaded[name]) for name in names}
-    except ValueError:
-        raise
-    except Exception as error:  # scipy raises all kinds of errors on broken files
-        raise ValueError(f"The {WHAT} is a MAT file that is damaged or cut short; save it again.") from error
     if not arrays:
         there = ", ".join(f"{quote(name)} ({kind})" for name, _, kind in held[:9])
         raise ValueError(f"The {WHAT} is a MAT file without arrays of numbers; it holds {there or 'nothing'}.")
     return arrays
+
+
+@contextmanager
+def _damaged_if_it_fails() -> Iterator[None]:
+    """Say of a MAT file that it is damaged: scipy raises all kinds of errors on broken files."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"The {WHAT} is a MAT file that is damaged or cut short; save it again.") from error
 
 
 def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form: str) -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import pickle
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.io import savemat
 
 from benchmarks.camera_files import npz
 from benchmarks.picture_bytes import by_pillow
@@ -46,7 +48,13 @@ def test_arrays_come_with_time_as_the_longer_axis(array, order, transposed):
     np.testing.assert_array_equal(read_signal(saved(stored)).channels, array)
 
 
-@pytest.mark.parametrize("pack", [partial(npz, packed=True), matlab], ids=["NPZ", "MAT"])
+def matlab_4(**arrays: object) -> bytes:
+    stream = io.BytesIO()
+    savemat(stream, arrays, format="4")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("pack", [partial(npz, packed=True), matlab, matlab_4], ids=["NPZ", "MAT", "MAT 4"])
 def test_arrays_have_names_to_choose_by_and_a_clock_among_them(pack) -> None:
     data = pack(a=A, b=B)
     for track in (2, "b", "2"):
@@ -139,6 +147,7 @@ UNKNOWN = "is neither a known file nor a text: it begins with the bytes"
         (matlab(s={"a": 1}), "is a MAT file without arrays of numbers; it holds “s” (struct)."),
         (matlab(z=1j * A), "(MAT) holds complex numbers; save their real part or their magnitude."),
         (matlab(a=A)[:300], "is a MAT file that is damaged or cut short; save it again."),
+        (matlab_4(a=A)[:300], "is a MAT file that is damaged or cut short; save it again."),
     ],
     ids=lambda given: "" if isinstance(given, bytes) else given,
 )
