@@ -70,6 +70,10 @@ class Applies:
     otherwise: tuple[Any, ...] = ()
 
 
+SMALLEST = 1e-9
+"""Smallest fraction offered where any number above another is allowed."""
+
+
 @dataclass(frozen=True)
 class Bounds:
     """The numbers that a field allows: the ends (None: open) and the step between allowed values."""
@@ -89,7 +93,8 @@ class Bounds:
         if Ge in declared:
             low = kind(declared[Ge].ge)
         elif Gt in declared:
-            low = kind(declared[Gt].gt) + step
+            # Without an upper end, a step may be a thousand times the number: 0.001 samples a second.
+            low = kind(declared[Gt].gt) + (step if kind is int or {Le, Lt} & declared.keys() else SMALLEST)
         if Le in declared:
             high = kind(declared[Le].le)
         elif Lt in declared:

@@ -31,6 +31,11 @@ def typeset(text: str) -> str:
     return "".join(parts)
 
 
+def four_digits(number: float) -> str:
+    """Return a number of 0 or more rounded to four digits, but never as a power of ten where it is large: 30,000."""
+    return f"{number:,.4g}" if number < 9999.5 else f"{number:,.0f}"
+
+
 P = ParamSpec("P")
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.typography import typesets
+from stereolag.core.typography import four_digits, typesets
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
@@ -35,8 +35,9 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     given = [f"{result.speed:,.10g} m/s"] if "speed" in assumed else []
     given += [hertz] if "sampling_rate" in assumed else []
     at = f", at {' and '.join(given)}, {'both ' if len(given) > 1 else ''}assumed" if given else ""
+    seconds = four_digits(abs(result.time_s))
     return (
-        f"Sensor {later} hears it **{abs(result.time_s):.4g} s** ({samples}) after sensor {earlier}: its path is "
+        f"Sensor {later} hears it **{seconds} s** ({samples}) after sensor {earlier}: its path is "
         f"**{result.distance_m:,.2f} m** longer{at}."
     )
 

@@ -20,6 +20,7 @@ import scipy  # loads scipy.signal on first use only, since that takes a second
 
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import Estimate, check_memory, limits
+from stereolag.core.typography import four_digits
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
 
@@ -127,9 +128,9 @@ class Recording:
         """What is to be said about the recording, besides its length and rate: short phrases."""
         said = [f"{self.mended_lines} damaged line{'s' * (self.mended_lines > 1)} mended"] if self.mended_lines else []
         for gap in self.gaps[:MOST_TOLD]:
-            said.append(f"{gap.length_s:.4g} s missing after {gap.start_s:.6g} s, filled")
+            said.append(f"{four_digits(gap.length_s)} s missing after {gap.start_s:.6g} s, filled")
         if len(self.gaps) > MOST_TOLD:
-            said.append(f"{len(self.gaps)} gaps of {sum(gap.length_s for gap in self.gaps):.4g} s in all")
+            said.append(f"{len(self.gaps)} gaps of {four_digits(sum(gap.length_s for gap in self.gaps))} s in all")
         if self.epoch != "start":
             moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(self.start_s, 6))
             when = f"{moment:%Y-%m-%d %H:%M:%S.%f}" if self.start else f"{moment:%H:%M:%S.%f}"

@@ -23,7 +23,7 @@ from stereolag.ui.lag.parts import judged
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import pages, reading, uploads
 from tests.app.pages import LAG, moved, open_page, uploaded
-from tests.app.reading import address, captions, labelled, lag_found
+from tests.app.reading import address, captions, ignored, labelled, lag_found
 from tests.packed import told, unpacked
 from tests.snapshots import Snapshot
 
@@ -115,6 +115,24 @@ def test_a_time_column_gives_the_rate_and_its_gap_and_a_column_is_chosen_by_name
     chooser.set_value(3).run()
     assert lag_found(app) == 37 and typeset("**0.37 s**") in app.header[0].value
     assert typeset("Sensor 2: 30 s, 3,000 samples, 100 Hz, 3 s missing after 9.99 s, filled, times") in captions(app)
+
+
+@pytest.mark.parametrize("days", [1 / 144, 1])
+def test_recordings_of_less_than_a_sample_a_second(days: float) -> None:
+    """Thermometers, gauges and prices: the page failed for all of them."""
+    sound = SOUND[:2100].round(6)
+
+    def table(first: int) -> bytes:
+        start = np.datetime64("2015-01-01T00:00:00")
+        times = (start + int(86_400 * days * row) for row in range(2000))
+        return "\n".join(f"{time};{value}" for time, value in zip(times, sound[first:], strict=False)).encode()
+
+    app = measured(("a.csv", table(50)), ("b.csv", table(0)))
+    assert lag_found(app) == 50
+    assert typeset(f"**{50 * 86_400 * days:,.0f} s**") in app.header[0].value
+    (rate,) = (box.value for box in app.number_input if "sampling_rate" in (box.key or ""))
+    assert rate == pytest.approx(1 / (86_400 * days))
+    assert not ignored(pages.linked(LAG, sampling_rate=str(rate)))
 
 
 def test_a_video_of_two_tracks_has_a_control_for_them() -> None:

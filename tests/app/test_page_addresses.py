@@ -85,11 +85,11 @@ BAD: list[tuple[str, dict[str, str], list[str]]] = [
     (LAG, {"recordings": "mine"}, ["recordings = “mine” in the address is ignored"]),
     (
         LAG,
-        {"sampling_rate": "0.5", "speed": "1e-300", "max_lag": "99999999"},
+        {"sampling_rate": "1e-12", "speed": "1e-300", "max_lag": "99999999"},
         [
             "max_lag is 99999999; allowed are whole numbers from 0 to 176400 or None.",
-            "sampling_rate is 0.5; on this page allowed are numbers from 1 to",
-            "speed is 1e-300; on this page allowed are numbers from 1 to",
+            "sampling_rate is 1e-12; on this page allowed are numbers from 1e-09 to",
+            "speed is 1e-300; on this page allowed are numbers from 1e-09 to",
         ],
     ),
     (LAG, {"max_lag": "9" * 400}, []),

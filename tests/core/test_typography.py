@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stereolag.core.typography import MINUS, NO_BREAK, typeset
+from stereolag.core.typography import MINUS, NO_BREAK, four_digits, typeset
 
 SET = {
     "lag -31,234 samples": f"lag {MINUS}31,234 samples",
@@ -31,3 +31,8 @@ UNCHANGED = [
 @pytest.mark.parametrize(("text", "expected"), [*SET.items(), *zip(UNCHANGED, UNCHANGED, strict=True)])
 def test_minus_signs_and_units_are_set_and_all_else_stays(text: str, expected: str) -> None:
     assert typeset(text) == typeset(expected) == expected
+
+
+def test_large_numbers_are_no_powers_of_ten() -> None:
+    numbers = (0, 0.00113412, 1.13568, 9999.4, 30_000, 1.728e8)
+    assert list(map(four_digits, numbers)) == ["0", "0.001134", "1.136", "9,999", "30,000", "172,800,000"]

@@ -12,7 +12,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
-from stereolag.core.typography import typeset, typesets
+from stereolag.core.typography import four_digits, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MOST_NAMED, together, verdict_in_words
@@ -96,7 +96,7 @@ def _facts(recording: Recording, channel: int, count: int, stated: float | None)
     samples, rate = recording.channels.shape[1], recording.sampling_rate
     assumed = f"{stated or LagSearch().sampling_rate:,.10g} Hz assumed"
     facts = (
-        f"{samples / rate:,.4g} s" if rate else "",
+        f"{four_digits(samples / rate)} s" if rate else "",
         f"{samples:,} samples",
         f"{rate:,.10g} Hz" if rate else "",
         f"resampled from {recording.resampled_from:,.10g} Hz" if recording.resampled_from else "",
