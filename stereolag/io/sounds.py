@@ -51,6 +51,8 @@ _CHUNKS = frozenset(
     [b"fmt ", b"data", b"LIST", b"fact", b"bext", b"JUNK", b"junk", b"cue ", b"smpl", b"iXML", b"id3 ", b"PAD "]
 )
 _PRINTABLE = re.compile(rb"[ -~]{4}")
+_TAGS = b"ID3", b"TAG"
+"""Beginnings of what players write behind the chunks: title and artist."""
 _PLAIN = (1, 3, 6, 7, 0xFFFE)
 """Codings of a WAV that are always decoded: PCM, floats, A-law, µ-law, and those of the extended header."""
 
@@ -225,10 +227,11 @@ class _Wave:
         return head[:4], int.from_bytes(head[4:], self._order)
 
     def _is_chunk(self, offset: int, size: int) -> bool:
-        """Return whether another chunk, or nothing but a few bytes, follows; with the padding byte or without it."""
+        """Return whether another chunk, a tag or only a few bytes follow; with the padding byte or without it."""
         for place in (offset + offset % 2, offset):
             name, length = self._chunk(place)
-            if place + MOST_PADDING >= size or (_PRINTABLE.fullmatch(name) and place + 8 + length <= size + 1):
+            is_named = _PRINTABLE.fullmatch(name) and place + 8 + length <= size + 1
+            if place + MOST_PADDING >= size or name.startswith(_TAGS) or is_named:
                 return True
         return False
 

@@ -187,8 +187,10 @@ def test_all_samples_of_an_interrupted_wav_are_read_and_that_is_said(
         interrupted(2 * CODED.size),
         interrupted(2 * CODED.size, after=riff_chunk(b"LIST", b"INFOISFT\4\0\0\0abc\0")),
         interrupted(2 * CODED.size, before=riff_chunk(b"note", b"abc"), after=b"\0\0\0"),
+        interrupted(2 * CODED.size, after=b"ID3\x03" + bytes(60)),
+        interrupted(2 * CODED.size, after=b"TAG" + b"title".ljust(125, b"\0")),
     ],
-    ids=["plain", "a chunk behind", "padding"],
+    ids=["plain", "a chunk behind", "padding", "ID3", "ID3v1"],
 )
 def test_a_whole_wav_is_not_mended(data: bytes) -> None:
     recording = read_signal(data)
