@@ -74,11 +74,13 @@ _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)
 """A space after a sign, or before AM and PM, where it does not separate columns."""
 _MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
 """What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
+_MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d)")
 _MISSING = re.compile(
     r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
     re.IGNORECASE,
 )
-_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
+_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})*(?P<rest>(?!(?P=mark))[.,]\d*)?")
 """A number whose thousands are set apart; 1,234 or 1.234 may be one."""
 
@@ -144,6 +146,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
+    whole = _FORTRAN.sub("e", _MONEY.sub("", whole))
     whole = _MONITOR.sub(r"\g<time>\g<within>, " if "," in whole else r"\g<time>\g<within> ", whole)
     text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
     if any(mark in text for mark in ("+ ", "- ", "M", "m")):
@@ -160,6 +163,10 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     clock, within = _clock_of_stamps(layout, stamps, table, lines)
     kept = [index for index in range(len(columns)) if index != within]
     rate, start_s = _stated(layout)
+    words = [column_name(column + 1, layout.names[column]) for column in layout.of("word")]
+    if words and not stamps and len(table) == 1 and is_time(layout.names[columns[0]]) and (np.diff(table[0]) > 0).all():
+        times = column_name(columns[0] + 1, layout.names[columns[0]])
+        raise ValueError(f"The {WHAT} holds no numbers beside the times in {times}; {words[0]} holds words.")
     recording = on_own_clock(
         table[kept],
         [layout.names[columns[index]] for index in kept],
@@ -169,7 +176,6 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         lines=lines,
     )
     notes = list(recording.notes)
-    words = [column_name(column + 1, layout.names[column]) for column in layout.of("word")]
     if words:
         notes.append(f"words left out: {', '.join(words)}")
     if below:

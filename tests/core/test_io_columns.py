@@ -94,6 +94,8 @@ ELAPSED = {
     "decimal commas": rows(lambda i: f"{comma(i / RATE)};{comma(A[i])};{comma(B[i])}", "Zeit [s];U [V];I [A]"),
     "decimal commas in quotes": rows(lambda i: f'"{comma(i / RATE)}","{comma(A[i])}","{comma(B[i])}"', "t,A,B"),
     "decimal commas and spaces": rows(lambda i: f"{comma(i / RATE)}  {comma(A[i])}  {comma(B[i])}"),
+    "Fortran": rows(lambda i: f"  {i / RATE:.3f}  {A[i]:.6e}  {B[i]:.6e}".replace("e", "D")),
+    "prices": timed("{},${},{} €", "t,A,B"),
     "units in every field": timed("{} s,{} V,{} V", "Time,A,B"),
     "bars": timed("{} | {} | {}", "t | A | B"),
     "Excel's first line": timed("{};{};{}", "sep=;\nt;A;B"),
@@ -574,6 +576,10 @@ def test_nul_bytes_behind_a_number_go_and_are_counted_as_missing_values_are(newl
         (
             rows(lambda i: f"{'' if i % 3 else A[i]},x", "A,B"),
             r"values in fewer than half of its lines \(column 1 “A”\)",
+        ),
+        (
+            rows(lambda i: f"{i},[{A[i]}]", "t,A"),
+            "holds no numbers beside the times in column 1 “t”; column 2 “A” holds words",
         ),
         ("7\n", "holds 1 samples; at least 2"),
         (rows(lambda i: f"{A[i]};{B[i]}" + "\0" * (30 <= i < 36)), "Line 31 holds a NUL byte; allowed are"),
