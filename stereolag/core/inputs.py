@@ -44,7 +44,9 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
         As for :func:`as_signal`.
     """
     try:
-        given = np.asarray(value)
+        # What is masked is no sample: as an array, it would be whatever number stands there.
+        is_masked = np.ma.is_masked(value)
+        given = np.asarray(np.ma.filled(np.ma.asarray(value, np.float64), np.nan) if is_masked else value)
         if np.iscomplexobj(given):
             raise ValueError("a recording is real, and these are complex")
         signal = given if given.dtype.kind in "iuf" else given.astype(np.float64)

@@ -16,6 +16,7 @@ from stereolag.core.inputs import as_grey, as_image, as_signal, as_stereo_pair
         ([1.0], "1 samples"),
         (np.zeros((3, 3)), "one-dimensional"),
         ([1.0, np.nan, np.inf], "2 NaN"),
+        (np.ma.masked_equal([1.0, -9999.0, 2.0], -9999.0), "1 NaN"),
         ([2.5, 2.5, 2.5], "constant"),
         ([1 + 2j, 3.0], "complex"),
         (["a", "b"], "numbers only"),
