@@ -163,6 +163,9 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     clock, within = _clock_of_stamps(layout, stamps, table, lines)
     kept = [index for index in range(len(columns)) if index != within]
     rate, start_s = _stated(layout)
+    begun_s, stated = _start_and_rate(table)
+    if stated:  # as wearables write them
+        table, lines, rate = table[:, 2:], lines[2:], stated
     words = [column_name(column + 1, layout.names[column]) for column in layout.of("word")]
     if words and not stamps and len(table) == 1 and is_time(layout.names[columns[0]]) and (np.diff(table[0]) > 0).all():
         times = column_name(columns[0] + 1, layout.names[columns[0]])
@@ -182,6 +185,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         notes.append(f"{below} line{'s' * (below > 1)} below the columns left out")
     mended += int(np.isnan(table).any(axis=0).sum())
     recording = replace(recording, tracks=layout.turns, track=number)
+    if stated:
+        recording = replace(recording, start_s=begun_s, epoch="1970")
     return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
 
 
@@ -469,6 +474,15 @@ def _stated(layout: _Layout) -> tuple[float | None, float]:
                 value = _quantity(line, named.end(), power, layout) or _quantity(beneath, 0, power, layout)
                 rate = value**power if value else None
     return rate, start_s
+
+
+def _start_and_rate(table: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Return the start, Unix seconds, and the rate that the first two rows state, alike in all columns; else 0, 0."""
+    low, high = _UNIX_S
+    if table.shape[1] < FEWEST_ROWS or np.ptp(table[:, :2], axis=0).any() or (np.abs(table[:, 2:]) >= low).any():
+        return 0.0, 0.0
+    start_s, rate = table[0, :2].tolist()
+    return (start_s, rate) if low <= start_s < high and rate > 0 else (0.0, 0.0)
 
 
 def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:

@@ -528,6 +528,15 @@ def test_a_heading_states_the_rate_in_any_unit_and_with_any_comma(heading: str, 
     np.testing.assert_array_equal(recording.channels[0], A)
 
 
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_start_and_a_rate_above_the_samples_are_no_samples(columns: int) -> None:
+    values = np.stack([A, B])[:columns]
+    table = np.column_stack([np.full(columns, START_S), np.full(columns, 64.0), values]).T
+    recording = read("\n".join(", ".join(f"{value:.6f}" for value in row) for row in table))
+    assert (recording.sampling_rate, recording.start_s, recording.epoch) == (64, START_S, "1970")
+    np.testing.assert_array_equal(recording.channels, values)
+
+
 def test_counts_give_no_rate_but_their_gaps() -> None:
     recording = read(rows(lambda i: f"{i + (i >= 100) * 7},{A[i]}", "No.,A"))
     assert recording.sampling_rate is None
