@@ -331,7 +331,7 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     notes = []
     times, rounding = clock.seconds, clock.rounding
     same = np.diff(times) == 0
-    if same.mean() > COARSE:
+    if is_coarse := same.mean() > COARSE:
         times, rounding = _spread(times)
         notes.append("several samples with one time, spread evenly")
     elif same.any() and (
@@ -351,7 +351,8 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
     long = LONG_STEP * max(usual_step, float(np.quantile(steps, 0.9))) + slack
     usual = steps[steps <= long]
     step, is_even = float(usual.mean()), True
-    step = _round_step(step, min(rounding, float(np.ptp(usual))) / usual.size + 1e-9 * step)
+    doubt = rounding if is_coarse else min(rounding, float(np.ptp(usual)))
+    step = _round_step(step, doubt / usual.size + 1e-9 * step)
     positions = np.empty(times.size)
     ends = np.flatnonzero(steps > long)
     for first, last in zip(np.r_[0, ends + 1], np.r_[ends + 1, times.size], strict=True):

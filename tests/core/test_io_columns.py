@@ -380,6 +380,11 @@ def test_halves_of_the_day_zones_and_months(text: str, clock: str) -> None:
     assert (times.epoch, times.start_s) == ("1970", datetime.fromisoformat(f"2024-05-13T{clock}+00:00").timestamp())
 
 
+def test_the_rate_of_a_coarse_clock_is_a_round_number() -> None:
+    recording = read(rows(lambda index: f"{index / 44_100:.4f},{A[index]}", "time,A"))
+    assert recording.sampling_rate == 44_000  # as near as seven milliseconds by tenths of one tell
+
+
 @pytest.mark.parametrize("days", [1, 7])
 def test_dates_alone_are_days_apart_and_not_nearly(days: int) -> None:
     recording = read(rows(lambda index: f"{stamp('%Y-%m-%d', days * 86_400)(index)},{A[index]}", "Date,A"))
