@@ -427,6 +427,15 @@ _EPOCH = date(1970, 1, 1).toordinal()
 _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _OTHER_MONTHS = {"mai": "may", "okt": "oct", "dez": "dec"}
 
+_ZONES = {
+    zone: int(hours)
+    for zone, hours in re.findall(
+        r"([A-Z]+)([-+]\d)",
+        "PST-8 PDT-7 MST-7 MDT-6 CST-6 CDT-5 EST-5 EDT-4 CET+1 MEZ+1 BST+1 CEST+2 MESZ+2 EET+2 EEST+3 MSK+3 JST+9",
+    )
+}
+"""Hours by which the zones that logs name in letters are ahead of UTC; others are taken for UTC."""
+
 _DATE = (
     r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[A-Za-z]{3,9})\.?(?P=mark)(?P<third>\d{1,4})(?!\d)"
     r"|(?P<month>[A-Za-z]{3,9})\.? +(?P<day>\d{1,2}),? +(?P<year>\d{4})|(?P<packed>(?:19|20)\d{6})"
@@ -572,6 +581,7 @@ def _seconds(one: re.Match[str], *, by_minutes: bool, milliseconds: bool) -> flo
     if fraction:
         total += int(fraction) / (1000 if milliseconds else 10 ** len(fraction))
     zone = one["zone"]
+    total -= _ZONES.get(zone, 0) * 3600
     if zone and zone[0] in "+-":
         total -= int(zone[0] + "1") * (int(zone[1:3]) * 3600 + int(zone[3:].lstrip(":") or 0) * 60)
     return total

@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas
@@ -439,6 +440,15 @@ def test_lines_written_twice_are_read_once() -> None:
 
 def test_times_in_days() -> None:
     assert read(timed("{},{},{}", "Time (days),A,B", 86_400, 12)).sampling_rate == pytest.approx(RATE, rel=1e-6)
+
+
+def test_a_zone_in_letters_changes_when_summer_ends() -> None:
+    start = datetime(2024, 10, 27, 0, 30, tzinfo=UTC)
+    berlin = (start + timedelta(minutes=index) for index in range(A.size))
+    stamps = [moment.astimezone(ZoneInfo("Europe/Berlin")).strftime("%Y-%m-%d %H:%M:%S %Z") for moment in berlin]
+    recording = read(rows(lambda index: f"{stamps[index]},{A[index]}", "Time,A"))
+    assert recording.sampling_rate == pytest.approx(1 / 60)
+    assert (recording.start_s, recording.gaps) == (start.timestamp(), ())
 
 
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
