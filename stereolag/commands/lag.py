@@ -141,7 +141,7 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
     judgement, over_time = result.judgement, result.over_time
     if judgement.verdict == "sure":
         lines = [
-            f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
+            f"lag       {result.lag} samples ({round(result.lag_subsample, 2) + 0.0:.2f} with its fraction)",
             f"time      {result.time_s:.6g} s at {at('sampling_rate', f'{rate:g} samples a second')}",
         ]
         if over_time is None or not over_time.shows:

@@ -101,6 +101,12 @@ def test_lag_tells_heardseconds_and_metres(files: tuple[str, ...], ran: Command)
     assert "verdict   sure: a clear peak" in said
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_no_lag_has_no_sign(seed: int, ran: Command) -> None:
+    np.savetxt("same.txt", np.random.default_rng(seed).normal(size=800).round(3), "%.3f")
+    assert ran("lag", "same.txt", "same.txt").out.startswith("lag       0 samples (0.00 with its fraction)")
+
+
 def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
     random = np.random.default_rng(1)
     soundfile.write("other.wav", random.uniform(-0.5, 0.5, 4000), 8000)
