@@ -93,7 +93,7 @@ _UNITS = {
         ("s sec second sekunde sekunden", 1.0),
         ("min minute", 60.0),
         ("h hr hour", 3600.0),
-        ("day tag tage", DAY_S),
+        ("day tage", DAY_S),
     )
     for unit in names.split()
 }
@@ -640,9 +640,10 @@ def _unit(name: str) -> float | None:
 
 
 def is_time(name: str) -> bool:
-    """Return whether a heading is that of times."""
+    """Return whether a heading is that of times: a unit alone is one, but "day" may count the days of a trial."""
     words = _letters(name)
-    return bool(_TIME.search(_words_of(name)) or words[:1] == ["t"] or (words and all(map(_UNITS.get, words))))
+    is_unit = bool(words) and all(_UNITS.get(word, DAY_S) < DAY_S for word in words)
+    return bool(_TIME.search(_words_of(name)) or words[:1] == ["t"] or is_unit)
 
 
 def _letters(name: str) -> list[str]:

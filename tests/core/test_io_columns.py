@@ -438,7 +438,9 @@ def test_lines_written_twice_are_read_once() -> None:
     np.testing.assert_array_equal(recording.channels[0], A)
 
 
-def test_times_in_days() -> None:
+def test_times_in_days_are_times_and_the_days_of_a_trial_are_none() -> None:
+    recording = read(rows(lambda index: f"{1 + index // 100},{index / RATE:.3f},{A[index]}", "day,time_s,A"))
+    assert (recording.sampling_rate, recording.names) == (RATE, ("day", "A"))
     assert read(timed("{},{},{}", "Time (days),A,B", 86_400, 12)).sampling_rate == pytest.approx(RATE, rel=1e-6)
 
 
