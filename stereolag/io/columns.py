@@ -114,6 +114,9 @@ _QUANTITY = re.compile(
 _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
 _PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 
+_ROUNDED_TO = {8: DAY_S, 10: 3600.0, 12: 60.0}
+"""Seconds to which a date written as 20240513, 2024051310 or 202405131015 is rounded, by the number of digits."""
+
 _UNIX_S = 1e9, 4e9
 """Seconds since 1970 of the years 2001 and 2096."""
 _SERIAL_DAYS = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
@@ -677,10 +680,12 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     there = ~np.isnan(values)
     first = float(values[there][0])
     unit, rounding = _unit(name), granule(values[there])
-    if unit is None and is_time(name) and _are_digits_of_clocks(values[there]):
-        times = read_stamps([f"{value:013.6f}" for value in values])
+    width = len(f"{values[there].min():.0f}")
+    whole = values * 10.0 ** (14 - width) if width in _ROUNDED_TO else values
+    if unit is None and is_time(name) and _are_digits_of_clocks(whole[there]):
+        times = read_stamps([f"{value:013.6f}" for value in whole])
         if not np.isnan(times.seconds[there]).any():
-            return replace(times, rounding=rounding), True
+            return replace(times, rounding=_ROUNDED_TO.get(width, rounding)), True
     if unit is None:
         low, high = _UNIX_S
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
@@ -695,7 +700,7 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
 
 
 def _are_digits_of_clocks(values: Vector) -> bool:
-    """Return whether numbers are dates and times of day, 20240513101500, or times of day alone, 101500.
+    """Return whether numbers are dates with times of day, 20240513101500, or times of day alone, 101500.
 
     Seconds as short as these, counted on, would also end in 60 to 99.
     """

@@ -404,6 +404,15 @@ def test_times_of_day_may_be_numbers_without_colons(pattern: str, decimals: int,
     np.testing.assert_array_equal(recording.channels[0], A)
 
 
+@pytest.mark.parametrize(("pattern", "seconds"), [("%Y%m%d", 86_400), ("%Y%m%d%H", 3_600), ("%Y%m%d%H%M", 600)])
+def test_dates_may_be_numbers_without_hyphens(pattern: str, seconds: float) -> None:
+    start = datetime(2024, 5, 13, tzinfo=UTC)
+    recording = read(rows(lambda index: f"{stamp(pattern, seconds, start)(index)};{A[index]}", "MESS_DATUM;A"))
+    assert recording.sampling_rate == pytest.approx(1 / seconds)
+    assert (recording.start_s, recording.epoch, recording.gaps) == (start.timestamp(), "1970", ())
+    np.testing.assert_array_equal(recording.channels[0], A)
+
+
 def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
     recording = read(rows(lambda index: f"{100_000 + index},{A[index]}", "time,A"))
     assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
