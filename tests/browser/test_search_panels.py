@@ -322,6 +322,7 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     for key in ("Shift+ArrowUp", " "):
         stage.press(key)
     expect(counts).not_to_have_text(painted)
+    assert int(counts.inner_text().split()[0].replace(",", "")) > np.count_nonzero(masks[-1].content)
     page.get_by_role("button", name="Start over").click()
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     use.click()

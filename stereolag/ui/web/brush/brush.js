@@ -74,7 +74,7 @@ class BrushPanel extends DrawingPanel {
     const { context } = this;
     const [toRow, toCol] = this.at;
     const width = this.size;
-    context.globalCompositeOperation = this.mode === "erase" ? "destination-out" : "source-over";
+    context.globalCompositeOperation = this.mode === "Erase" ? "destination-out" : "source-over";
     Object.assign(context, { strokeStyle: `rgb(${INK})`, fillStyle: `rgb(${INK})`, lineWidth: width, lineCap: "round" });
     context.beginPath();
     if (row === toRow && col === toCol) {
