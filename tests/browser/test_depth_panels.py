@@ -148,7 +148,7 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPart) -> None
     assert [one["value"] for one in parts.sent()] == [{"row": 79, "col": 151}]
     parts.answer()
     window = {"row": 72, "col": 144, "height": 15, "width": 15}
-    framed = page.evaluate("[...stereolagItems.description.values()].flatMap(({ item }) => item.marks)")
+    framed = page.evaluate("[...stereolagItems.values()].flatMap(({ item }) => item.marks ?? [])")
     assert window in [{name: mark[name] for name in window} for mark in framed]
     page.get_by_role("application").blur()
     expect(page.locator(".viewport").first.locator("svg path[d='M144 72h15v15h-15z']")).not_to_have_count(0)

@@ -54,8 +54,8 @@ test("an item stays as long as somebody holds it, and each change is told", () =
   hold("marks", "other", "b", first); // holds it no longer
   assert.equal(received("marks", "map"), "a");
   hold("marks", "other", "c", first); // changed
-  release("marks", second);
-  release("marks", second);
+  release(second);
+  release(second);
   assert.equal(received("marks", "map"), undefined);
   assert.equal(received("marks", "other"), "c");
   assert.deepEqual(told.slice(2), [["other", "map", "b"], ["other", "other", "c"], ["map", undefined, undefined]]);

@@ -6,5 +6,5 @@ import { unpacked } from "../shared/packing.js";
 export default function ({ data, parentElement, setTriggerValue }) {
   const answer = unpacked(data);
   hold("carrier", answer.token, { ...answer, send: (message) => setTriggerValue("message", message) }, parentElement);
-  return () => release("carrier", parentElement);
+  return () => release(parentElement);
 }

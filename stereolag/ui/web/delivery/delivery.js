@@ -6,5 +6,5 @@ import { unpacked } from "../shared/packing.js";
 export default function ({ data, parentElement }) {
   const item = unpacked(data);
   hold(item.kind, item.name ?? item.digest, item, parentElement);
-  return () => release(item.kind, parentElement);
+  return () => release(parentElement);
 }
