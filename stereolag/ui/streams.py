@@ -109,7 +109,7 @@ class Stream:
     brief
         Whether its messages are few, so that it takes no place of a camera.
     carried
-        The last answer to a message that came over Streamlit's own connection, packed for ``web/carrier``: the token,
+        The last answer to a message that came over Streamlit's own connection, delivered to the browser: the token,
         the number of the message, and either the answer or the code with which the stream ends.
     """
 
@@ -161,7 +161,7 @@ class Stream:
             self._last = -math.inf  # the next message begins a stream of its own
 
     def _packed(self, *parts: bytes, **more: int) -> bytes:
-        return packed_item({"token": self.token, "number": self._number, **more}, parts).data
+        return packed_item({"kind": "carrier", "name": self.token, "number": self._number, **more}, parts).data
 
     def _keep_place(self) -> None:
         """Take a place of a running stream, or keep it, for ``IDLE_S`` from now; end the stream if there is none."""
@@ -219,7 +219,7 @@ def _mount_carrier(stream: Stream) -> None:
     def take() -> None:
         stream.take(st.session_state[key].message)
 
-    component("carrier")(key=key, data=stream.carried, on_message_change=take)
+    component("delivery")(key=key, data=stream.carried, on_message_change=take)
 
 
 def _not_ready(message: Message) -> bytes:

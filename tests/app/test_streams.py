@@ -358,7 +358,7 @@ def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:
     packed = packed_item({"number": data}).data if isinstance(data, int) else data
     stream.take({"number": number, "data": base64.b64encode(packed).decode()})
     header, parts = unpacked(stream.carried)
-    assert (header["token"], header["number"]) == (stream.token, number)
+    assert (header["name"], header["number"]) == (stream.token, number)
     return int(header["end"] if "end" in header else unpacked(parts[0])[0]["number"])
 
 

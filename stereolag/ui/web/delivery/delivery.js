@@ -1,10 +1,12 @@
-// Hands a packed item to whichever component of the page needs it: Streamlit sends each delivery only if it has changed.
+// Hands a packed item to whichever component of the page needs it, with a way to answer: Streamlit sends each delivery
+// only if it has changed.
 
 import { hold, release } from "../shared/exchange.js";
 import { unpacked } from "../shared/packing.js";
 
-export default function ({ data, parentElement }) {
+export default function ({ data, parentElement, setTriggerValue }) {
   const item = unpacked(data);
-  hold(item.kind, item.name ?? item.digest, item, parentElement);
+  const send = (message) => setTriggerValue("message", message);
+  hold(item.kind, item.name ?? item.digest, { ...item, send }, parentElement);
   return () => release(parentElement);
 }

@@ -53,7 +53,7 @@ export async function jpeg(canvas, quality = QUALITY) {
   return new Uint8Array(await blob.arrayBuffer());
 }
 
-// Stands in for a socket: sends messages one at a time over the page's own connection, with the component "carrier".
+// Stands in for a socket: sends messages one at a time over the page's own connection, as answers to a delivery.
 class Carried {
   constructor(token, opened, answered) {
     this.token = token;
