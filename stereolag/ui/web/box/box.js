@@ -10,9 +10,9 @@ const HIGHEST = 0.7; // of the window's height
 export default (component) => show(BoxPanel, component, view);
 
 class BoxPanel extends DrawingPanel {
-  close() {
-    super.close();
-    clearTimeout(this.resting);
+  setUp() {
+    super.setUp();
+    this.atEnd(() => clearTimeout(this.resting));
   }
 
   begin(data) {

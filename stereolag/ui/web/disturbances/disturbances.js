@@ -22,11 +22,7 @@ export default (component) => show(DisturbancesPanel, component, view);
 class DisturbancesPanel extends ExamplesPanel {
   setUp() {
     this.watchSize(this.find(".drawing"));
-  }
-
-  close() {
-    super.close();
-    clearTimeout(this.sending);
+    this.atEnd(() => clearTimeout(this.sending));
   }
 
   // Begins with the first example, and then shows one answer after the other.

@@ -45,15 +45,11 @@ class LinkedPictures extends Panel {
       this.renew(detail);
       this.describe();
     });
+    this.atEnd(() => this.contents.forEach(forget));
   }
 
   setUp() {
     this.watchSize(this.stage, () => this.draw());
-  }
-
-  close() {
-    super.close();
-    this.contents.forEach(forget);
   }
 
   load(name) {

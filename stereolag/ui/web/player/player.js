@@ -23,17 +23,15 @@ class Player extends Panel {
   setUp() {
     this.video = this.find("video");
     this.listen(eventOf("video"), () => this.append());
+    this.atEnd(() => {
+      this.video.pause();
+      this.forget();
+    });
     const draw = (_, { mediaTime }) => {
       this.showPicture(mediaTime);
       this.video.requestVideoFrameCallback(draw);
     };
     this.video.requestVideoFrameCallback(draw);
-  }
-
-  close() {
-    super.close();
-    this.video.pause();
-    this.forget();
   }
 
   forget() {

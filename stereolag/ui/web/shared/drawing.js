@@ -11,11 +11,7 @@ export class DrawingPanel extends Panel {
   setUp() {
     this.listen(eventOf(KIND), () => this.takePicture());
     this.watchSize(this.root);
-  }
-
-  close() {
-    super.close();
-    URL.revokeObjectURL(this.source);
+    this.atEnd(() => URL.revokeObjectURL(this.source));
   }
 
   begin(_) {

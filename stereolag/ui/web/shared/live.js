@@ -112,7 +112,7 @@ export class LivePanel extends Panel {
   constructor(parent) {
     super(parent);
     this.wake = () => {}; // has the panel look at once whether there is something to send
-    this.gone.signal.addEventListener("abort", () => this.stop());
+    this.atEnd(() => this.stop());
     document.addEventListener("visibilitychange", () => this.render(), { signal: this.gone.signal });
   }
 

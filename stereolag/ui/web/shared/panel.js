@@ -11,7 +11,7 @@ export function show(PanelOfComponent, { data, parentElement, setTriggerValue, s
   Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue, view });
   panel.load(data);
   return () => {
-    panel.close();
+    panel.gone.abort();
     panels.delete(parentElement);
   };
 }
@@ -36,8 +36,9 @@ export class Panel {
     this.findAll = (selector) => [...parent.querySelectorAll(selector)];
   }
 
-  close() {
-    this.gone.abort();
+  // Has something done when the panel is closed.
+  atEnd(act) {
+    this.gone.signal.addEventListener("abort", act);
   }
 
   // Listens to an event of the window, also one that an element keeps to itself, until the panel is closed.
@@ -49,7 +50,7 @@ export class Panel {
   watchSize(one, draw = () => this.schedule()) {
     const observer = new ResizeObserver(draw);
     observer.observe(one);
-    this.gone.signal.addEventListener("abort", () => observer.disconnect());
+    this.atEnd(() => observer.disconnect());
   }
 
   // Takes the data of a run; if they are as before, everything stays as the visitor left it.

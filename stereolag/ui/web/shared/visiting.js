@@ -41,11 +41,7 @@ export class VisitingPanel extends ExamplesPanel {
 
   setUp() {
     this.watchSize(this.root);
-  }
-
-  close() {
-    super.close();
-    cancelAnimationFrame(this.playing);
+    this.atEnd(() => cancelAnimationFrame(this.playing));
   }
 
   choose(example) {

@@ -20,7 +20,7 @@ class SlidersPanel extends Panel {
     for (const type of ["pointerup", "pointercancel"]) this.listen(type, () => this.release());
     this.listen("focusin", ({ target }) => this.sliderOf(target) && this.connect());
     this.listen("keydown", (event) => this.press(event));
-    this.gone.signal.addEventListener("abort", () => {
+    this.atEnd(() => {
       clearInterval(this.looking);
       this.socket?.close();
     });
