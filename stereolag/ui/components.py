@@ -36,7 +36,7 @@ UNKNOWN = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE
 STYLES = re.compile(r'^@import "(\.[^"]+)";\n', re.MULTILINE)
 
 
-VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened, drag, keys }}) => html`{}`;\n"
+VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened, drag, keys, within }}) => html`{}`;\n"
 """The markup of a component as a function in its module: a template of lit-html."""
 
 

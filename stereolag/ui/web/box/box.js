@@ -5,7 +5,6 @@ import { clamp } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
 
 const REST_MS = 400;
-const HIGHEST = 0.7; // of the window's height
 
 export default (component) => show(BoxPanel, component, view);
 
@@ -20,10 +19,6 @@ class BoxPanel extends DrawingPanel {
     const told = JSON.stringify(data.box);
     if (told !== this.sent) this.box = { ...data.box }; // its own comes back: one that is being dragged stays
     this.sent = told;
-  }
-
-  room() {
-    return [this.root.clientWidth, window.innerHeight * HIGHEST];
   }
 
   // Moves or resizes the box, as far as the picture and the least side allow.
@@ -44,10 +39,8 @@ class BoxPanel extends DrawingPanel {
   span([row, col], [toRow, toCol]) {
     const { rows, cols, least } = this.data;
     const side = (from, to, end) => {
-      const [low, high] = [clamp(Math.min(from, to), 0, end), clamp(Math.max(from, to), 0, end)];
-      if (high - low >= least) return [low, high - low];
-      const start = to < from ? from - least : from;
-      return [clamp(start, 0, Math.max(0, end - least)), least];
+      const length = Math.max(Math.abs(clamp(to, 0, end) - from), least);
+      return [to < from ? from - length : from, length];
     };
     const [top, height] = side(Math.round(row), Math.round(toRow), rows);
     const [left, width] = side(Math.round(col), Math.round(toCol), cols);
@@ -57,7 +50,7 @@ class BoxPanel extends DrawingPanel {
   grab(event) {
     const corner = event.target.dataset.corner;
     const inside = event.target === this.find(".box");
-    if (!this.scale || (event.pointerType === "touch" && !corner && !inside)) return null; // a finger scrolls the page there
+    if (event.pointerType === "touch" && !corner && !inside) return null; // a finger scrolls the page there
     const before = { ...this.box };
     const move = inside ? this.moving(event) : this.spanning(event, corner);
     const end = (released) => {

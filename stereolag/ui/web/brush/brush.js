@@ -4,7 +4,6 @@ import { DrawingPanel } from "../shared/drawing.js";
 import { clamp, total } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
 
-const WIDEST = 420;
 const INK = [255, 0, 160];
 
 export default (component) => show(BrushPanel, component, view);
@@ -26,10 +25,6 @@ class BrushPanel extends DrawingPanel {
     this.size = Math.max(1, Math.round(side / 10));
     this.at = [rows / 2, cols / 2];
     this.paintAll(used);
-  }
-
-  room() {
-    return [Math.min(this.root.clientWidth, WIDEST), WIDEST];
   }
 
   paintAll(mask) {
@@ -58,7 +53,6 @@ class BrushPanel extends DrawingPanel {
   }
 
   press(event) {
-    if (!this.scale) return null;
     this.showBrush(this.placeOf(event));
     let before = this.at;
     const move = () => {
@@ -102,10 +96,6 @@ class BrushPanel extends DrawingPanel {
 
   showBrush(at = this.at) {
     this.set({ at, shown: true });
-  }
-
-  get disc() {
-    return { width: this.size, height: this.size, top: this.at[0], left: this.at[1] };
   }
 }
 

@@ -1,6 +1,6 @@
 // A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
 
-import { shareOf } from "../shared/dom.js";
+import { placeIn } from "../shared/dom.js";
 import { LivePanel, camera, jpeg } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
@@ -143,8 +143,8 @@ class FollowingPanel extends LivePanel {
   }
 
   placeOf(event) {
-    const [right, down] = shareOf(event, this.find("canvas"));
-    return [down * this.still.height, right * this.still.width];
+    const { height: rows, width: cols } = this.still;
+    return placeIn(event, this.find("canvas"), { rows, cols });
   }
 
   get isOn() {

@@ -1,6 +1,6 @@
 // The steps of the "sampled" search for any picked pixel of the template, without server requests.
 
-import { shareOf } from "../shared/dom.js";
+import { placeIn, shareOf } from "../shared/dom.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { Panel, show } from "../shared/panel.js";
 
@@ -23,8 +23,8 @@ class FunnelPanel extends Panel {
 
   // Picks the nearest of the pixels that can be picked.
   pickPixel(event) {
-    const [right, down] = shareOf(event, event.currentTarget);
-    const [row, col] = [down * this.data.height, right * this.data.width];
+    const { height: rows, width: cols } = this.data;
+    const [row, col] = placeIn(event, event.currentTarget, { rows, cols });
     const far = this.sorted.map((anchor) => Math.hypot(anchor.row + 0.5 - row, anchor.col + 0.5 - col));
     this.pick(far.indexOf(Math.min(...far)));
   }

@@ -1,6 +1,6 @@
 // The score of every place, read under the pointer; a click compares it in the search by hand.
 
-import { put, shareOf } from "../shared/dom.js";
+import { placeIn, put } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
@@ -31,17 +31,11 @@ class ScoreMapPanel extends Panel {
   }
 
   blockAt(event) {
-    const [right, down] = shareOf(event, this.stage);
-    return this.inside(down * this.data.rows, right * this.data.cols);
+    return this.inside(...placeIn(event, this.stage, this.data));
   }
 
   inside(row, col) {
     return { row: clamp(Math.floor(row), 0, this.data.rows - 1), col: clamp(Math.floor(col), 0, this.data.cols - 1) };
-  }
-
-  place() {
-    const { rows, cols } = this.data;
-    return this.block ? `left: ${(100 * (this.block.col + 0.5)) / cols}%; top: ${(100 * (this.block.row + 0.5)) / rows}%` : "";
   }
 
   reading() {

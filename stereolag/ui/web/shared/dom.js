@@ -55,6 +55,18 @@ export function shareOf({ clientX, clientY }, one) {
   return [(clientX - left) / width, (clientY - top) / height];
 }
 
+// The row and column of a pointer over a picture, in fractions of a pixel.
+export function placeIn(event, one, { rows, cols }) {
+  const [right, down] = shareOf(event, one);
+  return [down * rows, right * cols];
+}
+
+// Lengths of a picture in px, by their names in CSS, as a style of what lies in it.
+export function within({ rows, cols }, lengths) {
+  const share = (name) => (100 * lengths[name]) / (name === "left" || name === "width" ? cols : rows);
+  return Object.keys(lengths).map((name) => `${name}: ${share(name)}%`).join("; ");
+}
+
 // Shows a rectangle of an image on a canvas of its size.
 export function cut(canvas, image, x, y, width, height) {
   Object.assign(canvas, { width, height });

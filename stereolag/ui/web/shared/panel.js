@@ -1,5 +1,6 @@
 // The panel of a component: created once on its element, given the data of each run, closed at the end. Drags and keys.
 
+import { within } from "./dom.js";
 import { html, live, render, svg } from "./lit_html.js";
 import { filled, shortened } from "./numbers.js";
 
@@ -148,4 +149,4 @@ export function arrows({ shiftKey }, move, far = 10) {
   };
 }
 
-const TOOLS = { html, svg, live, filled, shortened, drag, keys }; // of the markup
+const TOOLS = { html, svg, live, filled, shortened, drag, keys, within }; // of the markup

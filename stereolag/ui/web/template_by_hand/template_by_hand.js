@@ -1,6 +1,6 @@
 // A template dragged over a picture, without server requests.
 
-import { cut, line, put, shareOf } from "../shared/dom.js";
+import { cut, line, put, placeIn } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
 import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
@@ -81,10 +81,10 @@ class TemplatePanel extends Panel {
     const touched = event.pointerType === "touch"; // outside the template a finger scrolls the page or taps
     if (touched && !this.find(".held").contains(event.target)) return null;
     if (!touched) this.jump(event);
-    const from = this.pixelAt(event);
-    const [down, right] = [from.row - this.row, from.col - this.col];
+    const [fromRow, fromCol] = this.placeOf(event);
+    const [down, right] = [fromRow - this.row, fromCol - this.col];
     const move = (moved) => {
-      const { row, col } = this.pixelAt(moved);
+      const [row, col] = this.placeOf(moved);
       this.move(row - down, col - right);
     };
     return { move };
@@ -93,28 +93,19 @@ class TemplatePanel extends Panel {
   // Brings the template under the pointer, unless it is already there.
   jump(event) {
     if (this.find(".held").contains(event.target)) return;
-    const { row, col } = this.pixelAt(event);
+    const [row, col] = this.placeOf(event);
     const { rows, cols } = this.data.template;
     this.move(row - rows / 2, col - cols / 2, { jump: true });
   }
 
-  pixelAt(event) {
-    const { rows, cols } = this.data.picture;
-    const [right, down] = shareOf(event, this.stage);
-    return { row: down * rows, col: right * cols };
+  placeOf(event) {
+    return placeIn(event, this.stage, this.data.picture);
   }
 
-  // A place in the whole image, px, and a part of the picture, as a style.
+  // A place in the whole image, px.
   inImage({ row, col }) {
     const { factor, row: top, col: left } = this.data;
     return { row: top + row * factor, col: left + col * factor };
-  }
-
-  frameOf(row, col, { rows, cols }) {
-    const { picture } = this.data;
-    const share = (pixels, all) => `${(100 * pixels) / all}%`;
-    const size = `width: ${share(cols, picture.cols)}; height: ${share(rows, picture.rows)}`;
-    return `left: ${share(col, picture.cols)}; top: ${share(row, picture.rows)}; ${size}`;
   }
 
   // Compares at a place of the whole image, px.
