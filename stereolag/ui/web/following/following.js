@@ -1,14 +1,12 @@
 // A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
 
-import { placeIn } from "../shared/dom.js";
+import { cut, gapped, placeIn } from "../shared/dom.js";
 import { LivePanel, camera, jpeg } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
 
 const LARGEST = 1280; // px, of the longer side of a frame
 const PATH = 150; // last places drawn
-const COLOURS = { found: "#17b26a", partly_seen: "#f79009", look_alikes: "#9e77ed", lost: "#f04438" };
-const DASHES = { found: [], partly_seen: [10, 6], look_alikes: [3, 5] };
 
 export default (component) => show(FollowingPanel, component, view);
 
@@ -153,61 +151,26 @@ class FollowingPanel extends LivePanel {
 
   draw() {
     this.render();
-    if (!this.still) return;
-    const { width, height } = this.still;
-    const canvas = this.find("canvas");
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    const context = canvas.getContext("2d");
-    context.drawImage(this.still, 0, 0);
-    const px = width / (canvas.clientWidth || width); // of the screen
-    const stroke = (path, colour, dash = []) => {
-      for (const [style, wide] of [["#fff", 5], [colour, 3]]) {
-        Object.assign(context, { strokeStyle: style, lineWidth: wide * px, lineJoin: "round" });
-        context.setLineDash(style === "#fff" ? [] : dash.map((length) => length * px));
-        context.stroke(path);
-      }
-    };
-    if (this.box) {
-      const { row, col, height: tall, width: wide } = this.box;
-      const box = new Path2D();
-      box.rect(col, row, wide, tall);
-      stroke(box, "#ff00a0");
-      return;
-    }
-    if (!this.item) return;
-    const { state, place, shape } = this.item;
-    const trail = new Path2D();
-    this.path.forEach((at, number) => at && trail[this.path[number - 1] ? "lineTo" : "moveTo"](at.col, at.row));
-    stroke(trail, COLOURS.found);
-    if (place) stroke(framed(place, shape), COLOURS[state], DASHES[state]);
-    this.label(context, px);
+    if (this.still) cut(this.find("canvas"), this.still, 0, 0, this.still.width, this.still.height);
   }
 
-  // The word for the state, above the frame or in the corner of the picture.
-  label(context, px) {
-    const { state, place, shape } = this.item;
-    const [text] = this.said;
-    Object.assign(context, { font: `600 ${14 * px}px sans-serif`, textBaseline: "top" });
-    const wide = context.measureText(text).width + 12 * px;
-    const radius = place ? (place.scale * Math.hypot(...shape)) / 2 : 0;
-    const left = place ? clamp(place.col - wide / 2, 0, context.canvas.width - wide) : 6 * px;
-    const top = place ? clamp(place.row - radius - 24 * px, 0, context.canvas.height - 22 * px) : 6 * px;
-    context.fillStyle = "#000000b3";
-    context.fillRect(left, top, wide, 22 * px);
-    context.fillStyle = COLOURS[state];
-    context.fillRect(left, top, 4 * px, 22 * px);
-    context.fillStyle = "#fff";
-    context.fillText(text, left + 8 * px, top + 4 * px);
+  get trail() {
+    return gapped(this.path.map((place) => place && `${place.col} ${place.row}`));
+  }
+
+  // Where the word for the state stands: above the frame, or in the corner of the picture.
+  get labelled() {
+    const { still, item: { place, shape } } = this;
+    if (!place) return "left: 6px; top: 6px";
+    const x = (100 * place.col) / still.width;
+    const y = (100 * (place.row - (place.scale * Math.hypot(...shape)) / 2)) / still.height;
+    return `left: ${x}%; translate: clamp(${-x}cqw, -50%, ${100 - x}cqw - 100%); top: clamp(0px, ${y}% - 24px, 100% - 22px)`;
   }
 
   // The state below the picture, and why; only a change of the state is read aloud.
   get said() {
     const { item, box, data: { told } } = this;
     return item ? told.states[item.state] : ["", box ? told.choose : ""];
-  }
-
-  get colour() {
-    return this.item ? COLOURS[this.item.state] : "transparent";
   }
 
   get figures() {
@@ -219,16 +182,4 @@ class FollowingPanel extends LivePanel {
       score: shortened(score ?? NaN, 2), row: shortened(row), col: shortened(col), size: shortened(100 * scale), angle: shortened(rotation),
     });
   }
-}
-
-// The outline of a template of that shape at a place; its angle is counter-clockwise as seen.
-function framed({ row, col, scale, rotation }, [height, width]) {
-  const [cosine, sine] = [Math.cos, Math.sin].map((of) => of((rotation * Math.PI) / 180));
-  const path = new Path2D();
-  for (const [down, right] of [[-1, -1], [-1, 1], [1, 1], [1, -1]]) {
-    const [y, x] = [(down * scale * height) / 2, (right * scale * width) / 2];
-    path.lineTo(col + x * cosine + y * sine, row - x * sine + y * cosine);
-  }
-  path.closePath();
-  return path;
 }
