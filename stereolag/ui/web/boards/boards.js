@@ -1,6 +1,7 @@
 // Takes pictures of a board with a stereo camera for a calibration: the server says which of the frames it wants in full
 // size, and how to hold the board next.
 
+import { cut, line } from "../shared/dom.js";
 import { jpeg } from "../shared/live.js";
 import { show } from "../shared/panel.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
@@ -8,9 +9,6 @@ import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 const PREVIEW = 640; // px of a view
 const FRAMES = 4; // kept until their answers come
 const FLASH_MS = 250;
-const COVERED = "#2fb8ff38";
-const CORNER = "#ff2d9b";
-const DOT = 5; // px
 
 export default (component) => show(Boards, component, view);
 
@@ -18,6 +16,7 @@ class Boards extends StereoPanel {
   frames = new Map();
   number = 0;
   flashing = false;
+  corners = []; // of the board in both views of the frame shown
 
   begin(data) {
     super.begin(data);
@@ -42,8 +41,10 @@ class Boards extends StereoPanel {
     this.wanted = item.wanted;
     this.taken = item;
     const shown = this.frames.get(item.number);
-    if (shown) this.drawFrame(shown.preview, item);
-    else this.flash();
+    if (shown) {
+      this.corners = item.corners;
+      cut(this.find("canvas"), shown.preview, 0, 0, shown.preview.width, shown.preview.height);
+    } else this.flash();
     if (item.enough) this.finish();
   }
 
@@ -65,28 +66,14 @@ class Boards extends StereoPanel {
     this.trigger("finished", performance.now());
   }
 
-  // A frame, shaded where the board has been, with its corners.
-  drawFrame(preview, { corners, outlines }) {
-    const { width, height } = preview;
-    const canvas = Object.assign(this.find("canvas"), { width, height });
-    const context = canvas.getContext("2d");
-    context.drawImage(preview, 0, 0);
-    const place = ([x, y], view) => [((x + view) * width) / 2, y * height];
-    context.fillStyle = COVERED;
-    context.beginPath();
-    for (const views of outlines) {
-      views.forEach((outline, view) => {
-        outline.forEach((one, at) => context[at ? "lineTo" : "moveTo"](...place(one, view)));
-        context.closePath();
-      });
-    }
-    context.fill();
-    context.fillStyle = CORNER;
-    corners.forEach((found, view) => {
-      for (const one of found) {
-        const [x, y] = place(one, view);
-        context.fillRect(x - DOT / 2, y - DOT / 2, DOT, DOT);
-      }
-    });
+  // The paths of where the board has been and of its corners; a view is a square of 1000.
+  get covered() {
+    return this.taken.outlines.flatMap((views) => views.map((outline, view) => `${line(placed(outline, view))}Z`)).join("");
+  }
+
+  get dots() {
+    return this.corners.flatMap((found, view) => placed(found, view).map((one) => `${line([one])}h0`)).join("");
   }
 }
+
+const placed = (places, view) => places.map(([x, y]) => [1000 * (x + view), 1000 * y]);
