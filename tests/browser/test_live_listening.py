@@ -46,14 +46,14 @@ def test_what_cannot_be_heard_has_its_own_sentence(page: Page) -> None:
     change(page, level=0.2)
     page.get_by_label("Sensor 2").select_option("two")
     expect(said).to_contain_text("Two devices")
-    expect(page.locator(".listening svg")).to_be_hidden()
+    expect(page.locator(".listening .place svg")).to_be_hidden()
     assert [one["deviceId"]["exact"] for one in page.evaluate("fake.asked.slice(-2)")] == ["one", "two"]
 
     change(page, clock=1.0003)
     expect(said).to_contain_text("Two devices have two clocks, and these run apart.")
     check(page, "sensor-lag-live", only="[data-testid=stMain]")
     page.get_by_label("Sensor 2").select_option(index=0)  # one device again
-    expect(page.locator(".listening svg")).to_be_visible()
+    expect(page.locator(".listening .place svg")).to_be_visible()
     page.evaluate("fake.streams.at(-1).destination.stream.getTracks()[0].stop()")
     expect(state).to_contain_text("unplugged")
     expect(page.locator(".listening")).not_to_have_class(re.compile(r"\bon\b"))

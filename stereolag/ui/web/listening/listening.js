@@ -12,6 +12,7 @@ const KEPT_S = 2; // of sound that is drawn, and that the server keeps
 const COLUMN = 256; // samples that are drawn as one line
 const LOWEST_DB = -60;
 const QUIETEST = 0.02; // of full scale: what is quieter is drawn as small as it is
+const THINNEST = 3; // of 200: silence is seen too
 const FLOOR = 126; // of the drawing of the sensors, px
 const NEEDLE = 100;
 
@@ -23,6 +24,7 @@ class Listening extends LivePanel {
   levels = [0, 0]; // how loud both are, 0..1
   collected = []; // blocks that are not sent yet
   columns = []; // what is drawn of those before
+  most = 1; // columns
   lag = "–";
   /** @type {number} */
   difference; // of both paths, m
@@ -116,26 +118,14 @@ class Listening extends LivePanel {
     this.schedule();
   }
 
-  draw() {
-    super.draw();
-    this.findAll("canvas").forEach((canvas, at) => this.drawWave(canvas, this.columns.map((both) => both[at]), at + 1));
-  }
-
-  drawWave(canvas, columns, number) {
-    const { clientWidth, clientHeight } = canvas;
-    const ratio = window.devicePixelRatio;
-    const [width, height] = [Math.round(clientWidth * ratio), Math.round(clientHeight * ratio)];
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    const context = canvas.getContext("2d");
-    context.clearRect(0, 0, width, height);
+  // The path of a channel's waveform, 200 high and a column wide for each column, the newest at the right.
+  wave(channel) {
+    const columns = this.columns.map((both) => both[channel]);
     const highest = columns.reduce((most, [low, high]) => Math.max(most, high, -low), QUIETEST);
-    const step = width / (this.most ?? 1);
-    const y = (value) => (height / 2) * (1 - value / highest);
-    context.fillStyle = this.data.colours[`sensor-${number}`];
-    columns.forEach(([low, high], at) => {
-      const x = Math.round(width - (columns.length - at) * step);
-      context.fillRect(x, y(high), Math.ceil(step), Math.max(y(low) - y(high), ratio));
-    });
+    return columns.map(([low, high], at) => {
+      const [top, height] = [100 - (100 * high) / highest, Math.max((100 * (high - low)) / highest, THINNEST)];
+      return `M${this.most - columns.length + at} ${top.toFixed(1)}h1v${height.toFixed(1)}h-1z`;
+    }).join("");
   }
 
   // Both sensors, every place with the path difference, and a needle along them.
