@@ -2,6 +2,7 @@
 
 import { DrawingPanel } from "../shared/drawing.js";
 import { clamp, total } from "../shared/numbers.js";
+import { base64 } from "../shared/packing.js";
 import { arrows, show } from "../shared/panel.js";
 
 const INK = [255, 0, 160];
@@ -105,7 +106,7 @@ class BrushPanel extends DrawingPanel {
 export function packed(painted) {
   const bytes = new Uint8Array(Math.ceil(painted.length / 8));
   painted.forEach((value, at) => value || (bytes[at >> 3] |= 0x80 >> (at & 7)));
-  return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  return base64(bytes);
 }
 
 // Unpacks a mask to values that are 1 where painted over.

@@ -3,14 +3,13 @@
 import { eventOf, received } from "./exchange.js";
 import { html, live } from "./lit_html.js";
 import { filled } from "./numbers.js";
-import { packed, unpacked } from "./packing.js";
+import { base64, packed, unpacked } from "./packing.js";
 import { Panel } from "./panel.js";
 import { socketTo } from "./socket.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
 const LOOK_MS = 20;
 const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message of the page's own connection
-const TEXT_BYTES = 32_768; // turned into text at once
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
@@ -54,48 +53,40 @@ export async function jpeg(canvas, quality = QUALITY) {
 }
 
 // Stands in for a socket: sends messages one at a time over the page's own connection, as answers to a delivery.
-class Carried {
-  constructor(token, opened, answered) {
-    this.token = token;
-    this.answered = answered;
-    this.most = 1;
+function carrierFor(token, opened, answered) {
+  let message;
+  let again;
+  const over = new AbortController();
+  const forget = () => {
+    clearInterval(again);
+    message = null;
+  };
+  const socket = {
+    most: 1, // message in flight
     /** @type {number} */
-    this.readyState = WebSocket.OPEN;
-    /** @type {any} */
-    this.onclose = null;
-    this.hear = () => this.take(received("carrier", token));
-    window.addEventListener(eventOf("carrier"), this.hear);
-    setTimeout(opened);
-  }
-
-  take(answer) {
-    if (!this.message || answer?.number !== this.message.number) return;
-    this.forget();
-    if (answer.end) this.onclose({ code: answer.end });
-    else this.answered(answer.parts[0]);
-  }
-
-  forget() {
-    clearInterval(this.again);
-    this.message = null;
-  }
-
-  send(message) {
-    let text = "";
-    for (let at = 0; at < message.length; at += TEXT_BYTES) {
-      text += String.fromCharCode(...message.subarray(at, at + TEXT_BYTES));
-    }
-    this.message = { number: Date.now(), data: btoa(text) };
-    const send = () => received("carrier", this.token)?.send(this.message);
-    this.again = setInterval(send, AGAIN_MS);
-    send();
-  }
-
-  close() {
-    this.forget();
-    this.readyState = WebSocket.CLOSED;
-    window.removeEventListener(eventOf("carrier"), this.hear);
-  }
+    readyState: WebSocket.OPEN,
+    onclose: null,
+    send: (item) => {
+      message = { number: Date.now(), data: base64(item) };
+      const send = () => received("carrier", token)?.send(message);
+      again = setInterval(send, AGAIN_MS);
+      send();
+    },
+    close: () => {
+      forget();
+      socket.readyState = WebSocket.CLOSED;
+      over.abort();
+    },
+  };
+  window.addEventListener(eventOf("carrier"), () => {
+    const answer = received("carrier", token);
+    if (!message || answer?.number !== message.number) return;
+    forget();
+    if (answer.end) socket.onclose({ code: answer.end });
+    else answered(answer.parts[0]);
+  }, over);
+  setTimeout(opened);
+  return socket;
 }
 
 export class LivePanel extends Panel {
@@ -200,7 +191,7 @@ export class LivePanel extends Panel {
       if (this.running && document.hidden) return "paused";
       if (this.phase !== "on") return this.phase;
       if (this.ahead) return "waiting";
-      return this.socket instanceof Carried ? "carried" : "on";
+      return this.socket.most ? "carried" : "on";
     };
     return (state() in { on: 1, carried: 1 } && this.fault) || filled(words[state()], this);
   }
@@ -227,7 +218,7 @@ export class LivePanel extends Panel {
       this.render();
     };
     /** @type {any} */
-    const socket = carried ? new Carried(this.data.token, ready, answered) : socketTo(this.data, ready, answered);
+    const socket = carried ? carrierFor(this.data.token, ready, answered) : socketTo(this.data, ready, answered);
     this.socket = socket;
     this.sent = [];
     this.answers = [];

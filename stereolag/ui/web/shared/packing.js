@@ -24,6 +24,8 @@ export function packed(header, parts = []) {
   return data;
 }
 
+export const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+
 // The RGBA bytes of a PNG, and the image itself, without colour management.
 export async function pixelsOf(bytes) {
   const image = await createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none" });
