@@ -12,7 +12,6 @@ export default (component) => show(BrushPanel, component, view);
 class BrushPanel extends DrawingPanel {
   canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
   context = this.canvas.getContext("2d", { willReadFrequently: true });
-  /** @type {any} */
   at; // the row and column of the brush
   mode = "Paint";
   shown = false; // whether the brush is

@@ -26,7 +26,6 @@ class Listening extends LivePanel {
   columns = []; // what is drawn of those before
   most = 1; // columns
   lag = "–";
-  /** @type {number} */
   difference; // of both paths, m
   isOld = true; // whether the lag is heard no longer
   said = "";
@@ -59,7 +58,6 @@ class Listening extends LivePanel {
     this.chosen[0] ||= this.devices[0]?.deviceId ?? "";
   }
 
-  /** @returns {Promise<any>} */
   async open() {
     [this.collected, this.columns] = [[], []];
     const [first, second] = this.chosen;

@@ -1,7 +1,6 @@
 // What components pass to each other on a page, whichever of them is there first. Every item has a kind and a name; it
 // stays as long as the component that brought it, its holder, and each change is an event of the window.
 
-/** @returns {Map<object, any>} */
 const itemsByHolder = () => (/** @type {any} */ (window).stereolagItems ??= new Map());
 
 export const eventOf = (kind) => `stereolag-${kind}`;
@@ -11,7 +10,6 @@ export function tell(kind, detail) {
 }
 
 // The item that came last under a name.
-/** @returns {any} */
 export const received = (kind, name) =>
   [...itemsByHolder().values()].findLast((one) => one.kind === kind && one.name === name)?.item;
 

@@ -15,7 +15,6 @@ const KEPT = 30; // answers over which rates are taken
 
 // A camera at its full size: without `resizeMode` the browser would scale it down. `key` is the chosen device, if any.
 export async function camera(deviceId = "") {
-  /** @type {any} */
   const video = {
     ...(deviceId && { deviceId: { exact: deviceId } }),
     width: { ideal: 4000 }, height: { ideal: 3000 }, frameRate: { ideal: 30 }, resizeMode: "none",

@@ -21,7 +21,6 @@ export class Panel {
   gone = new AbortController();
   /** @type {any} */
   layout = { width: 0, height: 0 }; // of its drawing, if it has one
-  /** @type {any} */
   data;
   /** @type {(panel: any, data: any, words: any, tools: any) => unknown} */
   view; // the markup
@@ -31,9 +30,7 @@ export class Panel {
   setState; // tells Python what holds from now on
 
   constructor(parent) {
-    /** @type {(selector: string) => any} */
     this.find = (selector) => parent.querySelector(selector);
-    /** @type {(selector: string) => any[]} */
     this.findAll = (selector) => [...parent.querySelectorAll(selector)];
   }
 

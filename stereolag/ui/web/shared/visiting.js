@@ -34,7 +34,6 @@ export class ExamplesPanel extends Panel {
 }
 
 export class VisitingPanel extends ExamplesPanel {
-  /** @type {any} */
   all;
   option = false; // whether the measurement is the other one that the panel offers
   start = 0; // the place at which an example starts
