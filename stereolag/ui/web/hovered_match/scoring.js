@@ -1,7 +1,7 @@
 // The scores of one window and their interpretation: stereolag.assess.explaining.explain_match in the browser.
 // Lags are displacements, right minus left, px; a lag range has the fields dy_first, dy_last, dx_first and dx_last.
 
-import { clamp } from "../shared/numbers.js";
+import { clamp, total } from "../shared/numbers.js";
 
 const FLAT = 0.25; // a window of whole numbers is flat up to this energy about its mean
 
@@ -53,17 +53,9 @@ function findRunnerUp(seen, grid, circular) {
 }
 
 function windowAt(image, stride, top, start, size) {
-  const pixels = new Float64Array(size * size);
-  let [total, square] = [0, 0];
-  for (let row = 0, at = 0; row < size; row++) {
-    for (let col = 0; col < size; col++, at++) {
-      const value = image[(top + row) * stride + start + col];
-      pixels[at] = value;
-      total += value;
-      square += value * value;
-    }
-  }
-  return { pixels, total, square, energy: square - total ** 2 / size ** 2 };
+  const pixels = Float64Array.from({ length: size ** 2 }, (_, at) => image[(top + Math.floor(at / size)) * stride + start + (at % size)]);
+  const [sum, square] = [total(pixels), total(pixels.map((value) => value ** 2))];
+  return { pixels, total: sum, square, energy: square - sum ** 2 / size ** 2 };
 }
 
 // The score at every lag tried, NaN where there is no candidate.

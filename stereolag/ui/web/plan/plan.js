@@ -31,17 +31,14 @@ export function freePlace([x, y], lines) {
   return NAMED_AT.find(isFree) ?? NAMED_AT[0];
 }
 
-// Whether a segment has a part within a box.
+// Whether a segment has a part within a box: it reaches into its width and height, and has corners on both sides.
 /** @type {(box: number[], start: number[], end: number[]) => boolean} */
 const crosses = ([left, right, top, bottom], [x0, y0], [x1, y1]) => {
-  // Where it is between two sides, as shares of its length.
-  const between = (from, to, low, high) => {
-    if (from === to) return low <= from && from <= high ? [0, 1] : [1, 0];
-    const shares = [(low - from) / (to - from), (high - from) / (to - from)];
-    return [Math.min(...shares), Math.max(...shares)];
-  };
-  const [across, down] = [between(x0, x1, left, right), between(y0, y1, top, bottom)];
-  return Math.max(0, across[0], down[0]) <= Math.min(1, across[1], down[1]);
+  const corners = [[left, top], [right, top], [left, bottom], [right, bottom]];
+  const sides = corners.map(([x, y]) => Math.sign((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)));
+  const across = Math.min(x0, x1) <= right && Math.max(x0, x1) >= left;
+  const down = Math.min(y0, y1) <= bottom && Math.max(y0, y1) >= top;
+  return across && down && new Set(sides).size > 1;
 };
 
 class Plan extends Panel {
