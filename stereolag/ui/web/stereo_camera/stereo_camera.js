@@ -1,6 +1,7 @@
 // Sends the views of a stereo camera, of two cameras or of one moved by hand, and shows the maps that come back in place
 // of those on the page.
 
+import { cut } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
 import { jpeg } from "../shared/live.js";
 import { unpacked } from "../shared/packing.js";
@@ -48,16 +49,13 @@ class StereoCamera extends StereoPanel {
     return { at, header: { freeze: Boolean(freezing) }, parts: [await jpeg(picture, freezing ? KEPT_QUALITY : undefined)] };
   }
 
-  // The picture as it is sent; of a camera moved by hand the first one, half transparent over the second.
+  // Shows the picture as it is sent; of a camera moved by hand the first one lies half transparent over the second.
   drawPicture(picture) {
     const { first } = this;
     const wide = first ? picture.width / 2 : picture.width;
-    const canvas = Object.assign(this.find("canvas"), { width: wide, height: picture.height });
-    const context = canvas.getContext("2d");
-    context.drawImage(picture, first ? -wide : 0, 0);
-    if (!first) return;
-    context.globalAlpha = 0.5;
-    context.drawImage(picture, 0, 0);
+    const [shown, over] = this.findAll("canvas");
+    cut(shown, picture, first ? wide : 0, 0, wide, picture.height);
+    if (first) cut(over, picture, 0, 0, wide, picture.height);
   }
 
   answered({ shape, frozen, count, parts }) {
