@@ -89,9 +89,8 @@ class SlidingPanel extends VisitingPanel {
     const ofProducts = around(boxes.products, all.largest);
     const ofSum = (sum) => boxes.curve.top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * (boxes.curve.height - 16);
     const products = all.products[place];
-    const covered = [...cut.keys()].map((index) => place + index);
-    const others = [...recording.keys()].filter((sample) => sample < place || sample >= place + cut.length);
-    const heard = (samples) => samples.map((sample) => recording[sample]);
+    const every = [...recording.keys()];
+    const covered = every.slice(place, place + cut.length);
     const stems = (kind, samples, values, y) => ({
       kind,
       lines: samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`).join(""),
@@ -109,14 +108,14 @@ class SlidingPanel extends VisitingPanel {
       zeros: { recording: ofRecording(0), cut: ofCut(0), products: ofProducts(0), curve: ofSum(0) },
       hold: { x: x(place) - pitch / 2, width: pitch * cut.length },
       stems: [
-        stems("outside", others, heard(others), ofRecording),
-        stems("inside", covered, heard(covered), ofRecording),
+        stems("outside", every, recording, ofRecording),
+        stems("inside", covered, recording.slice(place, place + cut.length), ofRecording),
         stems("cut", covered, cut, ofCut),
       ],
       ghost: `M${covered.map((sample, index) => `${x(sample)} ${ofRecording(cut[index])}`).join("L")}`,
       bars: [bars("up", 1), bars("down", -1)],
       numbers: written ? [
-        ...numbers([...recording.keys()], recording, boxes.recording),
+        ...numbers(every, recording, boxes.recording),
         ...numbers(covered, cut, boxes.cut),
         ...(products.every(Number.isInteger) ? numbers(covered, products, boxes.products) : []),
       ] : [],
