@@ -1,6 +1,6 @@
 // Follows the crosshair of the pictures and explains the window under it, without server requests.
 
-import { cut, gapped, put } from "../shared/dom.js";
+import { colourAt, cut, gapped, put } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { clamp, shortened, ticks } from "../shared/numbers.js";
 import { codesOf, pixelsOf } from "../shared/packing.js";
@@ -179,10 +179,7 @@ function drawFromAbove(canvas, seen, found, settings) {
   const data = new Uint8ClampedArray(4 * seen.scores.length);
   const [low, high] = scoreRange(seen.scores, settings.score);
   seen.scores.forEach((score, at) => {
-    if (Number.isNaN(score)) return;
-    const share = (score - low) / (high - low || 1);
-    const colour = settings.palette[Math.round(clamp(share, 0, 1) * (settings.palette.length - 1))];
-    data.set([...colour, 255], 4 * at);
+    if (!Number.isNaN(score)) data.set([...colourAt((score - low) / (high - low || 1), settings.palette), 255], 4 * at);
   });
   put(canvas, { data, rows: seen.rows, cols: seen.cols });
   for (const { dy, dx, colour } of found) {

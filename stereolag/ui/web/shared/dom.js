@@ -1,7 +1,7 @@
 // Paths and axes of SVG drawings, and canvases.
 
 import { svg } from "./lit_html.js";
-import { shortened, ticks } from "./numbers.js";
+import { clamp, shortened, ticks } from "./numbers.js";
 
 const TICK_PX = 65;
 
@@ -72,6 +72,9 @@ export function cut(canvas, image, x, y, width, height) {
   Object.assign(canvas, { width, height });
   canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
 }
+
+// The colour of a share of the way through a palette.
+export const colourAt = (share, palette) => palette[Math.round(clamp(share, 0, 1) * (palette.length - 1))];
 
 // Draws RGBA bytes on a canvas of their size.
 export function put(canvas, { data, rows, cols }) {

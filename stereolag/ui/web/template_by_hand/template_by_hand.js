@@ -1,6 +1,6 @@
 // A template dragged over a picture, without server requests.
 
-import { cut, line, put, placeIn } from "../shared/dom.js";
+import { colourAt, cut, line, put, placeIn } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
 import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
@@ -207,10 +207,7 @@ function inProductColours({ rows, cols, places }, products) {
 }
 
 // The colour of a score: the darkest at 0 and below, the brightest at 1, grey where there is no score.
-function colourOf(score, palette) {
-  if (Number.isNaN(score)) return [140, 140, 140];
-  return palette[Math.round(clamp(score, 0, 1) * (palette.length - 1))];
-}
+const colourOf = (score, palette) => (Number.isNaN(score) ? [140, 140, 140] : colourAt(score, palette));
 
 // The scores around a place, seen from the front and above, far rows first; equal heights always mean equal scores.
 function drawRelief(canvas, map, place, reach, palette) {
