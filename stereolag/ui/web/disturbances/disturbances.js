@@ -21,7 +21,6 @@ export default (component) => show(DisturbancesPanel, component, view);
 
 class DisturbancesPanel extends ExamplesPanel {
   setUp() {
-    this.watchSize(this.find(".drawing"));
     this.atEnd(() => clearTimeout(this.sending));
   }
 

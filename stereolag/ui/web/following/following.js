@@ -21,10 +21,6 @@ class FollowingPanel extends LivePanel {
   number = 0;
   stills = new Map(); // frames on their way, by number
 
-  setUp() {
-    this.watchSize(this.stage);
-  }
-
   async open() {
     const fresh = { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [], number: 0 };
     Object.assign(this, fresh, { stills: new Map() });

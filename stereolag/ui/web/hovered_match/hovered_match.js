@@ -19,7 +19,6 @@ class HoveredMatchPanel extends Panel {
   setUp() {
     this.listen(eventOf("crosshair"), ({ detail }) => detail.name === this.data.pictures && this.follow(detail.at));
     this.listen(eventOf("pair"), ({ detail }) => detail.name === this.data.pictures && this.takePair());
-    this.watchSize(this.root);
   }
 
   begin() {

@@ -48,8 +48,8 @@ class LinkedPictures extends Panel {
     this.atEnd(() => this.contents.forEach(forget));
   }
 
-  setUp() {
-    this.watchSize(this.stage, () => this.draw());
+  resized() {
+    this.draw();
   }
 
   load(name) {

@@ -33,7 +33,6 @@ class Listening extends LivePanel {
   kept = false; // whether the server has been asked to keep what was heard
 
   setUp() {
-    this.watchSize(this.root);
     navigator.mediaDevices?.addEventListener?.("devicechange", () => this.running && this.listDevices(), { signal: this.gone.signal });
   }
 

@@ -44,10 +44,6 @@ const crosses = ([left, right, top, bottom], [x0, y0], [x1, y1]) => {
 class Plan extends Panel {
   times = 1.5; // how many times the path difference the sensors are apart, at least
 
-  setUp() {
-    this.watchSize(this.stage);
-  }
-
   begin({ difference, example }) {
     this.sign = difference < 0 ? -1 : 1;
     this.smallest = Math.abs(difference) || example;

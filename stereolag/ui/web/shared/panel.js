@@ -44,13 +44,6 @@ export class Panel {
     window.addEventListener(type, react, { signal: this.gone.signal, capture: true });
   }
 
-  // Draws again whenever an element gets another size.
-  watchSize(one, draw = () => this.schedule()) {
-    const observer = new ResizeObserver(draw);
-    observer.observe(one);
-    this.atEnd(() => observer.disconnect());
-  }
-
   // Takes the data of a run; if they are as before, everything stays as the visitor left it.
   load(data) {
     const text = JSON.stringify(data);
@@ -71,11 +64,19 @@ export class Panel {
     if (this.root) return;
     this.root = this.find(".view").firstElementChild;
     this.stage = this.find(".stage");
+    const observer = new ResizeObserver(() => this.resized());
+    observer.observe(this.root);
+    this.atEnd(() => observer.disconnect());
     this.setUp();
   }
 
   // What can be done only once there is markup.
   setUp() {}
+
+  // Called whenever it has another size.
+  resized() {
+    this.schedule();
+  }
 
   // Colours as custom properties of the same names.
   colours() {

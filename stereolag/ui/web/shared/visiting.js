@@ -39,7 +39,6 @@ export class VisitingPanel extends ExamplesPanel {
   start = 0; // the place at which an example starts
 
   setUp() {
-    this.watchSize(this.root);
     this.atEnd(() => cancelAnimationFrame(this.playing));
   }
 

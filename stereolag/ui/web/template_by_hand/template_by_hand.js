@@ -13,7 +13,6 @@ export default (component) => show(TemplatePanel, component, view);
 class TemplatePanel extends Panel {
   setUp() {
     this.listen(eventOf("place"), ({ detail }) => detail.name === this.data.name && this.compare(detail));
-    this.watchSize(this.root);
   }
 
   async load(data) {
