@@ -110,11 +110,6 @@ class LinkedPictures extends Panel {
     this.draw();
   }
 
-  choose(side, title) {
-    this.pair[side] = title;
-    this.draw();
-  }
-
   // The pictures shown large, each alone or two over each other.
   get cells() {
     if (this.mode === "grid") return this.shown.filter((one) => this.isLarge(one)).map((one) => [one]);

@@ -124,11 +124,6 @@ export class LivePanel extends Panel {
     if (!this.running) this.phase = "off";
   }
 
-  toggle() {
-    if (this.running) this.stop();
-    else this.start();
-  }
-
   // Offers the devices; the browser names them once one of them is allowed.
   async listDevices() {
     this.devices = await devices(this.kind);
@@ -146,7 +141,7 @@ export class LivePanel extends Panel {
     this.running = {};
     const run = this.running;
     if (!window.isSecureContext || !navigator.mediaDevices) return this.stop("insecure");
-    this.enter("asking");
+    this.set({ phase: "asking" });
     let media;
     try {
       media = await this.open();
@@ -156,13 +151,14 @@ export class LivePanel extends Panel {
     }
     if (this.running !== run) return media.close();
     this.media = media;
-    this.enter("connecting");
+    this.set({ phase: "connecting" });
     this.connect(run);
   }
 
   // The markup that all have: start or stop, how the run is going, and a choice of the device at a place.
   starter() {
-    return html`<button type="button" @click=${() => this.toggle()}>${this.data.words[this.running ? "stop" : "start"]}</button>`;
+    const [told, act] = this.running ? ["stop", () => this.stop()] : ["start", () => this.start()];
+    return html`<button type="button" @click=${act}>${this.data.words[told]}</button>`;
   }
 
   lights() {
@@ -176,11 +172,6 @@ export class LivePanel extends Panel {
         ${this.devices.map(({ deviceId, label }) => html`
           <option value=${deviceId} .selected=${live(deviceId === this.chosen[at])}>${label}</option>`)}
       </select>`;
-  }
-
-  enter(phase) {
-    this.phase = phase;
-    this.render();
   }
 
   // What is said about the state of the run.
@@ -199,7 +190,7 @@ export class LivePanel extends Panel {
     let began = false;
     const ready = () => {
       began = true;
-      this.enter("on");
+      this.set({ phase: "on" });
       this.send(run);
     };
     const answered = (data) => {
