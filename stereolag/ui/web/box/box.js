@@ -31,55 +31,40 @@ class BoxPanel extends DrawingPanel {
     this.render();
   }
 
-  /**
-   * Spans the box between two points, (row, col) each; the first stays fixed.
-   * @param {number[]} from
-   * @param {number[]} to
-   */
-  span([row, col], [toRow, toCol]) {
-    const { rows, cols, least } = this.data;
-    const side = (from, to, end) => {
-      const length = Math.max(Math.abs(clamp(to, 0, end) - from), least);
+  // Spans the box between two points, (row, col) each; the first stays fixed.
+  span(fixed, held) {
+    const side = (axis, end) => {
+      const [from, to] = [Math.round(fixed[axis]), clamp(Math.round(held[axis]), 0, end)];
+      const length = Math.max(Math.abs(to - from), this.data.least);
       return [to < from ? from - length : from, length];
     };
-    const [top, height] = side(Math.round(row), Math.round(toRow), rows);
-    const [left, width] = side(Math.round(col), Math.round(toCol), cols);
-    this.fit({ row: top, col: left, height, width });
+    const [[row, height], [col, width]] = [side(0, this.data.rows), side(1, this.data.cols)];
+    this.fit({ row, col, height, width });
   }
 
+  // Moves the box, a corner against the opposite one, or without one spans a new box from where the pointer went down.
   grab(event) {
-    const corner = event.target.dataset.corner;
+    const { corner } = event.target.dataset;
     const inside = event.target === this.find(".box");
     if (event.pointerType === "touch" && !corner && !inside) return null; // a finger scrolls the page there
     const before = { ...this.box };
-    const move = inside ? this.moving(event) : this.spanning(event, corner);
+    const { row, col, height, width } = before;
+    const from = this.placeOf(event);
+    const [rows, cols] = [[row, row + height], [col, col + width]];
+    if (corner?.[0] === "n") rows.reverse();
+    if (corner?.[1] === "w") cols.reverse();
+    const [fixed, held] = corner ? [[rows[0], cols[0]], [rows[1], cols[1]]] : [from, from];
+    const move = (moved) => {
+      const [toRow, toCol] = this.placeOf(moved);
+      const [down, right] = [toRow - from[0], toCol - from[1]]; // the pointer rarely grabs a corner at its exact point
+      if (inside) this.fit({ ...before, row: row + down, col: col + right });
+      else this.span(fixed, [held[0] + down, held[1] + right]);
+    };
     const end = (released) => {
       if (released) this.send();
       else this.fit(before);
     };
     return { move, end };
-  }
-
-  moving(event) {
-    const { row, col } = this.box;
-    const [fromRow, fromCol] = this.placeOf(event);
-    return (moved) => {
-      const [toRow, toCol] = this.placeOf(moved);
-      this.fit({ ...this.box, row: row + toRow - fromRow, col: col + toCol - fromCol });
-    };
-  }
-
-  // Spans from the opposite corner, or without a corner from where the pointer went down.
-  spanning(event, corner) {
-    const { row, col, height, width } = this.box;
-    const from = this.placeOf(event);
-    const anchor = corner ? [corner[0] === "n" ? row + height : row, corner[1] === "w" ? col + width : col] : from;
-    // The pointer rarely grabs a corner at its exact point.
-    const [slipRow, slipCol] = corner ? [from[0] - (2 * row + height - anchor[0]), from[1] - (2 * col + width - anchor[1])] : [0, 0];
-    return (moved) => {
-      const [toRow, toCol] = this.placeOf(moved);
-      this.span(anchor, [toRow - slipRow, toCol - slipCol]);
-    };
   }
 
   actions(event) {

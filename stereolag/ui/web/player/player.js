@@ -69,10 +69,7 @@ class Player extends Panel {
   }
 
   append() {
-    if (!window.MediaSource) {
-      this.appendAll();
-      return;
-    }
+    if (!window.MediaSource) return this.appendAll();
     if (this.source?.readyState !== "open" || this.buffer?.updating) return;
     const piece = this.piece(this.appended);
     if (piece) {
@@ -110,10 +107,7 @@ class Player extends Panel {
   }
 
   toggle() {
-    if (!this.video.paused) {
-      this.video.pause();
-      return;
-    }
+    if (!this.video.paused) return this.video.pause();
     if (this.video.ended || this.frame >= this.data.computed - 1) this.go(0);
     this.video.play().catch(() => {}); // interrupted by a pause
   }

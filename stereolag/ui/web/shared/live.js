@@ -13,7 +13,7 @@ const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message o
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
-// A camera at its full size: without `resizeMode` the browser would scale it down. `key` is the chosen device, if any.
+// A camera at its full size: without `resizeMode` the browser would scale it down. `deviceId` is the chosen one, if any.
 export async function camera(deviceId = "") {
   const video = {
     ...(deviceId && { deviceId: { exact: deviceId } }),
