@@ -30,7 +30,7 @@ from stereolag.ui.components import component, packed_item
 from stereolag.ui.depth.live import ask_arrangement
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
 from stereolag.ui.navigation import bench, fragment
-from stereolag.ui.streams import Message, Whole, connected, frame, open_stream
+from stereolag.ui.streams import Message, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
 
 ALIKE = 3
@@ -83,10 +83,9 @@ Places: TypeAlias = list[list[float]]
 
 
 class Shown(Message):
-    """A small picture with both views, its number and when it was taken, ms; or both in full size, as files are."""
+    """A small picture with both views and when it was taken, ms; or both in full size, as files are."""
 
     parts: tuple[bytes] | tuple[bytes, bytes]
-    number: Whole | None = None
     at: float = 0.0
 
 
@@ -139,21 +138,21 @@ class Taking:
         """Return what the panel shows of a frame, or of a pair in full size."""
         if len(message.parts) == 2:
             self._take(message.parts)
-            return self._shown(message)
+            return self._shown()
         left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
         board = self.board = self.board or self._guessed(left, right)
         if board is None:
-            return self._shown(message)
+            return self._shown()
         size = left.shape[1], left.shape[0]
         first, second = find_in_running_picture(left, board), find_in_running_picture(right, board)
         corners = [[] if one is None else _shares(one.points, size) for one in (first, second)]
         if first is None or second is None:
             self.seen = []
-            return self._shown(message, NOT_SEEN[first is not None, second is not None], corners)
+            return self._shown(NOT_SEEN[first is not None, second is not None], corners)
         is_still = self._is_still(Seen(message.at, (first, second)), board, size[0])
         if not self.missing or not self.collected.adds(board_pose(first, second, board, size)):
-            return self._shown(message, "", corners)
-        return self._shown(message, "" if is_still else "Hold it still …", corners, want=is_still)
+            return self._shown("", corners)
+        return self._shown("" if is_still else "Hold it still …", corners, want=is_still)
 
     def _is_still(self, now: Seen, board: Board, width: int) -> bool:
         """Note where a board is, and return whether it has hardly moved since the last frame long enough before."""
@@ -211,16 +210,11 @@ class Taking:
             "enough": not missing,
         }
 
-    def _shown(self, message: Shown, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
+    def _shown(self, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
         """Return the answer to a frame: what to do next, the corners in both views, and whether it is wanted."""
-        taken, number = self.taken(), message.number
-        header = {
-            "said": f"{said} {taken['said']}".strip(),
-            "number": number,
-            "corners": corners,
-            "wanted": number if want else None,
-        }
-        return packed_item(taken | header | {"digest": "boards"}).data
+        taken = self.taken()
+        header = {"said": f"{said} {taken['said']}".strip(), "corners": corners, "wanted": want, "digest": "boards"}
+        return packed_item(taken | header).data
 
 
 def _shares(places: DoubleMap, size: tuple[int, int]) -> Places:

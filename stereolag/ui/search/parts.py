@@ -61,7 +61,7 @@ from stereolag.ui.search.sentences import (
     why_not_found,
 )
 from stereolag.ui.sentences import duration
-from stereolag.ui.streams import Message, Stream, Whole, connected, frame, open_stream
+from stereolag.ui.streams import Message, Stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 
 CLOSE_UPS = 3
@@ -425,10 +425,9 @@ SIZES, ANGLES = 0.05, 5.0
 
 
 class Frame(Message):
-    """A picture, its number, and the box to be followed from it on, if there is a new one."""
+    """A picture, and the box to be followed from it on, if there is a new one."""
 
     parts: tuple[bytes]
-    number: Whole
     box: dict[str, int] | None = None
 
 
@@ -459,7 +458,6 @@ def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
     kept["place"], kept["picture"] = followed.place, message.parts[0]
     told = {
         "digest": "followed",
-        "number": message.number,
         "shape": kept["template"].shape[:2],
         "state": followed.state,
         "score": followed.score,

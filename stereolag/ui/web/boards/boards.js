@@ -7,14 +7,12 @@ import { show } from "../shared/panel.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
 const PREVIEW = 640; // px of a view
-const FRAMES = 4; // kept until their answers come
 const FLASH_MS = 250;
 
 export default (component) => show(Boards, component, view);
 
 class Boards extends StereoPanel {
-  frames = new Map();
-  number = 0;
+  wanted = null; // the views of a frame that the server wants in full size
   flashing = false;
   corners = []; // of the board in both views of the frame shown
 
@@ -24,26 +22,22 @@ class Boards extends StereoPanel {
   }
 
   async grab() {
-    const wanted = this.frames.get(this.wanted);
+    const { wanted } = this;
     this.wanted = null;
-    if (wanted) return { parts: await jpegs(wanted.views) };
+    if (wanted) return { parts: await jpegs(wanted) };
     if (!this.isFresh()) return null;
     const at = performance.now();
     const views = this.views(this.picture(this.videos, 1));
     const preview = this.picture(views, Math.min(1, PREVIEW / views[0].width));
-    const number = ++this.number;
-    this.frames.set(number, { views, preview });
-    this.frames.delete(number - FRAMES);
-    return { at, header: { number, at }, parts: [await jpeg(preview)] };
+    return { at, header: { at }, parts: [await jpeg(preview)], views, preview };
   }
 
-  answered(item) {
-    this.wanted = item.wanted;
+  answered(item, { views, preview }) {
+    this.wanted = item.wanted ? views : null;
     this.taken = item;
-    const shown = this.frames.get(item.number);
-    if (shown) {
+    if (preview) {
       this.corners = item.corners;
-      cut(this.find("canvas"), shown.preview, 0, 0, shown.preview.width, shown.preview.height);
+      cut(this.find("canvas"), preview, 0, 0, preview.width, preview.height);
     } else this.flash();
     if (item.enough) this.finish();
   }
@@ -58,7 +52,7 @@ class Boards extends StereoPanel {
   }
 
   stopped() {
-    this.frames.clear();
+    this.wanted = null;
   }
 
   finish() {

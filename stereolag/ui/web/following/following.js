@@ -18,12 +18,9 @@ class FollowingPanel extends LivePanel {
   still = null; // the frame that is shown
   item = null; // its answer
   path = [];
-  number = 0;
-  stills = new Map(); // frames on their way, by number
 
   async open() {
-    const fresh = { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [], number: 0 };
-    Object.assign(this, fresh, { stills: new Map() });
+    Object.assign(this, { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [] });
     const opened = await camera(this.chosen[0]);
     await this.listDevices();
     return opened;
@@ -62,14 +59,14 @@ class FollowingPanel extends LivePanel {
     if (this.wanted) {
       const { box, still } = this.wanted;
       Object.assign(this, { wanted: null, cutting: true });
-      return this.sending(still, { box });
+      return { header: { box }, parts: [await jpeg(still)], still };
     }
     if (this.cutting || this.held || video.currentTime === this.time) return null;
     this.time = video.currentTime;
     const scale = Math.min(1, LARGEST / Math.max(video.videoWidth, video.videoHeight));
     const still = new OffscreenCanvas(Math.round(scale * video.videoWidth), Math.round(scale * video.videoHeight));
     still.getContext("2d").drawImage(video, 0, 0, still.width, still.height);
-    if (this.still && !this.box) return this.sending(still, {});
+    if (this.still && !this.box) return { parts: [await jpeg(still)], still };
     const first = !this.still;
     this.still = still;
     if (first) this.anew();
@@ -77,17 +74,9 @@ class FollowingPanel extends LivePanel {
     return null;
   }
 
-  async sending(still, more) {
-    this.number += 1;
-    this.stills.set(this.number, still);
-    return { header: { number: this.number, ...more }, parts: [await jpeg(still)] };
-  }
-
-  answered(item) {
-    const still = this.stills.get(item.number);
-    for (const number of [...this.stills.keys()]) if (number <= item.number) this.stills.delete(number);
+  answered(item, { still }) {
     this.cutting = false;
-    if (this.box || this.wanted || !still) return;
+    if (this.box || this.wanted) return;
     Object.assign(this, { still, item });
     this.path = [...this.path, item.place].slice(-PATH);
     this.schedule();

@@ -110,12 +110,13 @@ export class LivePanel extends Panel {
   /** @returns {Promise<any>} */
   async open() {}
 
-  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new.
+  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; what else it has
+  // stays here until it is answered.
   /** @returns {Promise<any>} */
   async grab() {}
 
-  // To be overridden. Draws the answer to a message: its header and `parts`.
-  answered(_) {}
+  // To be overridden. Draws the answer, its header and `parts`, to a message.
+  answered(_, _message) {}
 
   // To be overridden. Called when the media are closed.
   stopped() {}
@@ -201,10 +202,11 @@ export class LivePanel extends Panel {
         return this.render();
       }
       const item = unpacked(new Uint8Array(data));
-      this.note(this.sent.shift());
+      const message = this.sent.shift();
+      this.note(message.at);
       this.wake();
       this.fault = item.error;
-      if (!item.error) this.answered(item);
+      if (!item.error) this.answered(item, message);
       this.render();
     };
     /** @type {any} */
@@ -227,7 +229,7 @@ export class LivePanel extends Panel {
       if (this.media.ended) return this.stop("unplugged");
       const message = document.hidden || this.sent.length >= (socket.most ?? IN_FLIGHT) ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
-        this.sent.push(message.at ?? performance.now());
+        this.sent.push({ at: performance.now(), ...message });
         socket.send(packed(message.header ?? {}, message.parts));
       } else {
         await new Promise((done) => {
