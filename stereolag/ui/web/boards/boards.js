@@ -37,7 +37,7 @@ class Boards extends StereoPanel {
     this.taken = item;
     if (preview) {
       this.corners = item.corners;
-      cut(this.find("canvas"), preview, 0, 0, preview.width, preview.height);
+      cut(this.find("canvas"), preview);
     } else this.flash();
     if (item.enough) this.finish();
   }

@@ -40,8 +40,7 @@ class FollowingPanel extends LivePanel {
 
   cut() {
     if (!this.box) return;
-    const { row, col, height, width } = this.box;
-    this.wanted = { box: { row, col, height, width }, still: this.still };
+    this.wanted = { box: this.box, still: this.still };
     this.box = null;
     this.held = false;
     this.fault = "";
@@ -136,7 +135,7 @@ class FollowingPanel extends LivePanel {
 
   draw() {
     this.render();
-    if (this.still) cut(this.find("canvas"), this.still, 0, 0, this.still.width, this.still.height);
+    if (this.still) cut(this.find("canvas"), this.still);
   }
 
   get trail() {

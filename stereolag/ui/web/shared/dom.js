@@ -67,8 +67,8 @@ export function within({ rows, cols }, lengths) {
   return Object.keys(lengths).map((name) => `${name}: ${share(name)}%`).join("; ");
 }
 
-// Shows a rectangle of an image on a canvas of its size.
-export function cut(canvas, image, x, y, width, height) {
+// Shows an image, or a rectangle of it, on a canvas of its size.
+export function cut(canvas, image, x = 0, y = 0, width = image.width, height = image.height) {
   Object.assign(canvas, { width, height });
   canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
 }
