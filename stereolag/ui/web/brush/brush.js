@@ -6,6 +6,7 @@ import { base64 } from "../shared/packing.js";
 import { arrows, show } from "../shared/panel.js";
 
 const INK = [255, 0, 160];
+const DOT = 0.001; // px: by the standard, a line of zero length would have no caps
 
 export default (component) => show(BrushPanel, component, view);
 
@@ -47,9 +48,8 @@ class BrushPanel extends DrawingPanel {
   }
 
   use() {
-    this.sent = true;
     this.trigger("mask", this.mask);
-    this.schedule();
+    this.set({ sent: true });
   }
 
   press(event) {
@@ -63,23 +63,16 @@ class BrushPanel extends DrawingPanel {
     return { move, end: () => this.count() };
   }
 
-  // Paints from a place to the brush. By the standard, a line of zero length has no caps, so a dot is drawn as a disc.
+  // Paints from a place to the brush.
   stroke([row, col]) {
-    const { context } = this;
+    const { context, size } = this;
     const [toRow, toCol] = this.at;
-    const width = this.size;
     context.globalCompositeOperation = this.mode === "Erase" ? "destination-out" : "source-over";
-    Object.assign(context, { strokeStyle: `rgb(${INK})`, fillStyle: `rgb(${INK})`, lineWidth: width, lineCap: "round" });
+    Object.assign(context, { strokeStyle: `rgb(${INK})`, lineWidth: size, lineCap: "round" });
     context.beginPath();
-    if (row === toRow && col === toCol) {
-      context.arc(col, row, width / 2, 0, 2 * Math.PI);
-      context.fill();
-    } else {
-      context.moveTo(col, row);
-      context.lineTo(toCol, toRow);
-      context.stroke();
-    }
-    context.globalCompositeOperation = "source-over";
+    context.moveTo(col, row);
+    context.lineTo(toCol + DOT, toRow);
+    context.stroke();
   }
 
   actions(event) {
