@@ -62,7 +62,8 @@ class Boards extends StereoPanel {
 
   // The paths of where the board has been and of its corners; a view is a square of 1000.
   get covered() {
-    return this.taken.outlines.flatMap((views) => views.map((outline, view) => `${line(placed(outline, view))}Z`)).join("");
+    const closed = (outline, view) => `${line(placed(outline, view))}Z`;
+    return this.taken.outlines.flatMap((views) => views.map(closed)).join("");
   }
 
   get dots() {

@@ -148,7 +148,8 @@ class FollowingPanel extends LivePanel {
     if (!place) return "left: 6px; top: 6px";
     const x = (100 * place.col) / still.width;
     const y = (100 * (place.row - (place.scale * Math.hypot(...shape)) / 2)) / still.height;
-    return `left: ${x}%; translate: clamp(${-x}cqw, -50%, ${100 - x}cqw - 100%); top: clamp(0px, ${y}% - 24px, 100% - 22px)`;
+    const inside = `translate: clamp(${-x}cqw, -50%, ${100 - x}cqw - 100%)`; // 100cqw is the width of the picture
+    return `left: ${x}%; ${inside}; top: clamp(0px, ${y}% - 24px, 100% - 22px)`;
   }
 
   // The state below the picture, and why; only a change of the state is read aloud.

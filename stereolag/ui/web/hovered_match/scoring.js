@@ -53,7 +53,8 @@ function findRunnerUp(seen, grid, circular) {
 }
 
 function windowAt(image, stride, top, start, size) {
-  const pixels = Float64Array.from({ length: size ** 2 }, (_, at) => image[(top + Math.floor(at / size)) * stride + start + (at % size)]);
+  const pixelAt = (at) => image[(top + Math.floor(at / size)) * stride + start + (at % size)];
+  const pixels = Float64Array.from({ length: size ** 2 }, (_, at) => pixelAt(at));
   const [sum, square] = [total(pixels), total(pixels.map((value) => value ** 2))];
   return { pixels, total: sum, square, energy: square - sum ** 2 / size ** 2 };
 }

@@ -13,7 +13,7 @@ const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message o
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
-// A camera at its full size: without `resizeMode` the browser would scale it down. `deviceId` is the chosen one, if any.
+// A camera at its full size: without `resizeMode` the browser would scale it down. `deviceId` is that chosen, if any.
 export async function camera(deviceId = "") {
   const video = {
     ...(deviceId && { deviceId: { exact: deviceId } }),
@@ -110,8 +110,8 @@ export class LivePanel extends Panel {
   /** @returns {Promise<any>} */
   async open() {}
 
-  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; what else it has
-  // stays here until it is answered.
+  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; what else it
+  // has stays here until it is answered.
   /** @returns {Promise<any>} */
   async grab() {}
 
