@@ -324,6 +324,13 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     expect(counts).not_to_have_text(painted)
     assert int(counts.inner_text().split()[0].replace(",", "")) > np.count_nonzero(masks[-1].content)
     page.get_by_role("button", name="Start over").click()
+    page.get_by_role("button", name="Paint", exact=True).click()
+    page.get_by_label("Diameter of the brush, px").fill("1")
+    stage.focus()
+    page.mouse.move(place["x"] + place["width"] * 55 / 111, place["y"] + place["height"] * 60 / 123)  # between four pixels
+    page.keyboard.press(" ")
+    expect(counts).to_have_text("7,912 of 13,653 pixels count")
+    page.get_by_role("button", name="Start over").click()
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     use.click()
     parts.answer()

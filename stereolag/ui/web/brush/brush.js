@@ -63,10 +63,11 @@ class BrushPanel extends DrawingPanel {
     return { move, end: () => this.count() };
   }
 
-  // Paints from a place to the brush.
-  stroke([row, col]) {
+  // Paints from a place to the brush, both put on the grid of pixels: between four, a brush of 1 px covers none by half.
+  stroke(from) {
     const { context, size } = this;
-    const [toRow, toCol] = this.at;
+    const along = (place) => (size % 2 ? Math.floor(place) + 0.5 : Math.round(place));
+    const [[row, col], [toRow, toCol]] = [from, this.at].map((place) => place.map(along));
     context.globalCompositeOperation = this.mode === "Erase" ? "destination-out" : "source-over";
     Object.assign(context, { strokeStyle: `rgb(${INK})`, lineWidth: size, lineCap: "round" });
     context.beginPath();
