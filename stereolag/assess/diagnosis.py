@@ -72,8 +72,9 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features. LAYOUT is asked only if another finding is ill. Arrangement (MIRRORED
-        to NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
+        is omitted with too few matched features. LAYOUT is asked only if another finding is ill; of a pair whose
+        geometry is healthy the answer is known, as a wall of bricks resembles itself. Arrangement (MIRRORED to
+        NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
         arrangement that is ill, and the range if the sides are swapped or it cannot be determined. A remedy is offered
         only if a small copy of the pair has a plausible map after it, and a better one than before.
     disparities
@@ -202,8 +203,9 @@ def diagnose(
     )
     if any(not finding.healthy for finding in findings):
         divided = None
-        with suppress(Anaglyph):  # both views are in its colours
-            divided = likely_layout(images[0])
+        if not (geometry and upright and all(finding.healthy for finding in geometry)):  # else they are two views
+            with suppress(Anaglyph):  # both views are in its colours
+                divided = likely_layout(images[0])
         layout = judge_layout(divided and divided[0])
         if layout.healthy:
             findings = tuple(_worth_offering(findings, images, found))

@@ -183,6 +183,19 @@ def test_both_views_in_each_picture_are_told() -> None:
     assert diagnose(left, left).finding(FindingCode.LAYOUT).healthy
 
 
+def test_a_wall_of_equal_windows_in_two_lights_is_not_taken_for_both_views() -> None:
+    rng = np.random.default_rng(7)
+    rows, cols = np.mgrid[:240, :330]
+    wall = 150 + 40 * cv2.GaussianBlur(rng.standard_normal((240, 330)), (0, 0), 2)
+    wall[(cols % 44 < 26) & (rows % 48 < 30)] -= 90
+    wall = np.clip(wall, 0, 255)
+    bright, dark = wall[:, :320].astype(np.uint8), (0.6 * wall[:, 9:329]).astype(np.uint8)
+    diagnosis = diagnose(bright, dark, num_disparities=32)
+    assert amber(diagnosis) == {FindingCode.EXPOSURE}
+    first, count = diagnosis.suggested_range
+    assert first <= 9 < first + count
+
+
 def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None:
     diagnosis = diagnose(*seen_from_ahead("road"))
     assert FindingCode.NOT_SAME_MOMENT in amber(diagnosis) and diagnosis.suggested_range is None
