@@ -203,7 +203,7 @@ def diagnose(
     )
     if any(not finding.healthy for finding in findings):
         divided = None
-        if not (geometry and upright and all(finding.healthy for finding in geometry)):  # else they are two views
+        if not (geometry and all(finding.healthy for finding in geometry)):  # else they are two views
             with suppress(Anaglyph):  # both views are in its colours
                 divided = likely_layout(images[0])
         layout = judge_layout(divided and divided[0])

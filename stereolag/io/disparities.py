@@ -126,9 +126,9 @@ class StoredDisparity(NamedTuple):
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
                 part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
-            part[~np.isfinite(part)] = np.nan
-            for mark in self.unknown:
-                part[band == mark] = np.nan
+                part[~np.isfinite(part)] = np.nan
+                for mark in self.unknown:
+                    part[band == mark] = np.nan
             disparity[first : first + step] = part
         if np.isnan(disparity).all():
             raise ValueError(f"The {MAP} holds no disparity at all: every pixel is marked as unknown.")
@@ -155,6 +155,8 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         )
         if np.nanmax(disparity) < stored.shape[1] and not together:
             return StoredDisparity(disparity, 1.0)
+    if stored.ndim > 2 and kind is not IMAGES:
+        stored = stored.squeeze()  # networks keep axes of one map and one channel
     if stored.ndim != 2:
         raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     check_pixels(stored.shape[1], stored.shape[0], MAP)
@@ -163,14 +165,14 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
             return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
-    return StoredDisparity(stored, divisor, (*NO_DATA, *_one_negative_number(stored)))
+    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA, *_one_negative_number(stored)))
 
 
 def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
     """Return the one negative number of a map, if it is whole and repeated: what programs write for no disparity."""
     if stored.dtype.kind not in "if":
         return ()
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):  # -99999 is none of float16's
         below = stored[(stored < 0) & ~np.isin(stored, NO_DATA)]
     if not 1 < below.size < stored.size:
         return ()

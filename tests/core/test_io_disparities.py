@@ -150,6 +150,9 @@ def test_8_bits_with_a_divisor(pixels, divisor):
         (npy(np.array([[0, 7]])), None, [[0, 7]]),  # 0 is a disparity here
         (npy(np.array([[6.0, 8.0]])), 4, [[1.5, 2.0]]),
         (npy(np.array([[1e300, 7]])), None, [[np.nan, 7]]),
+        (npy(np.array([[24, 8]], np.uint8)), 4, [[6, 2]]),
+        (npy(np.array([[3.5, np.nan, -1, -1]], np.float16)), None, [[3.5, np.nan, np.nan, np.nan]]),
+        (npy(np.array([[[[3.5, 1], [7, 2]]]])), None, [[3.5, 1], [7, 2]]),  # (1, 1, rows, cols), as networks save it
         (b"Pf\n2 1\n-1\n\x00\x00\xa0\x7f" + np.float32(3).tobytes(), None, [[np.nan, 3]]),  # a signalling NaN
         (b"Pf\r\n1 1\r\n-1\r\n" + np.float32(3).tobytes(), None, [[3]]),
         (pfm(np.array([[3, 7]], np.uint8)), None, [[3, 7]]),
@@ -166,6 +169,7 @@ def test_special_files(data, divisor, expected):
         (b"words", {}, r"accepted are PFM, PNG or PGM of 16 bits \(÷ 256\) or 8 bits \(with a divisor\), and NPY\."),
         (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
+        (npy(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"\x89HDF\r\n\x1a\n", {}, r"HDF5 file, as those of Spring \(.dsp5\)"),
         (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
