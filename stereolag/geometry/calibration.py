@@ -27,8 +27,8 @@ LARGEST_TURN_LEFT = 0.02
 match."""
 
 USUAL_DISPARITIES = 64
-LARGEST_BASELINE_M, FARTHEST_NEAREST_M = 5.0, 100.0
-"""Beyond these, a baseline and the nearest distance of a usual search are hardly those of a stereo camera."""
+SMALLEST_BASELINE_M, LARGEST_BASELINE_M, FARTHEST_NEAREST_M = 0.001, 5.0, 100.0
+"""Outside these, a baseline and the nearest distance of a usual search are hardly those of a stereo camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -452,7 +452,8 @@ class Calibration:
     @property
     def plausible(self) -> bool:
         """Return whether baseline and reach are those of a stereo camera, not of lengths in another unit."""
-        return self.baseline_m <= LARGEST_BASELINE_M and self.nearest(USUAL_DISPARITIES) <= FARTHEST_NEAREST_M
+        usual = SMALLEST_BASELINE_M <= self.baseline_m <= LARGEST_BASELINE_M
+        return usual and self.nearest(USUAL_DISPARITIES) <= FARTHEST_NEAREST_M
 
     def in_words(self) -> str:
         """Return what the calibration means in metres, so that a wrong unit or focal length is seen at once."""
@@ -463,9 +464,12 @@ class Calibration:
         )
         if self.plausible:
             return said
+        other, factor = ("if its lengths are in millimetres", 1e-3)
+        if self.baseline_m < SMALLEST_BASELINE_M:
+            other, factor = "if its unit is a thousand times as long", 1e3
         return (
-            f"{said} No stereo camera is like that: if its lengths are in millimetres, the baseline is "
-            f"{self.baseline_m / 1000:.3g} m; state their unit."
+            f"{said} No stereo camera is like that: {other}, the baseline is {factor * self.baseline_m:.3g} m; "
+            "state the unit of its lengths."
         )
 
     def turned(self, width: int, height: int) -> Calibration:

@@ -654,7 +654,7 @@ LAYOUTS = (
         Layout("KITTI", tuple(mark.format(number) for number in both), kitti(*both), ignored=r"[A-Za-z]\w*")
         for mark, both in (("P_rect_0?{}", (2, 3)), ("P_?0*{}", (2, 3)), ("P_rect_0?{}", (0, 1)))
     ),
-    Layout("rows", ("row0",), _rows),
+    Layout("rows", ("row0",), _rows, sure=False),
     Layout("OpenCV", (), by_meaning, sure=False, ignored=r"(header|roi|stamp)\..*|binning_[xy]"),
 )
 """The layouts, tried in this order. What is in none of the others is read by the meaning of its names."""

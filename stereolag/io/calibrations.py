@@ -109,6 +109,9 @@ def _calibration(
     notes = []
     if stated is None and length_unit_m is None:
         notes.append(f"The file does not state its unit of length: {_IN_WORDS[layout.unit]} are assumed.")
+    if stated and length_unit_m not in (None, stated):
+        known = next(word for short, word in _IN_WORDS.items() if UNITS[short] == stated)
+        notes.append(f"The unit given is not used: by its format or its own words, the file is in {known}.")
     if idle:
         notes.append(f"Not used, since these names are unknown here: {names_found(idle)}.")
     if "baseline" in parts or "product" in parts:
@@ -140,7 +143,11 @@ def _straight(parts: Parts, unit_m: float) -> Calibration:
         for part in ("focal", "baseline", "product", "doffs", "cx", "cx2", "cy", "turn")
     )
     if "M1" in parts:
-        (focal, _, cx), (_, _, cy), _ = parts["M1"].matrix(3, 3).tolist()
+        (focal, _, cx), (_, _, cy), last = parts["M1"].matrix(3, 3).tolist()
+        if not np.allclose(last, (0, 0, 1)):
+            raise ValueError(
+                f"{quote(parts['M1'].name)} in the calibration is not [[f, 0, cx], [0, f, cy], [0, 0, 1]]."
+            )
     if "M2" in parts:
         cx2 = float(parts["M2"].matrix(3, 3)[0, 2])
     if focal is None or not focal > 0:

@@ -162,6 +162,18 @@ def test_what_a_calibration_means_is_said_and_doubted_beyond_any_stereo_camera()
     assert not in_millimetres.plausible
     assert "in millimetres, the baseline is 0.12 m" in in_millimetres.in_words()
     assert not Calibration(80_000, 0.5).plausible
+    in_metres = replace(camera, baseline_m=0.00012)  # taken for millimetres, as the toolbox of MATLAB counts
+    assert not in_metres.plausible and "a thousand times as long, the baseline is 0.12 m" in in_metres.in_words()
+
+
+def test_rows_of_numbers_state_no_unit_and_a_unit_that_is_given_in_vain_is_noted():
+    rows = b"700 0 320 0 700 240 0 0 1\n63\n"  # mm, as nothing says
+    assert not read_calibration(rows).unit_stated
+    read = read_calibration(rows, length_unit_m=0.001)
+    assert read.baseline_m == pytest.approx(0.063) and read.notes == ()
+    known = read_calibration(MIDDLEBURY, length_unit_m=1.0)
+    assert known.baseline_m == pytest.approx(0.193001) and "in millimetres" in known.notes[0]
+    assert read_calibration(MIDDLEBURY, length_unit_m=0.001).notes == ()
 
 
 def test_middlebury_has_millimetres_and_another_centre_in_the_right_image():
@@ -281,6 +293,12 @@ def test_what_is_wrong_is_said_in_one_sentence(sources, message):
 def test_a_unit_of_length_is_above_0():
     with pytest.raises(ValueError, match="length_unit_m is 0"):
         read_calibration(MIDDLEBURY, length_unit_m=0)
+
+
+def test_a_matrix_in_another_order_is_refused_not_taken_for_a_camera():
+    for rows in (b"0.063\n700 0 320\n0 700 240\n0 0 1\n", b"700 0 0\n0 700 0\n320 240 1\n0.063\n"):
+        with pytest.raises(ValueError, match=r"the first row” in the calibration is not \[\[f, 0, cx\]"):
+            read_calibration(rows)
 
 
 def test_real_calibrations(data_dir):
