@@ -392,7 +392,7 @@ def _announced(name: str, data: Any, sizes: Any) -> Matrix:
     values, shape = _value(data), _value(sizes)
     if isinstance(values, str) or isinstance(shape, str) or not np.isfinite([*values.flat, *shape.flat]).all():
         return NO_NUMBERS
-    if not ((shape >= 0) & (shape <= values.size)).all() or math.prod(map(int, shape.flat)) != values.size:
+    if not ((shape >= 0) & (shape <= max(1, values.size))).all() or math.prod(map(int, shape.flat)) != values.size:
         announced = " × ".join(f"{side:g}" for side in list(shape.flat)[:3])
         raise ValueError(f"{quote(name)} in the calibration announces {announced} numbers and holds {values.size}.")
     return values.reshape([int(side) for side in shape.flat])

@@ -400,7 +400,7 @@ _OF_ONE_CAMERA = {
 }
 _OF_BOTH = {
     "R": "r rot rotation rotmat rotmatrix rotationmatrix rmat rmatrix rvec om",
-    "T": "t trans translation translationvector translationmatrix tvec tvector transvector",
+    "T": "t trans trns translation translationvector translationmatrix tvec tvector transvector",
     "Q": "q qmatrix disparitytodepth disparitytodepthmatrix reprojectionmatrix",
 }
 _ONE, _BOTH = (
@@ -425,7 +425,7 @@ _LENS_PERHAPS = {"model", "type", "lens", "camera", "lenstype"}
 
 _WITHOUT_EFFECT = (
     "e f rms stereolag cameraname comment calibtime calibrationtime date fileversion lengthunit unit units worldunits "
-    "version camoverlaps rostopic camerafps camerargb depthrange avgreprojectionerror reprojectionerror"
+    "version camoverlaps rostopic sensortype ratehz depthrange avgreprojectionerror reprojectionerror"
 )
 """Names that are known not to describe the cameras, or are read elsewhere."""
 
@@ -490,10 +490,10 @@ _POSES = (
 def _pose_in_common(entries: Entries) -> Parts | None:
     """Return R and T if both cameras' poses are given in one frame."""
     neighbour = entries.find("cam1.T_cn_cnm1")
+    given = [(entries.find(left), entries.find(right), outwards) for left, right, outwards in _POSES]
     if neighbour is not None:
         return between(neighbour.name, np.eye(4), neighbour.matrix(4, 4))
-    for left, right, outwards in _POSES:
-        one, other = entries.find(left), entries.find(right)
+    for (_, right, _), (one, other, outwards) in zip(_POSES, given, strict=True):
         if one is not None and other is not None:
             both = one.matrix(4, 4), other.matrix(4, 4)
             return between(right, *(map(inverted, both) if outwards else both))
@@ -518,8 +518,8 @@ def _parts_of(entries: Entries) -> Parts:
 
 def _meaning(name: str) -> tuple[str, str] | None:
     """Return the part that a name means and its side, or the number of its camera; None if unknown."""
-    # Two capitals such as KL and DR are a part and its side.
-    split = [[*word] if re.fullmatch("[KMADPR][LR]", word) else [word] for word in _WORDS.findall(name[:80])]
+    # Two letters such as KL, DR and Kl are a part and its side.
+    split = [[*word] if re.fullmatch("[KMADPR][LRlr]", word) else [word] for word in _WORDS.findall(name[:80])]
     words = [word.lower().replace("camera", "") for one in split for word in one]
     telling = [word for word in words if word not in _SAYING_NOTHING]
     rest = "".join(telling)
@@ -535,8 +535,8 @@ def _meaning(name: str) -> tuple[str, str] | None:
 def by_meaning(entries: Entries) -> list[Parts]:
     """Return the combined parts of files that belong together, by what their names mean.
 
-    Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
-    in the given order. ROS and whoever gives poses as transforms write metres.
+    Two files with one camera each are the left and the right one: by their projections (ROS), by their poses (EuRoC),
+    by the cameras' names, or in the given order. ROS and whoever gives poses as transforms write metres.
     """
     files = entries.files
     found = [_parts_of(one) | _single_numbers(one) for one in files]
@@ -550,6 +550,10 @@ def by_meaning(entries: Entries) -> list[Parts]:
     if len(shifts) == 1 or len(set(shifts)) == 2:
         right_first = shifts[0] < (0, *shifts[1:])[-1]
     poses = Entries(*files)
+    bodies = [body.matrix(4, 4) for n in lone if (body := files[n].find("T_BS"))]
+    if len(bodies) == 2:
+        across, down, _ = between("", *map(inverted, bodies))["T"].numbers()
+        right_first = across > abs(down)
     for n, side in zip(lone, "21" if right_first else "12", strict=False):
         found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
         if body := files[n].find("T_BS"):
@@ -628,7 +632,12 @@ LAYOUTS = (
     Layout("MATLAB", ("intrinsicMatrix1", "rotationOfCamera2"), _matlab_for_opencv, "mm", sure=False),
     Layout("MATLAB", ("fc_left", "fc_right"), _bouguet, "mm", sure=False, ignored=".*"),
     Layout("DrivingStereo", ("P_rect_101", "P_rect_103", "T_103"), _drivingstereo, ignored=r"\w+_10[13]|corner_dist"),
-    Layout("ORB-SLAM", (r"Camera1?\.fx",), _orb_slam, ignored=r"(ORBextractor|Viewer|Stereo|IMU|System)\..*|ThDepth"),
+    Layout(
+        "ORB-SLAM",
+        (r"Camera1?\.fx",),
+        _orb_slam,
+        ignored=r"(ORBextractor|Viewer|Stereo|IMU|System)\..*|ThDepth|Camera\.(fps|RGB)",
+    ),
     Layout("VINS", (r"projection_parameters\.\w+",), _vins, ignored=r"(?!\w+_parameters).*"),
     Layout(
         "Cityscapes", (r"intrinsic\.fx", r"extrinsic\.baseline"), _cityscapes, ignored=r"extrinsic\..*|intrinsic.fy"

@@ -216,7 +216,8 @@ def _check_lenses(parts: Parts, lens: str, idle: Sequence[str], notes: list[str]
     """Refuse lenses whose coefficients are lacking although they must be there, and note what was assumed of others."""
     lacking = [part for part in ("D1", "D2") if part not in parts or parts[part].numbers().size == 0]
     unknown = f" Names that are unknown here: {names_found(idle)}." if idle else ""
-    if lacking and lens:
+    empty = lens != FISHEYE and {"D1", "D2"} <= set(parts)  # as ROS writes a lens without distortion
+    if lacking and lens and not empty:
         raise ValueError(
             f"The calibration declares a lens ({lens}), but its distortion coefficients ({', '.join(lacking)}) are not "
             f"found.{unknown}"

@@ -301,6 +301,23 @@ def test_a_matrix_in_another_order_is_refused_not_taken_for_a_camera():
             read_calibration(rows)
 
 
+def test_cameras_with_their_poses_are_left_and_right_in_whatever_order_they_are_given():
+    left, right = files.OF_MAKERS["EuRoC"]()
+    for given in ((left, right), (right, left)):
+        read = read_calibration(*given)
+        is_this_camera(read)
+        assert read.notes == ()
+
+
+def test_names_of_tutorials_are_understood():
+    is_this_camera(read_calibration(files.npz(Kl=M1, Dl=D1, Kr=M2, Dr=D2, Rot=R, Trns=T)))
+
+
+def test_an_empty_list_of_coefficients_is_a_lens_without_distortion():
+    read = read_calibration(*(files.ros(side, distortion=np.zeros((1, 0))) for side in ("left", "right")))
+    assert not read.rig.left_distortion.any() and "free of distortion" in read.notes[0]
+
+
 def test_real_calibrations(data_dir):
     folder = data_dir / "sequences" / "kitti_seq1"
     from_text, from_json = read_calibration(folder / "calib.txt"), read_calibration(folder / "calib.json")
