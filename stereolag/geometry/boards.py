@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -173,6 +174,9 @@ LEAST_WINDOW, LARGEST_WINDOW = 2, 20
 FARTHEST_MOVE = 0.5
 """Largest move of a corner by refining, as a share of the distance to the next one."""
 
+MOST_UNEVEN = 1.6
+"""Largest ratio of a distance between corners to the next one's: a row left out makes it about 2."""
+
 ENOUGH_VOTES = 5
 """Number of pictures with the same size of the board that settles it."""
 
@@ -272,12 +276,20 @@ def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
 
 
 def _detected(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
-    """Return (n, 2) corners from the first detector that finds them."""
+    """Return (n, 2) corners from the first detector that finds them all."""
     for detect, flags in detectors:
         found, points = detect(picture, size, flags=flags)
-        if found:
+        # Of small boards they may leave out a row within, and end on the board's edge instead.
+        if found and _is_even(np.reshape(points, (size[1], size[0], 2))):
             return np.asarray(points, dtype=np.float64).reshape(-1, 2)
     return None
+
+
+def _is_even(grid: npt.NDArray[np.floating[Any]]) -> bool:
+    """Return whether no distance between neighbours in (rows, columns, 2) corners is far from the next one's."""
+    gaps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (0, 1)]
+    steps = [np.diff(np.log(np.maximum(one, 1e-9)), axis=axis) for axis, one in enumerate(gaps)]
+    return all(np.abs(one).max(initial=0.0) < math.log(MOST_UNEVEN) for one in steps)
 
 
 def _spacing(grid: npt.NDArray[np.float64]) -> DoubleMap:

@@ -218,6 +218,19 @@ def test_a_set_from_which_nothing_follows_is_refused(
         calibrate_boards(change(views), SQUARE_M)
 
 
+def test_no_row_of_a_small_board_is_left_out_for_its_edge() -> None:
+    random, board = np.random.default_rng(5), Board(4, 3)
+    flat = board_picture(board, 40)
+    rows, cols = flat.shape
+    given = np.array([[0, 0], [cols, 0], [cols, rows], [0, rows]], np.float32)
+    for _ in range(24):
+        view = cv2.getPerspectiveTransform(given, given + random.uniform(-60, 60, (4, 2)).astype(np.float32) + 70)
+        picture = cv2.GaussianBlur(cv2.warpPerspective(flat, view, (420, 360), borderValue=110), (0, 0), 0.8)
+        places = cv2.perspectiveTransform((board.points()[:, None, :2] + 2) * 40 - 0.5, view)[:, 0]
+        found = boards.find_chessboard(picture, board).points
+        assert min(np.abs(found[::way] - places).max() for way in (1, -1)) < 1
+
+
 NOISE = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
 
 
