@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -165,8 +166,8 @@ def calibrate(
     ------
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
-        alike, left and right exchanged, cameras that stand aslant of each other, or anything :func:`find_boards`
-        refuses.
+        alike, left and right exchanged or not the same way up, cameras that stand aslant of each other, or anything
+        :func:`find_boards` refuses.
 
     Examples
     --------
@@ -653,6 +654,9 @@ def _pair_errors(pair: SeenPair, order: int, left: Camera, right: Camera, pose: 
     return float(first), float(second)
 
 
+MOST_TURNED = 45.0
+"""Degrees about the view axis up to which one camera may be turned against the other: beyond, it is upside down."""
+
 ASLANT = 0.7
 """Share of the longer one of the distances across and down up to which the shorter one may go: rows can be made to
 match by turning the pictures a little."""
@@ -660,6 +664,12 @@ match by turning the pictures a little."""
 
 def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
     """Return the cameras with lengths in metres, if they are side by side and in order, or one above the other."""
+    turned = math.degrees(math.atan2(fit.pose.rotation[1, 0], fit.pose.rotation[0, 0]))
+    if abs(turned) > MOST_TURNED:
+        raise ValueError(
+            f"The pictures of one camera are turned by {abs(turned):.0f}° against those of the other: give both the "
+            "same way up."
+        )
     across, up, _ = fit.pose.translation
     if across > abs(up):
         raise ValueError(

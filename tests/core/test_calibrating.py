@@ -203,6 +203,9 @@ def alike(views: BoardViews) -> BoardViews:
     {
         "contradict each other: .* of 8 agree": lambda views: replace(views, right=views.right[1:] + views.right[:1]),
         "exchanged": lambda views: replace(views, left=views.right, right=views.left),
+        "turned by 180°": lambda views: replace(
+            views, right=[replace(one, points=np.array(views.size) - 1 - one.points) for one in views.right]
+        ),
         "^2 of 8 pairs .* at least 3": lambda views: replace(views, right=(*views.right[:2], *[None] * 6)),
         "above or below": lambda views: placed_views(
             replace(rig(1.0), translation=np.array([-0.1, 0.09, 0])),
