@@ -57,9 +57,11 @@ def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
 
 
 def _pictures(sequence: StereoSequence, place: int) -> tuple[Image, Image] | None:
-    """Return the pictures of a frame; None if it is damaged."""
+    """Return the pictures of a frame; None if it is damaged, or its pictures are of two sizes."""
     frame = sequence.readable(place)
-    return None if frame is None else frame.turned(sequence.turn)
+    if frame is None or frame.left.shape[:2] != frame.right.shape[:2]:
+        return None
+    return frame.turned(sequence.turn)
 
 
 def _usual(code: FindingCode, every: list[Diagnosis]) -> Finding | None:

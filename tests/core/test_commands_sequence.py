@@ -21,6 +21,7 @@ from small_drives import write_folders
 import stereolag as sl
 from stereolag.core.settings import changed
 from stereolag.io.calibrations import calibration_json
+from stereolag.io.images import image_png
 
 PROJECT = Path(__file__).resolve().parents[2]
 RANGE = ("--num-disparities", 16)
@@ -168,6 +169,15 @@ def test_damaged_frames_have_an_exit_code_of_their_own(sides: tuple[Path, Path],
     (sides[0] / "001.png").write_bytes(whole)
     told = ran(*command, "--json")
     assert (told.code, told.figures["matched"], told.figures["finished_before"]) == (0, 1, 2)
+
+
+def test_a_frame_of_two_sizes_is_damaged_for_the_doctor_too(
+    sides: tuple[Path, Path], tmp_path: Path, ran: Command
+) -> None:
+    picture = sl.read_image(sides[0] / "001.png")
+    (sides[0] / "001.png").write_bytes(image_png(picture[:-9]))
+    told = ran("sequence", *sides, "--out", tmp_path / "out", *RANGE, "--json")
+    assert told.code == 3 and [*told.figures["damaged"]] == ["001"] and told.figures["matched"] == 2
 
 
 def test_help_tells_the_codes_and_the_settings(ran: Command) -> None:
