@@ -42,8 +42,8 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     -------
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
-        0 in an image of integers, infinite or NaN in floats, one whole negative number among others from 0, and -9999
-        and the like.
+        0 in an image of integers, NaN, infinite or from 1e9 in floats, one whole negative number among others from 0,
+        and -9999 and the like.
 
     Raises
     ------
@@ -74,6 +74,9 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
 
 NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
 """Numbers that programs write where they have no data."""
+
+BEYOND_ALL_PX = 1e9
+"""A disparity that no picture is wide enough for: 1e10, 1e20 and the largest float32 stand where there is none."""
 
 SINTEL = (4.0, 1 / 64, 1 / 16384)
 """Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
@@ -126,7 +129,7 @@ class StoredDisparity(NamedTuple):
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
                 part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
-                part[~np.isfinite(part)] = np.nan
+                part[~(np.abs(part) < BEYOND_ALL_PX)] = np.nan
                 for mark in self.unknown:
                     part[band == mark] = np.nan
             disparity[first : first + step] = part

@@ -327,7 +327,8 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     page.get_by_role("button", name="Paint", exact=True).click()
     page.get_by_label("Diameter of the brush, px").fill("1")
     stage.focus()
-    page.mouse.move(place["x"] + place["width"] * 55 / 111, place["y"] + place["height"] * 60 / 123)  # between four pixels
+    between = place["x"] + place["width"] * 55 / 111, place["y"] + place["height"] * 60 / 123
+    page.mouse.move(*between)  # four pixels
     page.keyboard.press(" ")
     expect(counts).to_have_text("7,912 of 13,653 pixels count")
     page.get_by_role("button", name="Start over").click()
