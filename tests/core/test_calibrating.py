@@ -12,7 +12,17 @@ import pytest
 
 import stereolag as sl
 from stereolag.geometry import boards
-from stereolag.geometry.boards import Board, BoardViews, Corners, Markers, board_picture, find_boards, guess_board
+from stereolag.geometry.boards import (
+    DICTIONARIES,
+    Board,
+    BoardViews,
+    Corners,
+    Markers,
+    board_picture,
+    find_boards,
+    guess_board,
+    guess_charuco,
+)
 from stereolag.geometry.calibrating import LeftOut, StereoCalibration, calibrate_boards
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
@@ -100,6 +110,14 @@ def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     assert replace(views.board, markers=replace(views.board.markers, share=board.markers.share)) == board
     assert any(len(one) < board.corners for one in (*views.left, *views.right) if one is not None)
     check_rig(calibrate_boards(views, SQUARE_M).calibration, rig(1.1), px=8, turn=3e-3)
+
+
+@pytest.mark.parametrize("name", DICTIONARIES)
+def test_markers_of_every_dictionary_are_known(name: str) -> None:
+    picture = np.pad(board_picture(Board(6, 4, Markers(name, 0.7)), 48), 48, constant_values=255)
+    guessed = guess_charuco([picture])
+    assert guessed is not None and guessed.markers is not None
+    assert (guessed.columns, guessed.rows, guessed.markers.dictionary) == (6, 4, name)
 
 
 @pytest.mark.parametrize("size", [(7, 7), (11, 8)])
