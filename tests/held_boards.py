@@ -12,7 +12,7 @@ import numpy as np
 from stereolag.core.arrays import Rgb
 from stereolag.geometry.board_samples import PARTS, Collected, Missing, board_pose
 from stereolag.geometry.boards import Board, Corners
-from stereolag.geometry.calibrating import Camera, Pose
+from stereolag.geometry.camera_fits import Camera, Pose
 from stereolag.geometry.drawn_boards import DrawnCamera
 
 SIZE = 400, 300

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
-from stereolag.geometry.calibrating import Camera, Pose
 from stereolag.geometry.calibration import StereoRig
+from stereolag.geometry.camera_fits import Camera, Pose
 
 FINER = 3
 """Rays per pixel, each way."""

@@ -23,7 +23,7 @@ from stereolag.geometry.boards import (
     guess_charuco,
     guess_chessboard,
 )
-from stereolag.geometry.calibrating import FEWEST_PAIRS
+from stereolag.geometry.camera_fits import FEWEST_PAIRS
 from stereolag.io.sources import MAX_BYTES
 from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
 from stereolag.ui.components import component, packed_item
