@@ -27,8 +27,9 @@ from stereolag.templates.fits import (
     Plane,
     averaged,
     blocks_of,
+    gradient,
 )
-from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, edges
+from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, blurred, edges, nearness
 from stereolag.templates.redrawn import Redrawing, redrawing
 
 Kind: TypeAlias = Literal[
@@ -47,6 +48,13 @@ Measured: from 0.75 on photographs where the shape is, up to 0.41 in the worst b
 OWN, AS_NEAR, MORE = 12.0, 0.05, 0.2
 """Farthest a shape may be from its colour, grey levels of 255, that is not mixed with what is behind; by how much less
 of it, as a logarithm, makes no difference; and the share of a block outside a shape that may be of its colour."""
+
+ASIDE, OF_STEP = 40.0, 0.25
+"""Least distance of another colour from every mixture of a shape's own with what is beside it, grey levels of 255 over
+all channels, and the same as a share of the step from there to the shape.
+
+Measured: up to 37 where the shape is, half transparent too; from 90, and 0.5 of the step, in another hue.
+"""
 
 SLACK, SLACK_OF_SPREAD, CANNOT, AS_BRIGHT = 6.0, 0.25, 0.02, 1.12
 """A pixel can be the template over something behind it if it is beyond the values of that by at most so many grey
@@ -181,11 +189,12 @@ def identity(
 def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
     """Return what the image shows at a place of a silhouette: the edges in every block, and none of its colour beside.
 
-    The last channel of the image is highest where it has the silhouette's colour, the others are its edges.
+    The first two channels of the image are its edges, the others how far it is from the silhouette's colour.
     """
     height, width = pattern.shape
     part = np.nan_to_num(image[row : row + height, col : col + width])
-    alpha, seen, near = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2]
+    alpha, seen, away = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2:]
+    near = nearness(away)
     own, grid = edges(pattern.colours), blocks_of(pattern.shape)
     on = np.square(own).sum(axis=2)
     there, common, here = (
@@ -195,13 +204,30 @@ def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Id
     edged = there > EDGE * there.max()
     agrees = ~edged | (common > ALIKE * np.sqrt(there * here))
     inside = near[alpha >= alpha.max() * FULL_WEIGHT]
-    if median(inside) > -math.log(CLOSE + OWN):
+    own_colour = median(inside) > -math.log(CLOSE + OWN)
+    if own_colour:
         beside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
         agrees &= averaged(beside & (near > percentiles(inside, 10)[0] - AS_NEAR), grid) <= MORE
     explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0
     shown = float(there[agrees].sum() / there.sum())
-    kind: Kind = "same" if agrees.all() else "differs" if shown >= DIFFERS else "not_there"
-    return _told(kind, 1.0, (1.0,), explained, agrees)
+    if agrees.all():
+        other = not own_colour and _has_other_colour(alpha, away)
+        return _told("other_colours" if other else "same", 1.0, (1.0,), explained, agrees)
+    return _told("differs" if shown >= DIFFERS else "not_there", 1.0, (1.0,), explained, agrees)
+
+
+def _has_other_colour(alpha: Plane, away: Plane) -> bool:
+    """Return whether a shape is of no mixture of its own colour, from which all is `away`, with what is beside it."""
+    soft, shown = (blurred(one, BLUR_OF_COLOURS, cv2.BORDER_REPLICATE) for one in (alpha, away))
+    # At its edges, across which what is behind goes on.
+    down, right = gradient(soft)
+    steep = np.square(down) + np.square(right)
+    slopes = [one[:, :, np.newaxis] * other for one, other in zip((down, right), gradient(shown), strict=True)]
+    steps = np.sum(slopes, axis=(0, 1, 2)) / steep.sum()
+    beside = np.average((shown - soft[:, :, np.newaxis] * steps).reshape(-1, steps.size), axis=0, weights=steep.ravel())
+    inside = beside + steps
+    aside = inside - beside * (inside @ beside) / max(float(beside @ beside), 1e-12)
+    return bool(np.linalg.norm(aside) > max(ASIDE, OF_STEP * float(np.linalg.norm(steps))))
 
 
 def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> tuple[tuple[float, ...], float] | None:

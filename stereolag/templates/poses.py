@@ -166,7 +166,7 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     Parameters
     ----------
     image
-        (rows, cols, channels), as many channels as the pattern.
+        (rows, cols, channels), of which those of the pattern come first.
     pattern
         The template.
     poses
@@ -174,7 +174,7 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     progress
         Called with the fraction done.
     """
-    image = np.ascontiguousarray(image)
+    image = np.ascontiguousarray(image[:, :, : len(pattern.deviations)])
     factor = poses.coarse_factor(pattern.shape)
     coarse, candidates = _coarse(image, pattern, factor, poses, progress)
     finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from PIL import Image as PillowImage
 from skimage.data import chelsea, coffee
 
 from stereolag import match_template
@@ -74,6 +75,41 @@ def test_a_shape_of_one_colour_is_found_turned() -> None:
     best = match_template(picture, np.dstack([white, alpha]), rotations=(10, 50)).best
     assert abs(best.rotation - 30) < 3
     assert np.hypot(best.row + best.height / 2 - 64, best.col + best.width / 2 - 74) < 2
+
+
+def coloured(alpha: Array, colour: tuple[int, int, int]) -> Array:
+    """Return a shape of one colour as RGBA from its alpha, 0..1."""
+    return np.dstack([np.full((*alpha.shape, 3), colour), np.rint(255 * alpha)]).astype(np.uint8)
+
+
+@pytest.mark.parametrize("way", ["rings", "fringe of black", "fringe of white", "times alpha"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_shape_of_one_colour_is_found_whatever_resampling_made_of_its_rim(seed: int, way: str) -> None:
+    large = coloured(shape_of(seed, 160), (200, 90, 60))
+    sprite = coloured(cv2.resize(large[:, :, 3], (32, 32), interpolation=cv2.INTER_AREA) / 255, (200, 90, 60))
+    picture = shown(photograph(seed), sprite, 70, 100)
+    if way == "rings":
+        sprite = np.asarray(PillowImage.fromarray(large).resize((32, 32), PillowImage.Resampling.LANCZOS))
+    elif way == "times alpha":
+        sprite[:, :, :3] = sprite[:, :, :3] * (sprite[:, :, 3:] / 255)
+    else:
+        large[large[:, :, 3] == 0, :3] = 255 if way == "fringe of white" else 0
+        sprite = cv2.resize(large, (32, 32), interpolation=cv2.INTER_AREA)
+    search = match_template(picture, sprite)
+    assert search.found and (search.matches[0].row, search.matches[0].col) == (70, 100)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_shape_in_another_colour_is_not_the_template_and_half_transparent_it_is(seed: int) -> None:
+    alpha, white = shape_of(seed, 40), np.full((200, 260, 3), 235, dtype=np.uint8)
+    red, others = coloured(alpha, (200, 40, 50)), [(40, 160, 60), (50, 70, 200), (220, 170, 30), (150, 60, 180)]
+    for number, colour in enumerate(others):
+        white = shown(white, coloured(alpha, colour), 20 + 90 * (number // 2), 20 + 90 * (number % 2))
+    search = match_template(white, red)
+    assert not search.found and search.reason == "other_colours"
+    for cover in (1.0, 0.5):
+        search = match_template(shown(white, coloured(alpha * cover, (200, 40, 50)), 60, 205), red)
+        assert search.found and (search.matches[0].row, search.matches[0].col) == (60, 205)
 
 
 @pytest.mark.parametrize("method", METHODS)
