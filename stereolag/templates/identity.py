@@ -288,9 +288,14 @@ FILLED, ONE = 0.76, 0.9
 A sibling shares its ground with the template. Measured: from 0.79 where something is in front, up to 0.73 elsewhere.
 """
 
-FROM_RIM, FILLED_NOISY, LEFT_NOISY = (0.1, 0.45), 0.6, 0.55
+FROM_RIM, AT_RIM, FILLED_NOISY, LEFT_NOISY = (0.1, 0.45), 0.4, 0.6, 0.55
 """The same where noise hides the pixels of its rim: smallest and largest share of the blocks, least share of the pixels
-that differ in them, and of the structure that must be seen, of a thing that comes in over the rim of the template."""
+that differ at the rim of the template and of all in them, and of the structure that must be seen, of a thing that comes
+in over that rim.
+
+Measured at the rim: from 0.58 where something is in front; up to 0.27 at another digit, or a bar full to another part,
+inside their frames.
+"""
 
 MOSTLY = 0.1
 """Least squared difference of the thing itself, beside that percentile of those of it and its halo."""
@@ -373,11 +378,14 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     if fit.explained_in(~disagrees) < LEAST_BESIDE and fit.grain_in(~disagrees) < GRAINY:
         return False
-    inside = fit.over(disagrees)
-    differ = fit.differences()[inside & (fit.weights >= COUNTS)] > 0.02 * fit.variance
-    return bool(differ.mean() >= FILLED_NOISY) and not _is_in_another_state(
-        fit, inside & (fit.differences(sharp=True) > DIFFERENT * fit.variance)
-    )
+    counted, square = fit.counted, np.ones((3, 3), np.uint8)
+    inner = cv2.erode(counted.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    inside, sharply = fit.over(disagrees), fit.differences(sharp=True) > DIFFERENT * fit.variance
+    at_rim = sharply[inside & counted & (inner == 0)]
+    if not at_rim.size or at_rim.mean() < AT_RIM:
+        return False
+    differ = fit.differences()[inside & counted] > 0.02 * fit.variance
+    return bool(differ.mean() >= FILLED_NOISY) and not _is_in_another_state(fit, inside & sharply)
 
 
 def _is_in_another_state(fit: Fit, differ: Mask) -> bool:

@@ -158,6 +158,22 @@ def test_another_sky_in_the_same_frame_is_not_partly_covered(seed: int) -> None:
     assert match_template(page(seed + 100), template).found
 
 
+@pytest.mark.parametrize("full", [0.25, 0.4, 0.55, 0.7])
+@pytest.mark.parametrize("more", [-0.12, 0.15])
+def test_a_bar_that_is_full_to_another_part_is_not_partly_covered(full: float, more: float) -> None:
+    def bar(full: float) -> Array:
+        drawn = np.full((20, 96, 3), 245, np.uint8)
+        cv2.rectangle(drawn, (3, 3), (92, 16), (215, 215, 215), -1)
+        cv2.rectangle(drawn, (3, 3), (3 + round(90 * full), 16), (40, 120, 220), -1)
+        return drawn
+
+    image = np.full((160, 220, 3), 245, np.uint8)
+    image[60:80, 50:146] = bar(full + more)
+    assert not match_template(image, bar(full)).found
+    image[20:40, 100:196] = bar(full)
+    assert place(match_template(image, bar(full))) == (20, 100)
+
+
 @pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
 def test_copies_are_counted_without_their_sibling_however_many_are_wanted(wanted: int) -> None:
     template = icon("minus")
