@@ -171,6 +171,10 @@ class TemplateSearch(Shown):
 TRIED = 8
 """Places looked at after the last that is the template before the search for more of them ends."""
 
+TINY = 64
+"""A template of so few values, pixels and channels, is not found where another place scores higher, unless it scores
+like an exact copy: its few blocks agree by chance."""
+
 FAR_BELOW = 0.3
 """A copy of the template scores less than this below the best copy."""
 
@@ -220,6 +224,10 @@ def judged(
         else:
             tried += 1
     found = reliable([(one, looked.identity(one)) for one in copies], max_matches)
+    if found and pattern.count * len(pattern.deviations) <= TINY:
+        others = places.best(1, taken=found)
+        if others and places.scores[others[0]] > places.scores[found[0]] < 1 - ROUNDING:
+            found = []
     if otherwise is not None and not found:
         return otherwise
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])

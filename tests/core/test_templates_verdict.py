@@ -49,6 +49,27 @@ def smooth_noise(shape: tuple[int, ...], seed: int = 0) -> Array:
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0))
 
 
+def discs(seed: int) -> Array:
+    """Return discs of any brightness on a grainy ground."""
+    random = np.random.default_rng(seed)
+    drawn = random.normal(90, 8, (150, 200))
+    for _ in range(30):
+        col, row, radius = (int(one) for one in random.integers((0, 0, 4), (200, 150, 22)))
+        cv2.circle(drawn, (col, row), radius, float(random.uniform(20, 240)), -1)
+    return np.clip(cv2.GaussianBlur(drawn, (0, 0), 0.7), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("side", "seed"), [(5, 1), (6, 0), (6, 1), (8, 1), (8, 12)])
+def test_a_few_pixels_are_not_found_where_another_place_fits_better(side: int, seed: int) -> None:
+    picture, square = discs(seed + 100), np.ones((3, 3), np.uint8)
+    steep = cv2.subtract(cv2.dilate(picture, square), cv2.erode(picture, square))[20:-20, 20:-20]
+    row, col = (int(one) + 20 - side // 2 for one in np.unravel_index(steep.argmax(), steep.shape))
+    template = picture[row : row + side, col : col + side]
+    there, elsewhere = match_template(picture, template), match_template(discs(seed), template)
+    assert there.found and (there.matches[0].row, there.matches[0].col) == (row, col)
+    assert not elsewhere.found and elsewhere.reason == "look_alikes"
+
+
 @pytest.mark.parametrize(
     ("best", "rival", "clear"),
     [(1, 0.9, True), (0.76, 0.34, True), (0.62, 0.6, False), (1, 1, False), (0.3, 0.9, False)],
