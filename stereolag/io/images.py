@@ -22,7 +22,7 @@ from PIL.ImageFile import ImageFile
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.MpoImagePlugin import MpoImageFile
 from PIL.PngImagePlugin import PngImageFile
-from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
+from PIL.TiffImagePlugin import TiffImageFile
 from PIL.WebPImagePlugin import WebPImageFile
 
 from stereolag.core.inputs import Image, as_image
@@ -243,6 +243,9 @@ def _undecodable(kind: str) -> ValueError:
 _WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _FORMAT = 256, 257, 258, 277, 284, 339
 """Tags of a page."""
 
+_WHOLE_NUMBERS = {1: "B", 3: "H", 4: "L", 16: "Q"}
+"""Kinds of whole numbers of a tag."""
+
 _NUMBERS = {1: "unsigned integers", 2: "signed integers", 3: "floats", 5: "complex numbers", 6: "complex numbers"}
 
 
@@ -256,7 +259,7 @@ def _pages(data: bytes) -> list[int]:
     """Return where the directories of a TIFF's pages begin; a chain that leaves the file or turns back ends there."""
     count, offset, entry, at = _pointers(data)
     pages: dict[int, None] = {}
-    with suppress(struct.error):
+    with suppress(struct.error, OverflowError):
         (start,) = struct.unpack_from(offset, data, at)
         while start and start not in pages:
             (entries,) = struct.unpack_from(count, data, start)
@@ -264,6 +267,27 @@ def _pages(data: bytes) -> list[int]:
             pages[start] = None
             start = following
     return [*pages]
+
+
+def _tags(data: bytes) -> dict[int, tuple[int, ...]]:
+    """Return the tags that describe the first page of a TIFF, at most four values of each.
+
+    Not by Pillow, which takes a BigTIFF whose high bytes come first for none.
+    """
+    count, offset, entry, at = _pointers(data)
+    inline = struct.calcsize(offset)
+    (start,) = struct.unpack_from(offset, data, at)
+    (entries,) = struct.unpack_from(count, data, start)
+    tags = {}
+    for place in range(start + struct.calcsize(count), len(data) - entry, entry)[:entries]:
+        tag, kind = struct.unpack_from(f"{count[0]}HH", data, place)
+        (many,) = struct.unpack_from(offset, data, place + 4)
+        if tag in (_WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _FORMAT) and many:
+            letter, held = _WHOLE_NUMBERS[kind], place + 4 + inline
+            if many * struct.calcsize(count[0] + letter) > inline:
+                (held,) = struct.unpack_from(offset, data, held)
+            tags[tag] = struct.unpack_from(f"{count[0]}{min(many, 4)}{letter}", data, held)
+    return tags
 
 
 def _with_page_first(data: bytes, start: int) -> bytes:
@@ -280,18 +304,16 @@ def _check_tiff(data: bytes) -> bool:
     ValueError
         Pixels that neither reads, or too many.
     """
-    stream = io.BytesIO(data)
     try:
-        tags = ImageFileDirectory_v2(data[: 2 * _pointers(data)[-1]])
-        stream.seek(tags.next)
-        tags.load(stream)
-        bits, forms = (set(np.atleast_1d(tags.get(tag, 1)).tolist()) for tag in (_BITS, _FORMAT))
-        samples, planes = tags.get(_SAMPLES, 1), tags.get(_PLANES, 1)
-        width, height = tags[_WIDTH], tags[_HEIGHT]
+        tags = _tags(data)
+        bits, forms = (set(tags.get(tag, (1,))) for tag in (_BITS, _FORMAT))
+        (samples,), (planes,) = tags.get(_SAMPLES, (1,)), tags.get(_PLANES, (1,))
+        (width,), (height,) = tags[_WIDTH], tags[_HEIGHT]
     except Exception as error:  # broken directories raise all kinds of errors
         raise _undecodable("TIFF") from error
     size, form = max(bits), max(forms)
-    if forms == {1} and (size <= 8 or (size <= 16 and samples == 1)):
+    plain = forms == {1} and (size <= 8 or (size <= 16 and samples == 1))
+    if plain and not data.startswith(b"MM\0+"):  # Pillow takes it for no BigTIFF
         return True
     kept = len(bits) == len(forms) == 1 and (form, size) in _BY_OPENCV and (form, size, samples) != (2, 8, 4)
     if not kept or samples not in (1, 3, 4) or (planes != 1 and samples > 1):
@@ -304,7 +326,7 @@ def _check_tiff(data: bytes) -> bool:
     return False
 
 
-_BY_OPENCV = {(2, 8), *((form, size) for form in (1, 2) for size in (16, 32, 64)), (3, 32), (3, 64)}
+_BY_OPENCV = {(1, 8), (2, 8), *((form, size) for form in (1, 2) for size in (16, 32, 64)), (3, 32), (3, 64)}
 """The kinds and sizes of numbers in a TIFF that OpenCV keeps."""
 
 

@@ -167,7 +167,7 @@ def test_one_frame_is_read_without_a_word_and_there_is_no_second() -> None:
             read_image(data, frame=2)
 
 
-@pytest.mark.parametrize(("order", "big"), [(">", False), ("<", False), ("<", True)])
+@pytest.mark.parametrize(("order", "big"), [(">", False), ("<", False), ("<", True), (">", True)])
 def test_pages_of_a_tiff_may_differ_in_size_and_numbers(order: str, big: bool) -> None:
     tifffile = pytest.importorskip("tifffile")
     stream = io.BytesIO()
@@ -235,8 +235,9 @@ def test_path_bytes_and_file_are_the_same(tmp_path):
         (by_pillow("PNG", RGB)[:300], r"\(PNG\) is damaged or cut short"),
         (bgr_by_opencv(RGB16, ".png")[:500], r"\(PNG\) is damaged or cut short"),
         (png(12_000, 9_000, 1, 0, pixels=bytes(100)), "12000 × 9000 pixels.*at most 50 megapixels"),
+        (b"II+\0\x08\0\0\0" + b"\xff" * 8, r"\(TIFF\) is damaged or cut short"),
     ],
-    ids=["empty", "text", "pdf", "stub", "cut", "cut16", "108 MP"],
+    ids=["empty", "text", "pdf", "stub", "cut", "cut16", "108 MP", "a page beyond all files"],
 )
 def test_bad_files_are_one_clear_sentence(data, message):
     with pytest.raises(ValueError, match=message) as caught:
