@@ -67,9 +67,9 @@ def read_image(source: Source, *, frame: int | None = None) -> Image:
     """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF.
 
     The camera orientation stored in the file (EXIF) is applied, unless it is broken; all other metadata is ignored.
-    Palettes, CMYK, YCbCr and the like are converted to RGB; any kind of transparency gives RGBA. Grey and colour images
-    keep 16 bits per channel; a TIFF of floats stays float, with NaN where it has no data, and integers below 0 or above
-    65535 become floats.
+    Palettes, CMYK, YCbCr and the like are converted to RGB; transparency gives RGBA, but for a single value of 16 bits
+    that a PNG calls transparent. Grey and colour images keep 16 bits per channel; a TIFF of floats stays float, with
+    NaN where it has no data, and integers below 0 or above 65535 become floats.
 
     Parameters
     ----------
