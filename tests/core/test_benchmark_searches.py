@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks import rocketman
-from benchmarks.pairs import DATA
 from benchmarks.rocketman import our_answer, outcome
 from benchmarks.searches import KINDS, Place, Trial, trial
 
@@ -69,12 +68,12 @@ def test_the_table_counts_both_searches_and_lists_each_fault(monkeypatch: pytest
 
 # Searches of every kind that users bring.
 
-LOCAL = [kind for kind in KINDS if kind != "public pictures" or DATA.is_dir()]
 MISSED = {("covered by 30 to 40 percent", 0), ("mouse pointers", 1)}
 """Searches whose template is there and said not to be; the tables of the benchmarks tell how often that is so."""
 
 
-@pytest.mark.parametrize("kind", LOCAL)
+@pytest.mark.usefixtures("data_dir")  # without public pictures other photographs are drawn
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_template_is_found_wherever_it_is_and_nowhere_else(kind: str) -> None:
     for seed in range(2):
         given = trial(kind, seed)
