@@ -326,7 +326,7 @@ def disparities() -> dict[str, Case]:
         "PFM, other digits": (lambda: "Pf\n² ²\n1\n".encode() + bytes(16), "not a grey PFM"),
         "PFM, 10^18 pixels": (lambda: b"Pf\n999999999 999999999\n1\n", "at most 50 megapixels"),
         "PFM, 49 megapixels, big-endian": (lambda: b"Pf\n7000 7000\n1\n" + np.ones(49_000_000, ">f4").tobytes(), READ),
-        "PFM, numbers of 1e38": (lambda: b"Pf\n2 2\n-1\n" + np.full(4, 1e38, "<f4").tobytes(), READ),
+        "PFM, numbers of 1e38": (lambda: b"Pf\n2 2\n-1\n" + np.full(4, 1e38, "<f4").tobytes(), "no disparity at all"),
         "PNG, 49 megapixels, 16 bits": (lambda: by_opencv(".png", smooth(1, np.uint16), *FAST_PNG), READ),
         "NPY, 49 megapixels, columns first": (lambda: saved(np.ones((7000, 7000), np.int16, order="F")), READ),
         "NPY, no dimension": (lambda: npy_of("()"), r"shape \(\)"),
