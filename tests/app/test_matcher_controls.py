@@ -10,7 +10,7 @@ from pydantic import Field
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.core.settings import Bounds, Settings, SettingsError
+from stereolag.core.settings import SMALLEST, Bounds, Settings, SettingsError
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
 from stereolag.stereo.opencv import StereoBM
@@ -148,10 +148,10 @@ def test_sliders_move_in_whole_steps_through_the_default_within_bounds_that_are_
     assert bounds_of("odd").through(7) == Bounds(3, 11, 2)
     assert bounds_of("sixteens").through(64) == Bounds(16, 96, 16)
     assert bounds_of("share").through(0.95) == Bounds(0.0, 0.95, 0.05)
-    assert bounds_of("open_end") == Bounds(1.0, None, 1.0)
+    assert bounds_of("open_end") == Bounds(SMALLEST, None, 1.0)
     assert bounds_of("perhaps") == Bounds(0, None, 1)
     assert bounds_of("odd").narrowed(5, 20) == Bounds(5, 12, 2)
-    assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(1.0, 9.0, 1.0)
+    assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(SMALLEST, 9.0, 1.0)
 
 
 @pytest.mark.parametrize(
