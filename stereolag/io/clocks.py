@@ -444,7 +444,7 @@ _CLOCK = (
     r"(?P<h>\d{1,5}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:(?P<point>[.,:])(?P<f>\d{1,9}))?"
     r"|(?P<hms>\d{6})(?:[.,](?P<part>\d{1,9}))?"
 )
-_AFTER = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d(?::?\d\d)?|[A-Z]{3,4}"
+_AFTER = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d:?\d\d|(?<=\d)[+-]\d\d|[A-Z]{3,4}"
 _STAMP = re.compile(
     rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|_)?\s*(?:(?:{_CLOCK})\s*(?:{_AFTER})?)?"
 )

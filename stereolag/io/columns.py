@@ -75,7 +75,7 @@ _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)
 _MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
 """What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
 _MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
-_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d)")
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 _MISSING = re.compile(
     r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
     re.IGNORECASE,
@@ -108,7 +108,7 @@ _STEP = re.compile(
 _QUANTITY = re.compile(
     r"[\s,;:=|\"]*(?:[(\[](?P<within>[a-zµμ /]+|1/s)[)\]])?[\s,;:=|\"(\[]*"
     r"(?:(?P<grouped>\d{1,3}(?:[ ,]\d{3})+(?:\.\d+)?)(?= ?[kmg]?(?:hz|sa?/s))"
-    r"|(?P<number>(?:\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?))[\s,;|\"]*(?P<unit>[a-zµμ]+(?:/s)?)?",
+    r"|(?P<number>(?:\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?))[\s,;|\"]*(?P<unit>(?![a-z]\s*[=:])[a-zµμ]+(?:/s)?)?",
     re.IGNORECASE,
 )
 _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")

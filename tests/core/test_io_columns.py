@@ -462,6 +462,20 @@ def test_a_zone_in_letters_changes_when_summer_ends() -> None:
     assert (recording.start_s, recording.gaps) == (start.timestamp(), ())
 
 
+@pytest.mark.parametrize(
+    ("row", "noted"),
+    [
+        ("{0},4d-{2},{1}", "words left out: column 2"),
+        ("{0},{2:03}d-4d-11,{1}", "words left out: column 2"),
+        ("10:15:00 -11;{1}", "words left out: column 1"),
+    ],
+)
+def test_a_name_with_d_is_no_exponent_and_a_number_behind_a_time_no_zone(row: str, noted: str) -> None:
+    recording = read(rows(lambda index: row.format(index, A[index], int(3 * abs(B[index])))))
+    np.testing.assert_array_equal(recording.channels, [A])
+    assert noted in recording.notes
+
+
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     first = read(DATED["ISO"])
     second = read(
@@ -546,6 +560,7 @@ def test_sensors_that_take_turns_are_tracks() -> None:
         ("Sample interval: 5 min", "{}", 1 / 300),
         ("Sampling interval: 1 hour", "{}", 1 / 3600),
         ("Sample Interval [ms];20\nNr;V", "{1};{0}", 50.0),
+        ("fs = 100, G = 24", "{}", 100.0),
     ],
 )
 def test_a_heading_states_the_rate_in_any_unit_and_with_any_comma(heading: str, row: str, rate: float) -> None:
