@@ -19,6 +19,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
     DAY_S,
+    LONG_STEP,
     Channels,
     Gap,
     Recording,
@@ -97,6 +98,7 @@ _UNITS = {
     )
     for unit in names.split()
 }
+_OF_DAY = re.compile(r"\b(?:of|per) (?:the )?day\b")
 _TIME = re.compile(r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b")
 _COUNT = re.compile(
     r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|cnt|count|counter|record|x)\b"
@@ -637,9 +639,8 @@ def _words_of(name: str) -> str:
 
 def _unit(name: str) -> float | None:
     """Return the unit of time that a heading names, s; None if it names none."""
-    return next(
-        (unit for word in _letters(name) if (unit := _UNITS.get(word) or _UNITS.get(word.removesuffix("s")))), None
-    )
+    words = _letters(_OF_DAY.sub("", _words_of(name)))
+    return next((unit for word in words if (unit := _UNITS.get(word) or _UNITS.get(word.removesuffix("s")))), None)
 
 
 def is_time(name: str) -> bool:
@@ -702,7 +703,7 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
 def _are_digits_of_clocks(values: Vector) -> bool:
     """Return whether numbers are dates with times of day, 20240513101500, or times of day alone, 101500.
 
-    Seconds as short as these, counted on, would also end in 60 to 99.
+    Seconds as short as these, counted on, would also end in 60 to 99, or have the same gaps.
     """
     days, clocks = np.divmod(values, 1e6)
     minutes, seconds = clocks // 100, clocks % 100
@@ -710,7 +711,10 @@ def _are_digits_of_clocks(values: Vector) -> bool:
         return False
     if days.any():
         return bool(days.min() >= 19_000_101 and days.max() < 21_000_000)
-    return bool(np.ptp(minutes) > 0 and np.median(np.diff(values)) < 40)
+    steps, in_seconds = np.diff(values), np.diff(minutes // 100 * 3600 + minutes % 100 * 60 + seconds)
+    usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
+    fewer_gaps = (in_seconds > LONG_STEP * usual).sum() < (steps > LONG_STEP * usual).sum()
+    return bool(fewer_gaps and np.median(steps) < 40)
 
 
 def on_own_clock(

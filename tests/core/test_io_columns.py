@@ -418,6 +418,17 @@ def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
     assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
 
 
+def test_minutes_recorded_every_so_often_are_no_times_of_day() -> None:
+    recording = read(rows(lambda index: f"{600 * (index // 50) + index % 50},{A[index]}", "t,A"))
+    assert (recording.sampling_rate, recording.epoch, len(recording.gaps)) == (1.0, "start", 5)
+    assert recording.gaps[0] == Gap(49.0, 550.0)
+
+
+@pytest.mark.parametrize("name", ["Time of day (s)", "time_of_day", "Seconds of the day"])
+def test_a_time_of_day_is_not_counted_in_days(name: str) -> None:
+    assert read(rows(lambda index: f"{36_000 + index},{A[index]}", f"{name},A")).sampling_rate == 1.0
+
+
 @pytest.mark.parametrize(
     ("mark", "point", "decimals", "row"),
     [
