@@ -75,6 +75,12 @@ _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)
 """A space after a sign, or before AM and PM, where it does not separate columns."""
 _MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
 """What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
+_SERIES = re.compile(
+    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, (?P<start>[\d:.T-]+), "
+    r"(?:SLIST\b.*\n(?P<values>(?:(?!TIMESERIES).*(?:\n|\Z))*?)(?=TIMESERIES|\Z)|TSPAIR\b.*\n)",
+    re.MULTILINE,
+)
+"""A stretch of a seismogram as text: six samples a line after their start and rate, or one a line behind its time."""
 _MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 _MISSING = re.compile(
@@ -151,6 +157,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
+    if whole.startswith("TIMESERIES "):
+        whole = _SERIES.sub(_one_a_line, whole)
     whole = _FORTRAN.sub("e", _MONEY.sub("", whole))
     whole = _MONITOR.sub(r"\g<time>\g<within>, " if "," in whole else r"\g<time>\g<within> ", whole)
     text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
@@ -233,6 +241,17 @@ def _without_nuls(text: str) -> tuple[str, int]:
     if "\0" in mended or len(lines) > allowed:
         raise ValueError(f"Line {text.count(chr(10), 0, text.index(chr(0))) + 1} holds a NUL byte; {ALLOWED}.")
     return mended, len(lines)
+
+
+def _one_a_line(series: re.Match[str]) -> str:
+    """Return a stretch of a seismogram as columns of times and samples, below their names."""
+    values = (series["values"] or "").split()
+    with suppress(ValueError, ZeroDivisionError):
+        after = np.round(np.arange(len(values)) * (1e9 / float(series["rate"]))).astype("timedelta64[ns]")
+        times = np.datetime64(series["start"], "ns") + after
+        rows = (f"{time} {value}\n" for time, value in zip(times, values, strict=True))
+        return f"time {series['name']}\n{''.join(rows)}"
+    return series[0]
 
 
 def _split(lines: Sequence[str], separator: str | None) -> list[list[str]]:

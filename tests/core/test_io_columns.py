@@ -487,6 +487,23 @@ def test_a_name_with_d_is_no_exponent_and_a_number_behind_a_time_no_zone(row: st
     assert noted in recording.notes
 
 
+@pytest.mark.parametrize("form", ["SLIST", "TSPAIR"])
+def test_a_seismogram_in_stretches_is_one_series(form: str) -> None:
+    kept, parts = (range(100), range(120, 300)), []
+    for places in kept:
+        first = f"{stamp('%Y-%m-%dT%H:%M:%S.%f')(places[0])}"
+        parts.append(f"TIMESERIES IU_ANMO_00_BHZ_R, {len(places)} samples, 200 sps, {first}, {form}, FLOAT, M/S")
+        if form == "SLIST":
+            parts += ["\t".join(map(str, A[places[0] : places[-1] + 1][row : row + 6])) for row in range(0, 180, 6)]
+        else:
+            parts += [f"{stamp('%Y-%m-%dT%H:%M:%S.%f')(index)}  {A[index]}" for index in places]
+    recording = read("\n".join(parts))
+    assert (recording.sampling_rate, recording.start_s, recording.epoch) == (RATE, START_S, "1970")
+    assert (recording.names, len(recording.gaps)) == (("IU_ANMO_00_BHZ_R",), 1)
+    there = np.r_[0:100, 120:300]
+    np.testing.assert_array_equal(recording.channels[0, there], A[there])
+
+
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     first = read(DATED["ISO"])
     second = read(
