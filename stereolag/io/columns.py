@@ -114,12 +114,15 @@ _STEP = re.compile(
     r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE
 )
 _QUANTITY = re.compile(
-    r"[\s,;:=|\"]*(?:[(\[](?P<within>[a-zµμ /]+|1/s)[)\]])?[\s,;:=|\"(\[]*"
+    r"[\s,;:=|\"]*(?:[(\[](?P<within>(?:1 ?/)?[a-zµμ /]+)[)\]])?[\s,;:=|\"(\[]*"
     r"(?:(?P<grouped>\d{1,3}(?:[ ,]\d{3})+(?:\.\d+)?)(?= ?[kmg]?(?:hz|sa?/s))"
-    r"|(?P<number>(?:\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?))[\s,;|\"]*(?P<unit>(?![a-z]\s*[=:])[a-zµμ]+(?:/s)?)?",
+    r"|(?P<number>(?:\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?))[\s,;|\"]*"
+    r"(?P<unit>(?![a-z]\s*[=:])(?:(?:1|[a-zµμ]+)? ?(?:/|\bper\b) ?)?[a-zµμ]+(?:\^?-1)?)?",
     re.IGNORECASE,
 )
+_EACH = re.compile(r"\b(\d*\.?\d*[1-9]\d*) ?(\w*sec|[mµμun]?s|min)/sample\b")
 _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
+_PER = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
 _PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 
 _ROUNDED_TO = {8: DAY_S, 10: 3600.0, 12: 60.0}
@@ -497,6 +500,8 @@ def _stated(layout: _Layout) -> tuple[float | None, float]:
                 beneath = next((value for field, value in under.items() if pattern.search(field)), "")
                 value = _quantity(line, named.end(), power, layout) or _quantity(beneath, 0, power, layout)
                 rate = value**power if value else None
+        if rate is None and (each := _EACH.search(line)):
+            rate = 1 / (float(each[1]) * (_unit(each[2]) or 1.0))
     return rate, start_s
 
 
@@ -521,9 +526,14 @@ def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:
         number, unit = said["number"].partition(",")[0], said["within"] or ""
     else:
         number = said["number"].replace(",", ".")
-    prefix = _PREFIX.match(unit)
-    size = _unit(unit) if power < 0 else _PREFIXES[prefix[1]] if prefix else None
-    return float(number) * (size or 1.0)
+    value, prefix, per = float(number), _PREFIX.match(unit), _PER.fullmatch(unit)
+    if power < 0:
+        return value * (_unit(unit) or 1.0)
+    if per:
+        value /= _unit(per[1] or per[2]) or 1.0
+    elif value and (_unit(unit) or 1.0) != 1.0:  # every 5 min
+        return 1 / (value * (_unit(unit) or 1.0))
+    return value * (_PREFIXES[prefix[1]] if prefix else 1.0)
 
 
 def _without_footer(text: str, layout: _Layout) -> tuple[str, int]:

@@ -589,6 +589,14 @@ def test_sensors_that_take_turns_are_tracks() -> None:
         ("Sampling interval: 1 hour", "{}", 1 / 3600),
         ("Sample Interval [ms];20\nNr;V", "{1};{0}", 50.0),
         ("fs = 100, G = 24", "{}", 100.0),
+        ("Sampling rate: 30/min", "{}", 0.5),
+        ("Sampling rate: 30 samples per minute", "{}", 0.5),
+        ("Sampling rate: 30 min^-1", "{}", 0.5),
+        ("Sampling rate (1/min): 30", "{}", 0.5),
+        ("Sampling rate: 2 kS/s", "{}", 2000.0),
+        ("Sampling rate: 250 Hz per channel", "{}", 250.0),
+        ("Sampling rate: 5 min", "{}", 1 / 300),
+        ("trial.acq\n0.5 msec/sample\n1 channels\nECG\nmV", "{}", 2000.0),
     ],
 )
 def test_a_heading_states_the_rate_in_any_unit_and_with_any_comma(heading: str, row: str, rate: float) -> None:
