@@ -120,7 +120,9 @@ _QUANTITY = re.compile(
     r"(?P<unit>(?![a-z]\s*[=:])(?:(?:1|[a-zµμ]+)? ?(?:/|\bper\b) ?)?[a-zµμ]+(?:\^?-1)?)?",
     re.IGNORECASE,
 )
-_EACH = re.compile(r"\b(\d*\.?\d*[1-9]\d*) ?(\w*sec|[mµμun]?s|min)/sample\b")
+_EACH = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
+SMALLEST, LARGEST = 1e-12, 1e12
+"""Numbers between which a stated rate or interval is believed."""
 _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
 _PER = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
 _PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
@@ -527,11 +529,13 @@ def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:
     else:
         number = said["number"].replace(",", ".")
     value, prefix, per = float(number), _PREFIX.match(unit), _PER.fullmatch(unit)
+    if not SMALLEST < value < LARGEST:
+        return 0.0
     if power < 0:
         return value * (_unit(unit) or 1.0)
     if per:
         value /= _unit(per[1] or per[2]) or 1.0
-    elif value and (_unit(unit) or 1.0) != 1.0:  # every 5 min
+    elif (_unit(unit) or 1.0) != 1.0:  # every 5 min
         return 1 / (value * (_unit(unit) or 1.0))
     return value * (_PREFIXES[prefix[1]] if prefix else 1.0)
 

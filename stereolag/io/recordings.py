@@ -19,7 +19,7 @@ import soundfile
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
-from stereolag.io.columns import is_time, on_own_clock, read_columns, times_in_numbers
+from stereolag.io.columns import LARGEST, SMALLEST, is_time, on_own_clock, read_columns, times_in_numbers
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
 from stereolag.io.sources import (
@@ -179,7 +179,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     rates = [
         value if _RATE_NAMES.fullmatch(name) else 1 / value
         for name, value in numbers.items()
-        if value > 0 and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
+        if SMALLEST < value < LARGEST and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
     ]
     held = {name: array for name, array in arrays.items() if array.size != 1} or arrays
     times = {

@@ -605,6 +605,11 @@ def test_a_heading_states_the_rate_in_any_unit_and_with_any_comma(heading: str, 
     np.testing.assert_array_equal(recording.channels[0], A)
 
 
+@pytest.mark.parametrize("heading", ["dt = 1e-320", "fs = 1e400", "fs: 1e-310 ms", "dt=1e400", "0 msec/sample"])
+def test_a_rate_beyond_belief_is_none(heading: str) -> None:
+    assert read(rows(lambda index: f"{A[index]}", heading)).sampling_rate is None
+
+
 @pytest.mark.parametrize("columns", [1, 2])
 def test_a_start_and_a_rate_above_the_samples_are_no_samples(columns: int) -> None:
     values = np.stack([A, B])[:columns]

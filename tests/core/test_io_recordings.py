@@ -66,6 +66,8 @@ def test_arrays_have_names_to_choose_by_and_a_clock_among_them(pack) -> None:
         recording = read_signal(pack(y=A, **clock))
         assert (recording.tracks, recording.sampling_rate) == (("y",), pytest.approx(200))
         np.testing.assert_array_equal(recording.channels, [A])
+    for rate in ({"fs": np.inf}, {"dt": 1e-320}):
+        assert read_signal(pack(y=A, **rate)).sampling_rate is None
     kept = np.r_[:100, 140:300]
     recording = read_signal(pack(t=T[kept], y=A[kept]))
     assert recording.gaps == (Gap(pytest.approx(99 / 200), pytest.approx(40 / 200)),)
