@@ -8,10 +8,12 @@ import io
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import date, datetime, timedelta
 from typing import Literal, TypeAlias
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import numpy.typing as npt
@@ -139,6 +141,42 @@ _MOST_FALLS = 0.1
 """Share of steps that may go back in a column that its heading calls times: above, it is a signal."""
 
 
+# Times that are written out plainly before anything else is looked at.
+
+_Plainer: TypeAlias = str | Callable[[re.Match[str]], str]
+
+
+def _by_month(ordinal: re.Match[str]) -> str:
+    """Return a day of the year as a date, or as it is if the year has no such day."""
+    day = date(int(ordinal[1]), 1, 1) + timedelta(int(ordinal[3]) - 1)
+    return f"{day}T" if day.year == int(ordinal[1]) else ordinal[0]
+
+
+def _in_hours(local: re.Match[str]) -> str:
+    """Return a time with its zone in hours instead of by name, or as it is if there is no such time or zone."""
+    with suppress(ValueError, KeyError):
+        return datetime.fromisoformat(local[1]).replace(tzinfo=ZoneInfo(local[2])).isoformat()
+    return local[0]
+
+
+_RARE_STAMPS: tuple[tuple[re.Pattern[str], _Plainer], ...] = (
+    (  # Mon May 13 10:15:00 2024, as C, Python and `date` write it
+        re.compile(
+            r"\b[A-Z][a-z]{2} (?P<month>[A-Z][a-z]{2}) {1,2}(?P<day>\d{1,2}) (?P<clock>\d\d:\d\d:\d\d(?:\.\d+)?)"
+            r"(?: (?P<zone>[A-Z]{3,4}))? (?P<year>(?:19|20)\d\d)\b"
+        ),
+        r"\g<day>-\g<month>-\g<year> \g<clock>\g<zone>",
+    ),
+    # 2024-134T10:15:00, a day of the year
+    (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _by_month),
+    (  # 2024-05-13 10:15:00 Europe/Berlin
+        re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d+)?)?) ?\[?([A-Z][a-z]+/[A-Z]\w+)\]?"),
+        _in_hours,
+    ),
+    (re.compile(r"(Z|[+-]\d\d:?\d\d)\[[\w/]+\]"), r"\1"),  # 10:15:00+02:00[Europe/Berlin], as Java writes it
+)
+
+
 def read_columns(data: bytes, track: int | str = 1) -> Recording:
     """Return the columns of a text as channels, on the clock that its times or its heading give.
 
@@ -162,6 +200,9 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
+    for pattern, plainer in _RARE_STAMPS:
+        if pattern.search(whole, 0, BLOCK):
+            whole = pattern.sub(plainer, whole)
     if whole.startswith("TIMESERIES "):
         whole = _SERIES.sub(_one_a_line, whole)
     whole = _FORTRAN.sub("e", _MONEY.sub("", whole))

@@ -144,6 +144,12 @@ DATED = {
     "Apache": dated("%d/%b/%Y:%H:%M:%S.%L +0000", "{};{};{}", "Time;A;B"),
     "zone of hours, as of PostgreSQL": dated("%Y-%m-%d %H:%M:%S.%L+00", "{};{};{}", "Time;A;B"),
     "a log with its dates in brackets": dated("[%Y-%m-%d %H:%M:%S.%L]", "{} {} {}"),
+    "C's ctime": dated("%a %b %d %H:%M:%S.%L %Y", "{},{},{}", "Time,A,B"),
+    "C's ctime between spaces": dated("%a %b %d %H:%M:%S.%L UTC %Y", "{} {} {}"),
+    "day of the year": dated("%Y-%jT%H:%M:%S.%LZ", "{},{},{}", "Time,A,B"),
+    "day of the year after colons": dated("%Y:%j:%H:%M:%S.%L", "{} {} {}"),
+    "hours and name of a zone": dated("%Y-%m-%dT%H:%M:%S.%L+00:00[Africa/Abidjan]", "{},{},{}", "Time,A,B"),
+    "name of a zone": dated("%Y-%m-%d %H:%M:%S.%L Africa/Abidjan", "{},{},{}", "Time,A,B"),
     "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
     "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
     "Unix without a heading": timed("{} {} {}", start=START_S),
@@ -502,6 +508,15 @@ def test_a_seismogram_in_stretches_is_one_series(form: str) -> None:
     assert (recording.names, len(recording.gaps)) == (("IU_ANMO_00_BHZ_R",), 1)
     there = np.r_[0:100, 120:300]
     np.testing.assert_array_equal(recording.channels[0, there], A[there])
+
+
+def test_a_day_or_a_zone_that_there_is_not_stays_a_word() -> None:
+    for written in ("2023-366T%H:%M:%S", "2023-05-06 %H:%M:%S Europe/Atlantis"):
+        clock = stamp(written, 1.0)
+        recording = read("\n".join(f"{clock(index)},{A[index]}" for index in range(A.size)))
+        assert (recording.sampling_rate, recording.notes) == (None, ("words left out: column 1",))
+    berlin = read(rows(lambda index: f"{stamp('%Y-%m-%d %H:%M:%S Europe/Berlin', 1.0)(index)},{A[index]}"))
+    assert berlin.start_s == START_S - 7200
 
 
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
