@@ -132,6 +132,10 @@ _PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 _ROUNDED_TO = {8: DAY_S, 10: 3600.0, 12: 60.0}
 """Seconds to which a date written as 20240513, 2024051310 or 202405131015 is rounded, by the number of digits."""
 
+_DATED = re.compile(r"dat[eu]")
+_YYMMDD = 100_000, 500_000
+"""Numbers that are dates of the years 2010 to 2049 where their heading calls them so."""
+
 _UNIX_S = 1e9, 4e9
 """Seconds since 1970 of the years 2001 and 2096."""
 _SERIAL_DAYS = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
@@ -756,7 +760,13 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     first = float(values[there][0])
     unit, rounding = _unit(name), granule(values[there])
     width = len(f"{values[there].min():.0f}")
-    whole = values * 10.0 ** (14 - width) if width in _ROUNDED_TO else values
+    earliest, latest = _YYMMDD
+    is_dated = _DATED.search(name.lower()) and earliest <= values[there].min() <= values[there].max() < latest
+    if is_dated and (values[there] % 100).max() > 12:  # not 201105, a month
+        width = 8
+        whole = (values + 20_000_000) * 1e6
+    else:
+        whole = values * 10.0 ** (14 - width) if width in _ROUNDED_TO else values
     if unit is None and is_time(name) and _are_digits_of_clocks(whole[there]):
         times = read_stamps([f"{value:013.6f}" for value in whole])
         if not np.isnan(times.seconds[there]).any():
@@ -772,6 +782,21 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     unit = unit or 1.0
     epoch: Literal["1970", "start"] = "1970" if _UNIX_S[0] <= first * unit < _UNIX_S[1] else "start"
     return Times((values - first) * unit, first * unit, epoch, rounding * unit), not is_count
+
+
+def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Times, int, int] | None:
+    """Return the times that two columns of digits give, 20240513 or 240513 and 101500, and these; None if none do."""
+    timed = [index for index, name in enumerate(names) if is_time(name) and np.isfinite(table[index]).all()]
+    for date_, time in itertools.permutations(timed, 2):
+        days = table[date_] + (20_000_000 if table[date_].max() < _YYMMDD[1] else 0)
+        is_dated = _DATED.search(names[date_].lower()) and days.min() >= 19_000_101 and days.max() < 21_000_000
+        is_clock = _unit(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
+        if is_dated and is_clock and _are_digits_of_clocks(table[time]):
+            texts = [f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)]
+            times = read_stamps(texts)
+            if np.isfinite(times.seconds).all():
+                return replace(times, rounding=granule(table[time])), date_, time
+    return None
 
 
 def _are_digits_of_clocks(values: Vector) -> bool:
@@ -824,7 +849,11 @@ def on_own_clock(
         clocks = {index for index, name in enumerate(names) if len(table) > 1 and _is_clock(table[index], name, index)}
         index = None if clock else _column_of_times(table, names)
     is_seconds, notes = True, []
-    if index is not None:
+    if index is not None and (dated := _date_and_clock_in_digits(table, names)):
+        clock, *both = dated
+        clocks.update(both)
+        notes.append(f"times in {' and '.join(column_name(numbers[one], names[one]) for one in both)}")
+    elif index is not None:
         clock, is_seconds = times_in_numbers(table[index], names[index])
         clocks.add(index)
         notes.append(f"{'times' if is_seconds else 'counts'} in {column_name(numbers[index], names[index])}")

@@ -419,6 +419,30 @@ def test_dates_may_be_numbers_without_hyphens(pattern: str, seconds: float) -> N
     np.testing.assert_array_equal(recording.channels[0], A)
 
 
+@pytest.mark.parametrize("start", [datetime(2024, 5, 13, 23, 58, tzinfo=UTC), START], ids=["over midnight", "one day"])
+@pytest.mark.parametrize("pattern", ["%Y%m%d,%H%M%S.%f", "%y%m%d,%H%M%S"])
+def test_a_date_and_a_time_of_day_may_be_two_columns_of_digits(pattern: str, start: datetime) -> None:
+    seconds = 0.5 if "." in pattern else 1.0
+    recording = read(rows(lambda index: f"{stamp(pattern, seconds, start)(index)},{A[index]}", "date,time,A"))
+    assert (recording.sampling_rate, recording.start, recording.gaps) == (1 / seconds, start, ())
+    np.testing.assert_array_equal(recording.channels, [A])
+
+
+@pytest.mark.parametrize("days", [1, 7])
+def test_days_of_six_digits_are_no_times_of_day(days: int) -> None:
+    start = datetime(2023, 10, 1, tzinfo=UTC)
+    recording = read(rows(lambda index: f"{stamp('%y%m%d', days * 86_400, start)(index)},{A[index]}", "Date,A"))
+    assert (recording.sampling_rate, recording.start) == (pytest.approx(1 / (days * 86_400)), start)
+    np.testing.assert_array_equal(recording.channels, [A])
+
+
+def test_months_are_no_days_and_hours_with_minutes_beside_a_date_no_minutes_with_seconds() -> None:
+    recording = read(rows(lambda index: f"{200_101 + index // 12 * 100 + index % 12},{A[index]}", "date,A"))
+    assert recording.epoch == "start"
+    text = rows(lambda index: f"{stamp('%Y%m%d,%H%M', 600, START)(index)},{A[index]}", "date,time,A")
+    assert read(text).sampling_rate == pytest.approx(1 / 600, rel=1e-3)
+
+
 def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
     recording = read(rows(lambda index: f"{100_000 + index},{A[index]}", "time,A"))
     assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
