@@ -22,6 +22,7 @@ from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
     DAY_S,
     LONG_STEP,
+    MOST_FILLED,
     Channels,
     Gap,
     Recording,
@@ -141,6 +142,7 @@ _UNIX_S = 1e9, 4e9
 _SERIAL_DAYS = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
 """Days as spreadsheets and MATLAB count them: the number of 1970-01-01, and the first and last taken for a date."""
 _SERIAL_ROUNDING = 1e-5
+_COUNTER = 2**32
 _MOST_FALLS = 0.1
 """Share of steps that may go back in a column that its heading calls times: above, it is a signal."""
 
@@ -845,10 +847,17 @@ def on_own_clock(
     ValueError
         Times that go back, columns without values, or a size beyond the limits.
     """
+    notes = []
+    for column in (column for column, name in enumerate(names) if len(table) > 1 and (is_time(name) or column == 0)):
+        begun = _begun_again(table[column])
+        if begun.any():
+            table = table.copy()
+            table[column] += _COUNTER * begun
+            notes.append(f"{column_name(numbers[column], names[column])} began again at 2^32 and was counted on")
     with np.errstate(over="ignore", invalid="ignore"):
         clocks = {index for index, name in enumerate(names) if len(table) > 1 and _is_clock(table[index], name, index)}
         index = None if clock else _column_of_times(table, names)
-    is_seconds, notes = True, []
+    is_seconds = True
     if index is not None and (dated := _date_and_clock_in_digits(table, names)):
         clock, *both = dated
         clocks.update(both)
@@ -881,6 +890,16 @@ def on_own_clock(
         numbers=tuple(numbers[column] for column in chosen),
         notes=(*notes, *recording.notes),
     )
+
+
+def _begun_again(values: Vector) -> npt.NDArray[np.int64]:
+    """Return how often a counter of 32 bits, as millis() of an Arduino, has begun again before each of its values."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+        falls = steps < 0
+        seamless = falls & (steps + _COUNTER >= 0) & (steps + _COUNTER <= MOST_FILLED * steps.max(initial=0.0))
+    is_counter = falls.any() and (falls == seamless).all() and (values == np.floor(values)).all() and values.min() >= 0
+    return np.cumsum(np.concatenate(([False], falls & bool(is_counter))))
 
 
 def _is_clock(values: Vector, name: str, column: int) -> bool:

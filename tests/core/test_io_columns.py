@@ -443,6 +443,20 @@ def test_months_are_no_days_and_hours_with_minutes_beside_a_date_no_minutes_with
     assert read(text).sampling_rate == pytest.approx(1 / 600, rel=1e-3)
 
 
+@pytest.mark.parametrize(("name", "unit"), [("millis", 1e-3), ("time_us", 1e-6), ("", 1.0)])
+@pytest.mark.parametrize("missing", [(), (7,), (49,)])
+def test_a_counter_of_32_bits_goes_on_when_it_begins_again(name: str, unit: float, missing: tuple[int, ...]) -> None:
+    there = np.delete(np.arange(A.size), missing)
+    counts = (2**32 - 1000 + 20 * there) % 2**32
+    lines = [f"{count},{value}" for count, value in zip(counts, A[there], strict=True)]
+    recording = read("\n".join([f"{name},A"] * bool(name) + lines))
+    assert recording.sampling_rate == (pytest.approx(0.05 / unit) if name else None)
+    assert recording.notes[0].endswith("began again at 2^32 and was counted on")
+    np.testing.assert_array_equal(recording.channels[0, there], A[there])
+    with pytest.raises(ValueError, match="goes back in time"):
+        read("\n".join(["millis,A", *lines]).replace(f"\n{counts[60]},", "\n5,"))
+
+
 def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
     recording = read(rows(lambda index: f"{100_000 + index},{A[index]}", "time,A"))
     assert (recording.sampling_rate, recording.epoch, recording.start_s) == (1.0, "start", 100_000)
