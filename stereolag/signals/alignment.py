@@ -177,7 +177,7 @@ def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: i
 def mix(signal_1: Signal, signal_2: Signal) -> Vector:
     """Return both recordings mixed equally loud, from the first sample of both to the last of the longer, float64."""
     both = np.zeros(max(signal_1.size, signal_2.size))
-    for signal in (signal_1, signal_2):
+    for signal in (one for one in (signal_1, signal_2) if one.size):  # two minutes may be no sample
         centred = signal - signal.mean(dtype=np.float64)
         both[: signal.size] += centred / (centred.std() or 1.0)
     return both

@@ -100,3 +100,4 @@ def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
     first, second = drifting(SIZE, 400, 0, 0, 3)
     assert mix(first, second).var() == pytest.approx(2, rel=0.1)  # two sounds
     assert mix(first, sl.align(first, 50 * second + 3)).var() == pytest.approx(4, rel=0.1)  # one, twice as loud
+    assert mix(first[:0], second[:0]).size == 0

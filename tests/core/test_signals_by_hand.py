@@ -75,6 +75,14 @@ def test_an_excerpt_is_cut_from_both_recordings_wherever_they_overlap(
         assert min(size_1 + min(lag, 0), size_1, size_2 - lag, size_2) < by_hand.SLID_OVER
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e300])
+def test_an_excerpt_of_numbers_without_a_square_stands_out_as_well(scale: float) -> None:
+    first = np.random.default_rng(0).uniform(-1, 1, 4000)
+    slide = by_hand.excerpt(scale * first, scale * np.roll(first, 50), 50)
+    assert slide is not None
+    np.testing.assert_allclose(slide.scores, by_hand.excerpt(first, np.roll(first, 50), 50).scores, atol=1e-9)
+
+
 def test_flat_and_short_recordings_have_no_excerpt() -> None:
     assert by_hand.excerpt(np.zeros(900), np.zeros(900), 0) is None
     assert by_hand.excerpt(np.arange(200.0), np.arange(200.0), 0) is None
