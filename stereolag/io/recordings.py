@@ -18,7 +18,7 @@ import scipy  # loads scipy.io on first use only
 import soundfile
 
 from stereolag.core.arrays import Vector
-from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
+from stereolag.io.clocks import Recording, check_size, chosen_track, float_type, read_stamps
 from stereolag.io.columns import LARGEST, SMALLEST, is_time, on_own_clock, read_columns, times_in_numbers
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
@@ -130,7 +130,7 @@ def _npz(data: bytes) -> dict[str, npt.NDArray[Any]]:
     for name in archive.names:
         if name.endswith(".npy"):
             try:
-                arrays[name.removesuffix(".npy")] = parse_npy(archive.read(name), WHAT)
+                arrays[name.removesuffix(".npy")] = parse_npy(archive.read(name), WHAT, "biufM")
             except ValueError as error:  # texts and objects stand beside the numbers
                 fault = error
     if not arrays:
@@ -185,7 +185,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     times = {
         name: array.ravel()
         for name, array in held.items()
-        if len(held) > 1 and is_time(name) and array.size == max(array.shape)
+        if len(held) > 1 and (is_time(name) or array.dtype.kind == "M") and array.size == max(array.shape)
     }
     tracks = tuple(name for name in held if name not in times) or tuple(held)
     number = chosen_track(tracks, track)
@@ -194,6 +194,8 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
         raise ValueError(
             f"The {WHAT} ({form}) has shape {array.shape}; allowed are (samples,) and (channels, samples)."
         )
+    if array.dtype.kind == "M":
+        raise ValueError(f"The {WHAT} ({form}) holds {array.dtype.name}; allowed are integers and floats.")
     if array.dtype.kind == "c":
         raise ValueError(f"The {WHAT} ({form}) holds complex numbers; save their real part or their magnitude.")
     channels = np.atleast_2d(array)
@@ -208,13 +210,15 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     names, columns = ("",) * len(channels), range(1, len(channels) + 1)
     clock = next(
         (
-            times_in_numbers(one.astype(np.float64), name)
+            read_stamps(np.datetime_as_string(one.astype("datetime64[ns]")).tolist())
+            if one.dtype.kind == "M"
+            else times_in_numbers(one.astype(np.float64), name)[0]
             for name, one in times.items()
             if one.size == channels.shape[1]
         ),
         None,
     )
-    recording = on_own_clock(channels, names, columns, clock=clock and clock[0], stated_rate=next(iter(rates), None))
+    recording = on_own_clock(channels, names, columns, clock=clock, stated_rate=next(iter(rates), None))
     return replace(recording, tracks=tracks, track=number)
 
 

@@ -333,8 +333,10 @@ MAX_DIMENSIONS = 32
 _HEADERS = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
 
 
-def parse_npy(data: bytes, what: str) -> npt.NDArray[Any]:
+def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     """Return the array of numbers in the bytes of an ``.npy`` file (a read-only view of them).
+
+    ``"M"`` among the kinds allows dates as well.
 
     Raises
     ------
@@ -349,7 +351,7 @@ def parse_npy(data: bytes, what: str) -> npt.NDArray[Any]:
             raise ValueError(f"shape {shape}")
     except Exception as error:  # the header is Python, and can be broken in all kinds of ways
         raise ValueError(f"The {what} has the mark of an .npy file, but its header cannot be read.") from error
-    if dtype.kind not in "biuf" or dtype.itemsize > 8:
+    if dtype.kind not in kinds or dtype.itemsize > 8:
         held = "records of several fields" if dtype.names else dtype.name
         raise ValueError(f"The {what} (.npy) holds {held}; allowed are integers and floats.")
     offset, count = stream.tell(), math.prod(shape)

@@ -84,6 +84,17 @@ def test_times_and_missing_values_stand_in_an_array_as_in_a_text() -> None:
     np.testing.assert_allclose(recording.channels[0], np.interp(T, T[there], A[there]))
 
 
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_dates_of_numpy_beside_an_array_are_its_clock(unit: str) -> None:
+    dates = np.datetime64("2024-05-13T10:00:00.500", unit) + np.arange(300) * np.timedelta64(5, "ms")
+    recording = read_signal(npz(index=dates.astype(f"datetime64[{unit}]"), y=A))
+    assert (recording.tracks, recording.sampling_rate, recording.epoch) == (("y",), 200, "1970")
+    assert recording.start_s == np.datetime64("2024-05-13T10:00:00").astype(int) + 0.5
+    np.testing.assert_array_equal(recording.channels, [A])
+    with pytest.raises(ValueError, match=r"holds datetime64.*allowed are integers"):
+        read_signal(npz(t=dates))
+
+
 def test_a_recording_is_an_array_of_its_samples() -> None:
     mono = read_signal(b"1\n2\n4\n3\n")
     assert np.asarray(mono).tolist() == [1, 2, 4, 3]
