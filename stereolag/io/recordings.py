@@ -185,7 +185,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     times = {
         name: array.ravel()
         for name, array in held.items()
-        if len(held) > 1 and (is_time(name) or array.dtype.kind == "M") and array.size == max(array.shape)
+        if len(held) > 1 and (is_time(name) or array.dtype.kind == "M") and array.size == max(array.shape, default=1)
     }
     tracks = tuple(name for name in held if name not in times) or tuple(held)
     number = chosen_track(tracks, track)
@@ -214,7 +214,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
             if one.dtype.kind == "M"
             else times_in_numbers(one.astype(np.float64), name)[0]
             for name, one in times.items()
-            if one.size == channels.shape[1]
+            if one.size == channels.shape[1] and (one == one).any()  # not all missing
         ),
         None,
     )

@@ -95,6 +95,13 @@ def test_dates_of_numpy_beside_an_array_are_its_clock(unit: str) -> None:
         read_signal(npz(t=dates))
 
 
+@pytest.mark.parametrize("missing", [np.nan, np.datetime64("NaT", "ms")])
+def test_times_that_are_all_missing_are_no_clock(missing: object) -> None:
+    assert read_signal(npz(t=np.full(300, missing), y=A)).sampling_rate is None
+    with pytest.raises(ValueError, match=r"\(NPZ\) has shape \(\)"):
+        read_signal(npz(t=5.0, y=3.0))
+
+
 def test_a_recording_is_an_array_of_its_samples() -> None:
     mono = read_signal(b"1\n2\n4\n3\n")
     assert np.asarray(mono).tolist() == [1, 2, 4, 3]
