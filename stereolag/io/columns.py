@@ -793,7 +793,8 @@ def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Ti
         days = table[date_] + (20_000_000 if table[date_].max() < _YYMMDD[1] else 0)
         is_dated = _DATED.search(names[date_].lower()) and days.min() >= 19_000_101 and days.max() < 21_000_000
         is_clock = _unit(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
-        if is_dated and is_clock and _are_digits_of_clocks(table[time]):
+        rises = is_clock and (_are_digits_of_clocks(table[time]) or np.ptp(table[time] // 10_000) > 0)
+        if is_dated and rises and _are_digits_of_clocks(1e6 * days + table[time]):
             texts = [f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)]
             times = read_stamps(texts)
             if np.isfinite(times.seconds).all():
@@ -895,10 +896,10 @@ def on_own_clock(
 def _begun_again(values: Vector) -> npt.NDArray[np.int64]:
     """Return how often a counter of 32 bits, as millis() of an Arduino, has begun again before each of its values."""
     with np.errstate(over="ignore", invalid="ignore"):
-        steps = np.diff(values)
+        steps, longest = np.diff(values), MOST_FILLED * np.diff(values).max(initial=0.0)
         falls = steps < 0
-        seamless = falls & (steps + _COUNTER >= 0) & (steps + _COUNTER <= MOST_FILLED * steps.max(initial=0.0))
-    is_counter = falls.any() and (falls == seamless).all() and (values == np.floor(values)).all() and values.min() >= 0
+        seamless = (steps[falls] + _COUNTER >= 0) & (steps[falls] + _COUNTER <= longest) & (longest < _COUNTER / 2)
+    is_counter = falls.any() and seamless.all() and (values == np.floor(values)).all() and values.min() >= 0
     return np.cumsum(np.concatenate(([False], falls & bool(is_counter))))
 
 

@@ -428,6 +428,12 @@ def test_a_date_and_a_time_of_day_may_be_two_columns_of_digits(pattern: str, sta
     np.testing.assert_array_equal(recording.channels, [A])
 
 
+def test_five_minutes_may_be_between_a_time_of_day_in_digits_and_the_next() -> None:
+    recording = read(rows(lambda index: f"{stamp('%Y%m%d,%H%M%S', 300.0)(index)},{A[index]}", "<DATE>,<TIME>,A"))
+    assert (recording.sampling_rate, recording.start, recording.gaps) == (pytest.approx(1 / 300), START, ())
+    np.testing.assert_array_equal(recording.channels, [A])
+
+
 @pytest.mark.parametrize("days", [1, 7])
 def test_days_of_six_digits_are_no_times_of_day(days: int) -> None:
     start = datetime(2023, 10, 1, tzinfo=UTC)
@@ -455,6 +461,11 @@ def test_a_counter_of_32_bits_goes_on_when_it_begins_again(name: str, unit: floa
     np.testing.assert_array_equal(recording.channels[0, there], A[there])
     with pytest.raises(ValueError, match="goes back in time"):
         read("\n".join(["millis,A", *lines]).replace(f"\n{counts[60]},", "\n5,"))
+
+
+def test_numbers_around_zero_without_a_sign_are_no_counter() -> None:
+    values = np.round(100 * A).astype(int) % 2**32
+    np.testing.assert_array_equal(read(rows(lambda index: f"{values[index]},{B[index]}")).channels, [values, B])
 
 
 def test_seconds_that_pass_sixty_are_no_times_of_day() -> None:
