@@ -360,7 +360,7 @@ def on_even_clock(clock: Times, values: Channels) -> Recording:
         offset = float((places - np.arange(places.size)).mean())
         deviation = float(np.abs(places - np.arange(places.size) - offset).max())
         is_even &= max(deviation, abs(offset - round(offset)) if first else 0.0) <= SLACK + slack / step
-        positions[first:last] = round(offset) + np.arange(places.size) if first else np.arange(places.size)
+        positions[first:last] = np.round(offset) + np.arange(places.size) if first else np.arange(places.size)
     if not is_even or (np.diff(positions) <= 0).any():
         step = _round_step(step, ROUNDED * step)
         positions = (times - times[0]) / step

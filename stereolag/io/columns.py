@@ -79,7 +79,7 @@ _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)
 _MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
 """What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
 _SERIES = re.compile(
-    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, (?P<start>[\d:.T-]+), "
+    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, (?P<start>\d{4}-\d\d-\d\dT[\d:.]+), "
     r"(?:SLIST\b.*\n(?P<values>(?:(?!TIMESERIES).*(?:\n|\Z))*?)(?=TIMESERIES|\Z)|TSPAIR\b.*\n)",
     re.MULTILINE,
 )
@@ -906,7 +906,7 @@ def _begun_again(values: Vector) -> npt.NDArray[np.int64]:
 def _is_clock(values: Vector, name: str, column: int) -> bool:
     """Return whether a column rises as its heading says that times or counts do."""
     is_count = bool(_COUNT.search(_words_of(name)))
-    counted = float((np.diff(values) == 1).mean()) if is_count or column == 0 else 0.0
+    counted = float((np.diff(values) == 1).mean()) if values.size > 1 and (is_count or column == 0) else 0.0
     if is_count and counted > MOSTLY:  # it may begin again after 255
         return True
     return (is_time(name) or is_count or counted == 1) and rises_evenly(values)

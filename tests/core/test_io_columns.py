@@ -727,6 +727,8 @@ def test_nul_bytes_behind_a_number_go_and_are_counted_as_missing_values_are(newl
             rows(lambda i: f"{i + (i > 5) * 1e6},{A[i]}", "t,A"),
             "jump by 1e[+]06 s after 5 s, while its usual step is 1 s; cut",
         ),
+        (rows(lambda i: f"{i if i < 299 else 1e300},{A[i]}", "t,A"), "jump by 1e[+]300 s after 298 s"),
+        ("7,1.5\n", "holds 1 samples; at least 2"),
         (rows(lambda i: f"{START:%H:%M:%S},{A[i]}"), "times of the recording are all the same"),
         (
             rows(lambda i: f"{'' if i % 3 else A[i]},x", "A,B"),
