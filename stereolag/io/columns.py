@@ -79,7 +79,8 @@ _SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)
 _MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
 """What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
 _SERIES = re.compile(
-    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, (?P<start>\d{4}-\d\d-\d\dT[\d:.]+), "
+    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, "
+    r"(?P<start>\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?), "
     r"(?:SLIST\b.*\n(?P<values>(?:(?!TIMESERIES).*(?:\n|\Z))*?)(?=TIMESERIES|\Z)|TSPAIR\b.*\n)",
     re.MULTILINE,
 )

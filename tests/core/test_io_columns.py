@@ -568,6 +568,11 @@ def test_a_day_or_a_zone_that_there_is_not_stays_a_word() -> None:
     assert berlin.start_s == START_S - 7200
 
 
+def test_a_zone_that_only_some_times_have_counts_there() -> None:
+    times = read_stamps(["2024-05-13 10:00:00", "2024-05-13 10:00:01Z", "2024-05-13 12:00:02+02:00"])
+    np.testing.assert_array_equal(times.seconds, [0, 1, 2])
+
+
 def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     first = read(DATED["ISO"])
     second = read(
