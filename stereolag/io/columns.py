@@ -8,7 +8,7 @@ import io
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
@@ -207,16 +207,17 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         of fields, or times that go back; the error names the line, the column and the field.
     """
     whole, mended = _without_nuls(_decoded(data))
-    for pattern, plainer in _RARE_STAMPS:
+    for pattern, plainer in _RARE_STAMPS if ":" in whole else ():
         if pattern.search(whole, 0, BLOCK):
             whole = pattern.sub(plainer, whole)
     if whole.startswith("TIMESERIES "):
         whole = _SERIES.sub(_one_a_line, whole)
-    whole = _FORTRAN.sub("e", _MONEY.sub("", whole))
-    whole = _MONITOR.sub(r"\g<time>\g<within>, " if "," in whole else r"\g<time>\g<within> ", whole)
-    text = _COMMENT.sub("", whole) if any(mark in whole for mark in ("#", "%", "//")) else whole
-    if any(mark in text for mark in ("+ ", "- ", "M", "m")):
-        text = _SPACED.sub(r"\1\2", text)
+    whole = _written(whole, "$€£¥", _MONEY, "")
+    whole = _written(whole, "dD", _FORTRAN, "e")
+    separated = ", " if "," in whole else " "
+    whole = _written(whole, ("-> ", "["), _MONITOR, rf"\g<time>\g<within>{separated}")
+    text = _written(whole, ("#", "%", "//"), _COMMENT, "")
+    text = _written(text, ("+ ", "- ", "M", "m"), _SPACED, r"\1\2")
     layout = _layout(text, whole)
     text, below = _without_footer(text, layout)
     number = chosen_track(layout.turns, track)
@@ -254,6 +255,11 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     if stated:
         recording = replace(recording, start_s=begun_s, epoch="1970")
     return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
+
+
+def _written(text: str, marks: Iterable[str], pattern: re.Pattern[str], plainly: str) -> str:
+    """Return a text with the matches of a pattern written plainly; looked for, which takes long, only beside a mark."""
+    return pattern.sub(plainly, text) if any(mark in text for mark in marks) else text
 
 
 def column_name(number: int, name: str) -> str:
