@@ -19,7 +19,8 @@ import soundfile
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type, read_stamps
-from stereolag.io.columns import LARGEST, SMALLEST, is_time, on_own_clock, read_columns, times_in_numbers
+from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
+from stereolag.io.columns import LARGEST, SMALLEST, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
 from stereolag.io.sources import (
