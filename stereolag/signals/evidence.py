@@ -10,7 +10,7 @@ method for estimation of time delay", IEEE Trans. ASSP 24 (1976)), and all their
 * The height is compared with the rest: with its largest local deviation on several scales, since the same loud events
   overlap there and chance has the same spread; and with its highest other point.
 * No evidence is larger than the samples that carry it allow: a click that meets a click is one agreement, not many.
-  Many rare events that meet are compared with those of a Poisson process.
+  Many rare events that meet are compared with those of a Poisson process, the loudest limited so as not to hide others.
 
 A score above 1 is beyond chance: that many times the height that the highest of N lags reaches, ``sqrt(2 ln N)``, and
 ``MARGIN`` deviations more.
@@ -32,6 +32,7 @@ from stereolag.signals.correlation import (
     Lags,
     around_peak,
     best_cycle,
+    faded,
     interpolate_peak,
     overlap_length,
     transform_length,
@@ -69,6 +70,9 @@ blocks in which events are counted."""
 
 _DEPENDENT = 1.25
 """Events on a beat of their own meet more often than those of a Poisson process."""
+
+_LIMIT, _INNER = 10.0, 0.8
+"""Times the mean magnitude to which samples are limited, and the least share of the energy away from both ends."""
 
 _COLOURED = 0.05
 """From this share on, the own curve beside its middle is not that of white noise."""
@@ -326,10 +330,30 @@ class WeightedCurve:
         return np.asarray(fft.irfft(self._evidence.spectra * np.sqrt(self._weight), self._evidence.points, workers=2))
 
     @cached_property
+    def _limited(self) -> Samples:
+        """(2, points) what is heard, limited to ``_LIMIT`` times its mean; 0 if its ends are loud, as any cut is."""
+        limited = np.zeros_like(self._heard)
+        for row, whole, size in zip(limited, self._heard, self._evidence.sizes, strict=True):
+            heard = whole[:size]
+            most = _LIMIT * np.abs(heard).mean()
+            if np.sum(faded(heard) ** 2) > _INNER * np.sum(heard**2):
+                row[:size] = np.clip(heard, -most, most)
+                row[:size] -= row[:size].mean()
+        return limited
+
+    @cached_property
     def _colour(self) -> float:
-        """The factor by which colour of both widens agreement by chance (M. S. Bartlett, 1935)."""
-        own = [fft.irfft(self._evidence.bands(one * self._weight))[:_COLOUR_REACH] for one in self._evidence.powers]
-        return math.sqrt(max(1.0, 1 + 2 * float((own[0] / own[0][0])[1:] @ (own[1] / own[1][0])[1:])))
+        return self._widening(self._evidence.powers * self._weight)
+
+    @cached_property
+    def _limited_colour(self) -> float:
+        return self._widening(np.abs(fft.rfft(self._limited, workers=2)) ** 2)
+
+    def _widening(self, powers: Samples) -> float:
+        """Return the factor by which colour of both widens agreement by chance (M. S. Bartlett, 1935)."""
+        own = [fft.irfft(self._evidence.bands(one))[:_COLOUR_REACH] for one in powers]
+        shared = float(own[0][1:] @ own[1][1:]) / (float(own[0][0] * own[1][0]) + 1e-300)
+        return math.sqrt(max(1.0, 1 + 2 * shared))
 
     def tops(self, count: int = 2) -> list[int]:
         """Return the indices of the highest points, by height over the local deviation and by height."""
@@ -456,7 +480,18 @@ class WeightedCurve:
         scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._colour
         total, most = products.sum(dtype=np.float64), np.abs(products).sum(dtype=np.float64)
         met = self._coincidences(heard, products)
+        if max(float(total) / scale, met) < self._evidence.needed:
+            limited = self._limited[0, start:stop], self._limited[1, start + lag : stop + lag]
+            met = max(met, self._agreement_of_limited(limited, limited[0] * limited[1]))
         return max(float(total) / scale, met), max(float(most) / scale, met)
+
+    def _agreement_of_limited(self, limited: tuple[Samples, Samples], products: Samples) -> float:
+        """Return the agreement of limited recordings, counted by samples and by events, whichever is less.
+
+        Of impulses, one or two hold nearly all of the energy and hide how many others meet.
+        """
+        scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._limited_colour
+        return min(float(products.sum(dtype=np.float64)) / scale, self._coincidences(limited, products))
 
     def _coincidences(self, heard: tuple[Samples, Samples], products: Samples) -> float:
         """Return the agreement of rare events that meet, in deviations of a Poisson process; 0 unless they are rare.

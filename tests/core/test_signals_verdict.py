@@ -43,6 +43,16 @@ def test_a_sound_in_noise_as_loud_is_sure_and_right(method: SignalMethod, colour
         assert (result.verdict, reason(result), result.lag, result.rivals) == ("sure", "clear", lag, ())
 
 
+@pytest.mark.parametrize("seed", [0, 1, 7, 8])
+def test_many_impulses_that_meet_are_sure_though_a_few_hold_nearly_all_of_the_energy(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    impulses, others = random.standard_cauchy(size=(2, 6500))
+    first, second = random.normal(size=(2, 6000))
+    result = signal_lag(impulses[500:] + first, impulses[:6000] + second)
+    assert (result.verdict, result.lag) == ("sure", 500)
+    assert signal_lag(impulses[500:] + first, others[:6000] + second).verdict == "nothing"
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("frequency", "noise_level"), [(0.01, 1.0), (0.1234, 0.1), (0.4, 0.0)])
 def test_a_tone_is_ambiguous_and_its_period_is_named(
@@ -54,6 +64,11 @@ def test_a_tone_is_ambiguous_and_its_period_is_named(
     period = {0.4: 5.0}.get(frequency, 1 / frequency)
     assert result.judgement.spacing == pytest.approx(period, rel=0.02)
     assert np.all(np.diff(np.abs(np.array(result.rivals) - result.lag)) >= 0)
+
+
+@pytest.mark.parametrize("seed", [424318, 424334, 424341])
+def test_a_tone_without_noise_is_not_settled_by_its_cut_ends(seed: int) -> None:
+    assert signal_lag(*trial("tones", seed).recordings).verdict == "ambiguous"
 
 
 REPEATED = np.tile(coloured(80, 0.8, np.random.default_rng(3)), 60)
