@@ -73,7 +73,7 @@ def together(words: Sequence[str]) -> str:
 
 _NOTHING_WORDS = {
     "chance": "Nothing in common found: the highest point is at chance level.",
-    "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
+    "too_little": "Not sure of anything in common: so few samples agree that chance could line them up.",
     "few_votes": "Nothing found by sampling: hardly two samples vote for the same lag.",
     "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
 }
@@ -99,6 +99,11 @@ def verdict_explained(result: SignalLag) -> list[str]:
     elif judgement.reason == "few_votes" and result.arrivals:
         lag, sigma = result.arrivals[0]
         said.append(f"All samples together agree on a lag of {round(lag):,} ({sigma:.1f} σ): choose the method FFT.")
+    elif judgement.reason == "too_little":
+        said.append(
+            "One knock or swing fits any other like it. Use several at irregular times, or a longer sound, and check "
+            "that both files cover it."
+        )
     elif judgement.verdict == "nothing":
         said.append(
             "Use a longer stretch with a distinct sound that both sensors hear, and check that both files cover it."

@@ -68,6 +68,9 @@ _VISIBLE = 4.0
 _STRETCH, _REACH = 2**16, 2**14
 """Length of the stretch searched for repetition, and largest distance between repeats, samples."""
 
+_TOWERS = 2.0
+"""From this many times what is needed on, a peak is beyond the level of chance, however few samples carry it."""
+
 _LINES, _LINE_SHARE = 8, 0.7
 """Most lines in the spectrum of a tonal curve, and the least share of its power that they contain."""
 
@@ -280,7 +283,8 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
             reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
         else:
             rivals = tone_rivals(recordings, found.lag, first, last)
-            little = best.peaks[0].carriers < needed
+            stands_out = any(peak.above > _TOWERS * needed and peak.carried < needed for peak in best.peaks)
+            little = stands_out or best.peaks[0].carriers < needed
             reason = "rivals" if rivals else "few_votes" if few_votes else "too_little" if little else "chance"
     lag = own
     # The plain curve's fraction is finer than that of a weighted one, but its highest sample can be the wrong cycle.

@@ -66,6 +66,15 @@ def test_a_tone_is_ambiguous_and_its_period_is_named(
     assert np.all(np.diff(np.abs(np.array(result.rivals) - result.lag)) >= 0)
 
 
+def test_one_ping_in_both_is_too_little_and_not_at_the_level_of_chance() -> None:
+    first, second = 0.03 * np.random.default_rng(0).normal(size=(2, 3000))
+    ping = np.hanning(40) * np.sin(1.2 * np.arange(40))
+    first[1000:1040] += ping
+    second[1300:1340] += 0.5 * ping
+    result = signal_lag(first, second)
+    assert (result.verdict, reason(result), result.lag) == ("nothing", "too_little", 300)
+
+
 @pytest.mark.parametrize("seed", [424318, 424334, 424341])
 def test_a_tone_without_noise_is_not_settled_by_its_cut_ends(seed: int) -> None:
     assert signal_lag(*trial("tones", seed).recordings).verdict == "ambiguous"

@@ -334,7 +334,7 @@ DISTURBED_VERDICTS: Final = {
     "repeats": "Cannot tell: it repeats every {spacing:,.0f} samples.",
     "rivals": "Cannot tell: {rivals}.",
     "chance": "Nothing in common found: the highest point is at chance level.",
-    "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
+    "too_little": "Not sure of anything in common: so few samples agree that chance could line them up.",
     "opposite_sign": "Nothing in common found, but the opposite sign fits.",
 }
 
