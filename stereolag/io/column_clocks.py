@@ -79,9 +79,6 @@ def column_name(number: int, name: str) -> str:
     return f"column {number} {quote(name)}" if name else f"column {number}"
 
 
-# The text and its lines.
-
-
 def _words_of(name: str) -> str:
     return name.lower().replace("_", " ")
 

@@ -94,7 +94,7 @@ _QUANTITY = re.compile(
     re.IGNORECASE,
 )
 _EACH = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
-SMALLEST, LARGEST = 1e-12, 1e12
+LEAST_STATED, MOST_STATED = 1e-12, 1e12
 """Numbers between which a stated rate or interval is believed."""
 _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
 _PER = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
@@ -212,6 +212,9 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
 def _written(text: str, marks: Iterable[str], pattern: re.Pattern[str], plainly: str) -> str:
     """Return a text with the matches of a pattern written plainly; looked for, which takes long, only beside a mark."""
     return pattern.sub(plainly, text) if any(mark in text for mark in marks) else text
+
+
+# The text and its lines.
 
 
 def _decoded(data: bytes) -> str:
@@ -527,14 +530,15 @@ def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:
     else:
         number = said["number"].replace(",", ".")
     value, prefix, per = float(number), _PREFIX.match(unit), _PER.fullmatch(unit)
-    if not SMALLEST < value < LARGEST:
+    if not LEAST_STATED < value < MOST_STATED:
         return 0.0
+    seconds = unit_of(unit) or 1.0
     if power < 0:
-        return value * (unit_of(unit) or 1.0)
+        return value * seconds
     if per:
         value /= unit_of(per[1] or per[2]) or 1.0
-    elif (unit_of(unit) or 1.0) != 1.0:  # every 5 min
-        return 1 / (value * (unit_of(unit) or 1.0))
+    elif seconds != 1.0:  # every 5 min
+        return 1 / (value * seconds)
     return value * (_PREFIXES[prefix[1]] if prefix else 1.0)
 
 

@@ -20,7 +20,7 @@ import soundfile
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type, read_stamps
 from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
-from stereolag.io.columns import LARGEST, SMALLEST, read_columns
+from stereolag.io.columns import LEAST_STATED, MOST_STATED, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
 from stereolag.io.sources import (
@@ -180,7 +180,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     rates = [
         value if _RATE_NAMES.fullmatch(name) else 1 / value
         for name, value in numbers.items()
-        if SMALLEST < value < LARGEST and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
+        if LEAST_STATED < value < MOST_STATED and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
     ]
     held = {name: array for name, array in arrays.items() if array.size != 1} or arrays
     times = {

@@ -121,7 +121,7 @@ def _excerpts(signal_1: Vector, signal_2: Vector, lag: int) -> Iterator[Slide]:
                 for part in (signal_1[start : start + cut], signal_2[begin : begin + slid_over])
             )
             if np.ptp(short) > 0 and np.ptp(long) > 0:
-                short, long = short / np.abs(short).max(), long / np.abs(short).max()  # 1e-300 has no square
+                short, long = (part / np.abs(part).max() for part in (short, long))  # 1e-300 has no square
                 yield Slide("excerpt", short / short.std(), long / short.std(), begin - start, step)
 
 
