@@ -1,7 +1,7 @@
 """Whether a lag can be relied on: the decision between all lags that the evidence speaks for.
 
 The candidates are the highest peaks under every weight (:mod:`stereolag.signals.evidence`), each also with drift and
-dropped buffers undone (:mod:`stereolag.signals.over_time`), and all are scored by one measure.
+dropped buffers undone (:mod:`stereolag.signals.drift`), and all are scored by one measure.
 The best is sure if it is beyond chance, no other fits as well, and no weight is as convinced of another lag.
 """
 
@@ -28,8 +28,9 @@ from stereolag.signals.correlation import (
     overlap_pearson,
     overlap_slices,
 )
+from stereolag.signals.drift import follow_lag, median_line, with_steps_placed
 from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
-from stereolag.signals.over_time import LagOverTime, Stretch, follow_lag, median_line, on_first_clock, with_steps_placed
+from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.search import FoundLag, enough_votes, lags_within
 
 Recordings: TypeAlias = tuple[Recording, Recording]

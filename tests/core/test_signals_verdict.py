@@ -16,7 +16,8 @@ from stereolag import samples
 from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
 from stereolag.signals.correlation import find_peak, overlap_length
-from stereolag.signals.over_time import median_line, resample, resample_reference
+from stereolag.signals.drift import median_line
+from stereolag.signals.over_time import LagOverTime, Stretch, resample, resample_reference
 from stereolag.signals.verdict import local_curve, regular_spacing
 
 METHODS = get_args(SignalMethod)
@@ -266,6 +267,13 @@ def test_all_stretches_are_of_one_clock_and_the_lag_is_from_where_it_was_measure
     before = drawn.lags[0] + drawn.ppm * 1e-6 * drawn.steps[0][0]
     stretches.append(sorted((drawn.lags[0], before)))
     assert any(low - 0.5 <= result.judgement.lag <= high + 0.5 for low, high in stretches)
+
+
+def test_the_drift_is_that_of_all_stretches_by_their_errors() -> None:
+    places = (100.0, 400.0)
+    stretches = Stretch(0, 500, 0.0, 80e-6, 2e-6, places), Stretch(500, 900, -7.0, 90e-6, 1e-6, places)
+    of_both = LagOverTime((*stretches, Stretch(900, 5000, 3.0, 0.0)))  # no block of the longest was measured
+    assert (of_both.ppm, of_both.error_ppm) == pytest.approx((88.0, 1 / np.sqrt(1 + 1 / 4)))
 
 
 def test_an_echo_is_an_arrival_and_no_step() -> None:
