@@ -54,8 +54,11 @@ _OTHER_DRIFT = 5.0
 _ECHO_SHARE = 0.25
 """A lag belongs to its stretch alone if its mean height elsewhere is below this share."""
 
-_LONGEST_PART, _FARTHEST_STEP = 2**16, 2**17
-"""Longest part without a line in which a lag is searched, and farthest lag from that of its neighbours, samples."""
+_MOST_PARTS, _LONGEST_PART = 8, 2**16
+"""Most parts of a time without a line in which a lag is searched, and their greatest length, samples."""
+
+_FARTHEST_STEP = 2**17
+"""Farthest that such a lag is searched from the one beside it, samples."""
 
 _BLUR = 0.1
 """Change of the lag within a block that blurs no peak, samples."""
@@ -104,7 +107,7 @@ def follow_lag(
         if best[0] < least and length >= _SHORTEST:
             strip = max(reach, int(ppm * 1e-6 * size))
             best = max(best, _followed(recording_1, recording_2, lag, strip, ppm, length), key=lambda one: one[0])
-    return best[1]
+    return best[1] and _completed(recording_1, recording_2, best[1], _FEWEST * max(longest, size // _BLOCKS))
 
 
 def _straight(recording_1: Recording, recording_2: Recording, lag: int) -> tuple[float, LagOverTime | None]:
@@ -153,29 +156,32 @@ def _followed(
         return 0.0, None
     share = sum(len(line.places) for line in lines) / starts.size
     finer = [_refined(recording_1, recording_2, line) for line in _between(lines, begin, end)]
-    confirmed = _between(_merged([one for one in finer if one is not None]) or lines, begin, end)
-    least = _FEWEST * int(np.diff(starts).max())
-    return share, LagOverTime(tuple(_completed(recording_1, recording_2, confirmed, least)))
+    confirmed = _merged([one for one in finer if one is not None]) or lines
+    return share, LagOverTime(tuple(_between(confirmed, begin, end)))
 
 
-def _completed(recording_1: Recording, recording_2: Recording, lines: list[Stretch], least: int) -> list[Stretch]:
-    """Return the lines with those of times that no block covers for so many samples, whatever their lag.
+def _completed(recording_1: Recording, recording_2: Recording, over_time: LagOverTime, least: int) -> LagOverTime:
+    """Return the lag over time with the lines of times that no block covers for so many samples, whatever their lag.
 
     A step may lead beyond the lags at which all blocks are searched.
     """
-    begin, end = lines[0].begin, lines[-1].end
-    every = [line for line in lines if line.places]
-    gaps = [*pairwise([begin, *(round(place) for line in every for place in line.places), end])] if every else []
+    begin, end = over_time.stretches[0].begin, over_time.stretches[-1].end
+    known = lines = [line for line in over_time.stretches if line.places]
+    gaps = [*pairwise([begin, *map(round, over_time.places), end])] if lines else []
+    outer = [(0, begin), (end, recording_1.size)]  # where another lag may overlap
     while gaps:
         low, high = gaps.pop()
-        found = _elsewhere(recording_1, recording_2, every, low, high) if high - low >= least else None
+        found = _elsewhere(recording_1, recording_2, lines, low, high) if high - low >= least else None
         if found is not None:
-            every = sorted([*every, found], key=lambda line: line.places[0])
+            lines = sorted([*lines, found], key=lambda line: line.places[0])
             gaps += pairwise([low, *map(round, found.places), high])
-    if len(every) <= len(lines):
-        return lines
-    joined = _between(_merged(every, 1.0), begin, end)
-    return [_refined(recording_1, recording_2, line) or line for line in joined]
+        if not gaps and len(lines) > 1:
+            gaps, outer = outer, []
+    if lines is known:
+        return over_time
+    lines = _merged(lines, 1.0)
+    begin, end = max(0, -round(lines[0].start)), min(recording_1.size, recording_2.size - round(lines[-1].start))
+    return LagOverTime(tuple(_refined(recording_1, recording_2, one) or one for one in _between(lines, begin, end)))
 
 
 def _elsewhere(
@@ -187,22 +193,22 @@ def _elsewhere(
     """
     if any(line.places[0] <= low and high <= line.places[-1] for line in lines):
         return None
-    begin, end = min(line.begin for line in lines), max(line.end for line in lines)
+    begin, end = min(low, *(line.begin for line in lines)), max(high, *(line.end for line in lines))
     length = min(high - low, _LONGEST_PART)
-    start = (low + high - length) // 2
+    starts = np.linspace(low, high - length, min(_MOST_PARTS, math.ceil((high - low) / length))).astype(int)
     slope = max(lines, key=lambda line: len(line.places)).slope
-    beside = min(lines, key=lambda line: abs((line.places[0] + line.places[-1]) / 2 - start))
+    beside = min(lines, key=lambda line: min(abs(line.places[0] - high), abs(line.places[-1] - low)))
     reach = min((end - begin) // 4, _FARTHEST_STEP)
-    line = Stretch(low, high, beside.lag_at(start) - slope * start, slope)
-    top = int(_plane(recording_1, recording_2, np.array([start]), line, length, reach).argmax())
+    line = Stretch(low, high, beside.lag_at((low + high) / 2) - slope * (low + high) / 2, slope)
+    heights = _plane(recording_1, recording_2, starts, line, length, reach)
+    top = int(heights.argmax()) % heights.shape[1]
     found = _refined(recording_1, recording_2, replace(line, start=line.start + top - reach))
     if found is None or not found.places:
         return None
     starts, length = _fine_starts(replace(found, begin=begin, end=end))
     along = _plane(recording_1, recording_2, starts, found, length, _FINE_REACH)[:, _FINE_REACH]
     inside = (starts + length > found.places[0]) & (starts < found.places[-1])
-    alone = float(along[~inside].mean()) < _ECHO_SHARE * float(along[inside].mean())
-    return found if alone else None
+    return found if float(along[~inside].sum()) < _ECHO_SHARE * float(along[inside].mean()) * (~inside).sum() else None
 
 
 def _of_one_clock(lines: list[Stretch], places: npt.NDArray[np.floating]) -> list[Stretch]:

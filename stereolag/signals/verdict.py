@@ -370,12 +370,6 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
                 best = replace(best, over_time=over_time)
             continue
         found_there = _along(over_time, samples_1, samples_2, searched)
-        # A step out of reach shows as a second lag, and only once the drift no longer smears it.
-        farthest = max((abs(peak.lag) for peak in found_there.peaks if peak.score > 1), default=0.0)
-        if farthest > near:
-            wider = follow_lag(*held, round(lag), 48 + round(farthest))
-            if wider is not None and wider.steps:
-                found_there = max(found_there, _along(wider, samples_1, samples_2, searched), key=lambda one: one.score)
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
         # Undoing a lag that does change raises the peak over the whole curve too, not only over what lies around.
         higher = found_there.peaks[0].above >= _AS_GOOD * best.peaks[0].above
