@@ -369,7 +369,8 @@ def signal_lag(
     """Return the lag of `signal_2` behind `signal_1`: positive if signal 2 records the event later.
 
     Means are removed first, and nothing wraps around: a delay beyond half a recording does not alias. The peak is that
-    of the signed correlation, so an inverted copy is not a match.
+    of the signed correlation, so an inverted copy is not a match. Where the values of both begin again at the same
+    number, as a heading in degrees or the count of an encoder, all methods but "sampled" correlate their steps.
 
     Parameters
     ----------
@@ -435,6 +436,9 @@ def signal_lag(
 
     started = time.perf_counter()
     chosen = algorithm(given_1.size, given_2.size, method, reach)
+    around = _begins_again_at(given_1)
+    if around is not None and method != "sampled" and around == _begins_again_at(given_2):
+        given_1, given_2 = (_steps_around(given, around) for given in (given_1, given_2))
     if chosen == "whole":
         first, second = normalised(given_1), normalised(given_2)
         if method == "sampled":
@@ -488,6 +492,41 @@ def _is_plain(found: FoundLag, score: float, sizes: tuple[int, int]) -> bool:
     weighted = score * math.sqrt(overlap_length(*sizes, np.array([found.lag]))[0] / min(sizes))
     towers = weighted * math.sqrt(min(sizes)) >= _TOWERING and found.peak_ratio >= _TOWERING_RATIO
     return towers or (weighted >= _PLAIN_SCORE and found.peak_ratio >= _PLAIN_RATIO)
+
+
+_AROUND = 360.0, 2 * math.pi, *(2.0**bits for bits in range(8, 17))
+"""Numbers at which headings, phases, and the counts of encoders begin again."""
+
+_FILLED = 0.95
+_LEAST_MIDDLE = 0.1
+"""Least share of the values in the middle half of their range: a switch has none there."""
+
+
+def _begins_again_at(given: npt.NDArray[Any]) -> float | None:
+    """Return the number at which the values of a recording begin again, None if they do not.
+
+    They fill the range from 0, or from minus its half, and jump by nearly all of it or by little of it.
+    """
+    low, high = float(given.min()), float(given.max())
+    for around in _AROUND:
+        below = min(low, low + around / 2, key=abs)
+        if not _FILLED * around <= high - low <= around or not 0 <= below <= (1 - _FILLED) * around:
+            continue
+        signal = given.astype(np.float64, copy=False)
+        steps = np.abs(np.diff(signal))
+        far, between = (steps > 0.75 * around).sum(), ((steps > 0.25 * around) & (steps <= 0.75 * around)).sum()
+        in_middle = np.abs(signal - (low + high) / 2) < around / 4
+        if far > 10 * between and in_middle.mean() > _LEAST_MIDDLE:
+            return around
+    return None
+
+
+def _steps_around(given: npt.NDArray[Any], around: float) -> Vector:
+    """Return the step to each sample from the one before, the shorter way around; the signal if all are alike."""
+    signal = given.astype(np.float64, copy=False)
+    steps = np.diff(signal, prepend=signal[:1])
+    shorter = steps - around * np.round(steps / around)
+    return shorter if np.ptp(shorter[1:]) > 0 else signal
 
 
 def normalised(given: npt.NDArray[Any]) -> Vector:

@@ -94,6 +94,24 @@ def test_what_repeats_in_noise_is_ambiguous_with_its_teeth(method: SignalMethod)
     assert {(rival - 25) % 80 for rival in result.rivals} == {0}
 
 
+@pytest.mark.parametrize(("around", "lowest"), [(360.0, 0.0), (2 * np.pi, -np.pi), (4096.0, 0.0)])
+def test_what_begins_again_at_a_number_is_compared_by_its_steps(around: float, lowest: float) -> None:
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        turning = around / 100 * np.cumsum(random.uniform(0, 2, 1500) + random.normal(size=1500))
+        noisy = (
+            one + around / 200 * random.normal(size=1300) for one in (turning[50:1350], 0.3 * around + turning[:1300])
+        )
+        heading_1, heading_2 = ((one - lowest) % around + lowest for one in noisy)
+        result = signal_lag(heading_1, heading_2)
+        assert (result.verdict, result.lag) == ("sure", 50)
+
+
+def test_a_regular_sawtooth_still_repeats() -> None:
+    counted = 5 * np.arange(1024) % 256
+    assert signal_lag(counted[:1000], counted[10:1010]).verdict == "ambiguous"
+
+
 def test_rivals_lie_within_what_was_searched() -> None:
     result = signal_lag(REPEATED[25:4025], REPEATED[:4000], max_lag=110)
     assert sorted((*result.rivals, result.lag)) == [-55, 25, 105]
