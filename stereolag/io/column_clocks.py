@@ -136,6 +136,8 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     else:
         whole = values * 10.0 ** (14 - width) if width in _ROUNDED_TO else values
     if unit is None and is_time(name) and _are_digits_of_clocks(whole[there]):
+        if rounding >= 1 and values[there].max() < 2400:  # hours and minutes, as 945, rather than minutes and seconds
+            whole, width = 100 * values, 12
         times = read_stamps([f"{value:013.6f}" for value in whole])
         if not np.isnan(times.seconds[there]).any():
             return replace(times, rounding=_ROUNDED_TO.get(width, rounding)), True

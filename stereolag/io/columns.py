@@ -640,14 +640,15 @@ def _clock_of_stamps(
 ) -> tuple[Times | None, int | None]:
     """Return the times that dates and times of day give, and the index of a column of numbers that refines them.
 
-    A date and a time of day may stand in two columns, and fractions of seconds in a third.
+    A date and a time of day may stand in two columns, and fractions of seconds in a third. A date alone that stays the
+    same, or a version that looks like one, is no clock.
     """
-    if not stamps:
-        return None, None
     parts = {
         column: date_and_clock(next((text for text in texts if is_stamp(text)), "")) for column, texts in stamps.items()
     }
-    column = next(iter(stamps))
+    column = next((one for one, texts in stamps.items() if parts[one][1] or len({*texts}) > 1), None)
+    if column is None:
+        return None, None
     other = next((one for one in stamps if parts[one] == (not parts[column][0], not parts[column][1])), None)
     texts = stamps[column]
     if other is not None:

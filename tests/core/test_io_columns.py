@@ -434,6 +434,20 @@ def test_five_minutes_may_be_between_a_time_of_day_in_digits_and_the_next() -> N
     np.testing.assert_array_equal(recording.channels, [A])
 
 
+def test_hours_and_minutes_may_be_one_number() -> None:
+    start = datetime(2024, 5, 13, 1, 30, tzinfo=UTC)
+    recording = read(rows(lambda index: f"{int(stamp('%H%M', 300.0, start)(index))},{A[index]}", "time,A"))
+    assert (recording.sampling_rate, recording.start_s, recording.gaps) == (pytest.approx(1 / 300), 5_400, ())
+    np.testing.assert_array_equal(recording.channels, [A])
+
+
+@pytest.mark.parametrize("same", ["1.2.3", "2024-05-13"])
+def test_a_version_or_a_date_that_stays_the_same_is_no_clock(same: str) -> None:
+    recording = read(rows(lambda index: f"{same};{0.5 * index};{A[index]}", "fw;time_s;A"))
+    assert recording.sampling_rate == 2.0
+    np.testing.assert_array_equal(recording.channels, [A])
+
+
 @pytest.mark.parametrize("days", [1, 7])
 def test_days_of_six_digits_are_no_times_of_day(days: int) -> None:
     start = datetime(2023, 10, 1, tzinfo=UTC)
