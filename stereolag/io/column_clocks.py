@@ -61,6 +61,9 @@ _ROUNDED_TO = {8: DAY_S, 10: 3600.0, 12: 60.0}
 """Seconds to which a date written as 20240513, 2024051310 or 202405131015 is rounded, by the number of digits."""
 
 _DATED = re.compile(r"dat[eu]")
+_FIRST = 3
+"""Columns without a heading in which a date and a time of day are looked for."""
+
 _YYMMDD = 100_000, 500_000
 """Numbers that are dates of the years 2010 to 2049 where their heading calls them so."""
 
@@ -156,10 +159,17 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
 
 def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Times, int, int] | None:
     """Return the times that two columns of digits give, 20240513 or 240513 and 101500, and these; None if none do."""
-    timed = [index for index, name in enumerate(names) if is_time(name) and np.isfinite(table[index]).all()]
+    first = [not name and index < _FIRST for index, name in enumerate(names)]
+    timed = [
+        index for index, name in enumerate(names) if (is_time(name) or first[index]) and np.isfinite(table[index]).all()
+    ]
     for date_, time in itertools.permutations(timed, 2):
         days = table[date_] + (20_000_000 if table[date_].max() < _YYMMDD[1] else 0)
-        is_dated = _DATED.search(names[date_].lower()) and days.min() >= 19_000_101 and days.max() < 21_000_000
+        is_dated = (
+            (first[date_] or _DATED.search(names[date_].lower()))
+            and days.min() >= 19_000_101
+            and days.max() < 21_000_000
+        )
         is_clock = unit_of(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
         rises = is_clock and (_are_digits_of_clocks(table[time]) or np.ptp(table[time] // 10_000) > 0)
         if is_dated and rises and _are_digits_of_clocks(1e6 * days + table[time]):
@@ -168,6 +178,43 @@ def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Ti
             if np.isfinite(times.seconds).all():
                 return replace(times, rounding=granule(table[time])), date_, time
     return None
+
+
+_PARTS = tuple(
+    re.compile(pattern)
+    for pattern in (
+        r"#?(?i:y{2,4}|year|yr|jahr)",
+        r"(?i:mon|mo|month|monat)|MM",
+        r"(?i:d{1,2}|day|dom|tag)",
+        r"(?i:h{1,2}|hr|hour|hours|stunde)",
+        r"(?i:mi|min|minute|minutes)|mm",
+        r"(?i:s{1,2}|sec|second|seconds|sekunde)",
+    )
+)
+"""Headings of the year, month, day, hour, minute and second, where each is a column."""
+
+
+def _clock_in_parts(table: Channels, names: Sequence[str]) -> tuple[Times, list[int]] | None:
+    """Return the times of a year, a day and an hour in columns of their own, and these columns; None if none are.
+
+    Without a month, the day is that of the year.
+    """
+    found = [next((at for at, name in enumerate(names) if part.fullmatch(name.split(" ")[0])), None) for part in _PARTS]
+    used = [at for at in found if at is not None]
+    if None in (found[0], found[2], found[3]) or not np.isfinite(table[used]).all():
+        return None
+    limits = (2100, 12, 31 if found[1] is not None else 366, 24, 59, 60.999)
+    read = zip(found, limits, (1970, 1, 1, 0, 0, 0), strict=True)
+    parts = [(np.full(table.shape[1], usual) if at is None else table[at], limit) for at, limit, usual in read]
+    # Only seconds may have a fraction.
+    if any((part < 0).any() or part.max() > limit or (part % 1).any() for part, limit in parts[:5]):
+        return None
+    years, months, days, hours, minutes, seconds = (part for part, _ in parts)
+    years = years + 2000 * (years.max() < 100)
+    begun = (12 * (years - 1970) + months - 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    times = (begun + days - 1) * DAY_S + hours * 3600 + minutes * 60 + seconds
+    finest = granule(seconds) if found[5] is not None else 60.0 if found[4] is not None else 3600.0
+    return Times(times - times[0], float(times[0]), "1970", finest), used
 
 
 def _are_digits_of_clocks(values: Vector) -> bool:
@@ -227,7 +274,11 @@ def on_own_clock(
         clocks = {index for index, name in enumerate(names) if len(table) > 1 and _is_clock(table[index], name, index)}
         index = None if clock else _column_of_times(table, names)
     is_seconds = True
-    if index is not None and (dated := _date_and_clock_in_digits(table, names)):
+    if clock is None and (in_parts := _clock_in_parts(table, names)):
+        clock, used = in_parts
+        clocks.update(used)
+        notes.append(f"times in {' and '.join(column_name(numbers[one], names[one]) for one in used)}")
+    elif clock is None and (dated := _date_and_clock_in_digits(table, names)):
         clock, *both = dated
         clocks.update(both)
         notes.append(f"times in {' and '.join(column_name(numbers[one], names[one]) for one in both)}")

@@ -75,7 +75,7 @@ _SERIES = re.compile(
 _MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 _MISSING = re.compile(
-    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|burnout|over\w*|[-+*?.]+)?",
+    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*|[-+*?.]+)?",
     re.IGNORECASE,
 )
 _WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
@@ -140,10 +140,11 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     """Return the columns of a text as channels, on the clock that its times or its heading give.
 
     Each column holds numbers, times (dates, times of day, or numbers under a heading such as "time_ms"), or words,
-    which are left out. Lines above the columns are their heading; lines below are left out. Values may be missing
-    (empty, NaN, "---") in up to half of a column, and lie on a straight line between their neighbours. NUL bytes
-    after a number are removed from a few lines (at most 5, and one in a hundred). If several sensors take turns, line
-    by line, named in a column of words ("acc", "gyr", "acc"), each is a track.
+    which are left out. Year, month, day, hour, minute and second may be columns of their own. Lines above the columns
+    are their heading; lines below are left out. Values may be missing (empty, NaN, "---") in up to half of a column,
+    and lie on a straight line between their neighbours. NUL bytes after a number are removed from a few lines (at most
+    5, and one in a hundred). If several sensors take turns, line by line, named in a column of words ("acc", "gyr",
+    "acc"), each is a track.
 
     Parameters
     ----------

@@ -441,6 +441,23 @@ def test_hours_and_minutes_may_be_one_number() -> None:
     np.testing.assert_array_equal(recording.channels, [A])
 
 
+@pytest.mark.parametrize(
+    ("heading", "pattern", "seconds"),
+    [
+        ("#YY MM DD hh mm A\n#yr mo dy hr mn m", "%Y %m %d %H %M", 600.0),
+        ("Year Day Hour A", "%Y %j %H", 3600.0),
+        ("year month day hour minute second A", "%y %m %d %H %M %S.%f", 0.5),
+        ("", "%Y%m%d %H%M%S", 30.0),
+    ],
+)
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_time_may_be_in_columns_of_its_parts(heading: str, pattern: str, seconds: float, turned: int) -> None:
+    lines = rows(lambda index: f"{stamp(pattern, seconds)(index)} {A[index] if index != 7 else 'MM'}").splitlines()
+    recording = read("\n".join([heading, *lines[::turned]]))
+    assert (recording.sampling_rate, recording.start, recording.gaps) == (pytest.approx(1 / seconds), START, ())
+    np.testing.assert_array_equal(np.delete(recording.channels, 7, axis=1), [np.delete(A, 7)])
+
+
 @pytest.mark.parametrize("same", ["1.2.3", "2024-05-13"])
 def test_a_version_or_a_date_that_stays_the_same_is_no_clock(same: str) -> None:
     recording = read(rows(lambda index: f"{same};{0.5 * index};{A[index]}", "fw;time_s;A"))
