@@ -436,8 +436,8 @@ def signal_lag(
 
     started = time.perf_counter()
     chosen = algorithm(given_1.size, given_2.size, method, reach)
-    around = _begins_again_at(given_1)
-    if around is not None and method != "sampled" and around == _begins_again_at(given_2):
+    around = None if method == "sampled" else both_begin_again_at(given_1, given_2)
+    if around is not None:
         given_1, given_2 = (_steps_around(given, around) for given in (given_1, given_2))
     if chosen == "whole":
         first, second = normalised(given_1), normalised(given_2)
@@ -500,6 +500,12 @@ _AROUND = 360.0, 2 * math.pi, *(2.0**bits for bits in range(8, 17))
 _FILLED = 0.95
 _LEAST_MIDDLE = 0.1
 """Least share of the values in the middle half of their range: a switch has none there."""
+
+
+def both_begin_again_at(given_1: npt.NDArray[Any], given_2: npt.NDArray[Any]) -> float | None:
+    """Return the number, 360 or another usual one, at which the values of both begin again, or None."""
+    around = _begins_again_at(given_1)
+    return around if around is not None and around == _begins_again_at(given_2) else None
 
 
 def _begins_again_at(given: npt.NDArray[Any]) -> float | None:

@@ -94,7 +94,8 @@ def test_lags(snapshot: Snapshot) -> None:
     far, near = phasors.tone(), phasors.common_stretch("own", clip, clip, 0)
     assert near is not None
     said["arrows"] = [lag.own_in_words(one)["said"]["plain"] for one in (near, far)]
-    snapshot(said | {"own recordings": lag.own_facts(own, (1, 2), (1, 2))})
+    headings = 2 * [Recording(7.3 * np.arange(400.0)[np.newaxis] % 360, 10.0)]
+    snapshot(said | {"own recordings": [lag.own_facts(two, (1, 2), (1, 2)) for two in (own, headings)]})
 
 
 def answer(*scores: float, reason: SearchReason, clear: int = 0) -> sl.TemplateSearch:
