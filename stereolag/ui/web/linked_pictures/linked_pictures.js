@@ -12,7 +12,6 @@ const CLOSEST_PX = 12;
 const HINT =
   "Drag to move, double-click for the whole image; click first, and the wheel zooms. Arrow keys move the crosshair";
 const DRAG_PX = 4;
-const DOUBLE_CLICK_MS = 300;
 const ZOOMS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, 0: 0 };
 
 export default (component) => show(LinkedPictures, component, view);
@@ -138,14 +137,9 @@ class LinkedPictures extends Panel {
     return [this.data.hint, `${HINT}${this.isPickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
   }
 
-  // The point marked last, if any.
-  get marked() {
-    return this.marks.filter((mark) => !mark.height && !mark.to).at(-1);
-  }
-
-  // The pixel whose values are told.
+  // The pixel whose values are told: that of the crosshair, or else the point marked last.
   get read() {
-    return this.at ?? this.marked ?? null;
+    return this.at ?? this.marks.findLast((mark) => !mark.height && !mark.to) ?? null;
   }
 
   textsOf({ title }) {
@@ -198,12 +192,9 @@ class LinkedPictures extends Panel {
 
   // A visitor's input: pointer, wheel and keys.
 
-  // The viewport under the pointer, by position: while that is captured, the target of every event is the stage.
-  cellOf({ clientX, clientY }) {
-    return this.findAll(".viewport").find((one) => {
-      const box = one.getBoundingClientRect();
-      return clientX >= box.left && clientX < box.right && clientY >= box.top && clientY < box.bottom;
-    });
+  // The viewport under the pointer, or in which it went down.
+  cellOf({ target }) {
+    return target.closest(".viewport");
   }
 
   // The pixel under the pointer, and the pointer's position in the view, 0..1.
@@ -212,22 +203,22 @@ class LinkedPictures extends Panel {
     const { rows, cols } = this.data;
     const col = clamp(Math.floor(this.x + (u * cols) / this.zoom), 0, cols - 1);
     const row = clamp(Math.floor(this.y + (v * rows) / this.zoom), 0, rows - 1);
-    return { row, col, u, v, width: cell.getBoundingClientRect().width };
+    return { row, col, u, v };
   }
 
   press(event) {
     const cell = this.cellOf(event);
     if (!cell || event.button) return;
     this.pointers.set(event.pointerId, event);
-    const { u, width } = this.place(event, cell);
-    this.held = { cell, moved: false, onSplit: this.mode === "slider" && Math.abs(u - this.split / 100) * width < 16 };
-    if (event.pointerType === "mouse" || this.zoom > 1) this.stage.setPointerCapture(event.pointerId);
+    const { u } = this.place(event, cell);
+    this.held = { cell, moved: false, onSplit: this.mode === "slider" && Math.abs(u - this.split / 100) * this.width < 16 };
+    if (event.pointerType === "mouse" || this.zoom > 1) cell.setPointerCapture(event.pointerId);
   }
 
   move(event) {
-    const cell = this.held?.cell ?? this.cellOf(event);
+    const cell = this.cellOf(event);
     const last = this.pointers.get(event.pointerId);
-    if (last && this.held) this.drag(event, last);
+    if (last) this.drag(event, last);
     this.set({ at: cell ? this.place(event, cell) : null });
   }
 
@@ -235,14 +226,14 @@ class LinkedPictures extends Panel {
     const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
     if (!this.held.moved && Math.hypot(dx, dy) < DRAG_PX) return;
     this.held.moved = true;
-    const { u, v, width } = this.place(event, this.held.cell);
+    const { u, v } = this.place(event, this.held.cell);
     if (this.held.onSplit) this.split = clamp(u * 100, 0, 100);
     else if (this.pointers.size === 2) {
       const other = [...this.pointers.values()].find((one) => one.pointerId !== event.pointerId);
       const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
       this.zoomBy(apart(event) / Math.max(1, apart(last)), u, v);
     } else {
-      const pixel = this.data.cols / this.zoom / width;
+      const pixel = this.data.cols / this.zoom / this.width;
       this.x -= dx * pixel;
       this.y -= dy * pixel;
     }
@@ -250,23 +241,19 @@ class LinkedPictures extends Panel {
     this.pointers.set(event.pointerId, event);
   }
 
-  release(event) {
-    const held = this.held;
-    this.forget(event);
-    // The second click of a double click resets the zoom and must not pick again.
-    const again = event.timeStamp - (this.lastPick ?? -1e9) < DOUBLE_CLICK_MS;
-    if (!held || held.moved || !this.cells[this.findAll(".viewport").indexOf(held.cell)]?.[0].pickable || again) return;
-    this.lastPick = event.timeStamp;
-    this.pick(this.place(event, held.cell));
+  // A click after a drag picks nothing, nor does the second one of a double click, which resets the zoom.
+  click(event) {
+    const cell = this.cellOf(event);
+    if (this.held?.moved || event.detail > 1 || !this.cells[this.findAll(".viewport").indexOf(cell)]?.[0].pickable) return;
+    this.pick(this.place(event, cell));
   }
 
   pick({ row, col }) {
     this.trigger("picked", { row, col });
   }
 
-  forget(event) {
+  release(event) {
     this.pointers.delete(event.pointerId);
-    if (!this.pointers.size) this.held = null;
     this.dragging = false;
     this.draw();
   }
@@ -282,16 +269,16 @@ class LinkedPictures extends Panel {
   }
 
   actions(event) {
-    const zooms = Object.entries(ZOOMS).map(([key, factor]) => [key, () => this.zoomBy(factor, ...this.shareOfCross())]);
     const { at } = this;
     const pick = at && this.isPickable ? () => this.pick(at) : undefined;
-    return { ...arrows(event, (down, right) => this.step(down, right)), ...Object.fromEntries(zooms), Enter: pick, " ": pick };
+    const zoom = event.key in ZOOMS && (() => this.zoomBy(ZOOMS[event.key], ...this.shareOfCross()));
+    return { [event.key]: zoom, ...arrows(event, (down, right) => this.step(down, right)), Enter: pick, " ": pick };
   }
 
   // Moves the crosshair, and the zoomed view so that it stays inside.
   step(down, right) {
     const { rows, cols } = this.data;
-    const from = this.at ?? this.marks.find((mark) => !mark.height && !mark.to) ?? { row: rows >> 1, col: cols >> 1 };
+    const from = this.read ?? { row: rows >> 1, col: cols >> 1 };
     const [row, col] = [clamp(from.row + down, 0, rows - 1), clamp(from.col + right, 0, cols - 1)];
     this.x = clamp(this.x, col + 1 - cols / this.zoom, col);
     this.y = clamp(this.y, row + 1 - rows / this.zoom, row);
