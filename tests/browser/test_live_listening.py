@@ -70,12 +70,12 @@ def test_a_lag_is_found_followed_and_frozen(page: Page) -> None:
     expect(said).to_contain_text("after sensor 1: its path is")
     expect(page.locator(".listening")).to_have_class(re.compile(r"\bon\b"))
     needle = page.locator(".listening .needle")
-    before = needle.get_attribute("d")
+    before = needle.get_attribute("transform")
 
     change(page, lag=-21)
     expect(lag).to_have_text("−21 samples")
     expect(said).to_contain_text("Sensor 1 hears it")  # and the old lag is forgotten
-    assert needle.get_attribute("d") != before
+    assert needle.get_attribute("transform") != before
 
     page.get_by_role("spinbutton", name="Speed of the wave").fill("666")
     page.keyboard.press("Enter")

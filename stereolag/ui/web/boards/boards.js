@@ -27,7 +27,7 @@ class Boards extends StereoPanel {
     if (wanted) return { parts: await jpegs(wanted) };
     if (!this.isFresh()) return null;
     const at = performance.now();
-    const views = this.views(this.picture(this.videos, 1));
+    const views = this.views(this.picture(this.media, 1));
     const preview = this.picture(views, Math.min(1, PREVIEW / views[0].width));
     return { at, header: { at }, parts: [await jpeg(preview)], views, preview };
   }

@@ -1,7 +1,7 @@
 // A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
 
 import { cut, gapped, placeIn } from "../shared/dom.js";
-import { LivePanel, camera, jpeg } from "../shared/live.js";
+import { jpeg, LivePanel } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { arrows, show } from "../shared/panel.js";
 
@@ -19,11 +19,11 @@ class FollowingPanel extends LivePanel {
   item = null; // its answer
   path = [];
 
-  async open() {
+  async open(run) {
     Object.assign(this, { box: null, held: false, wanted: null, cutting: false, still: null, item: null, path: [] });
-    const opened = await camera(this.chosen[0]);
+    const video = await run.camera(this.chosen[0]);
     await this.listDevices();
-    return opened;
+    return video;
   }
 
   stopped() {
@@ -53,7 +53,7 @@ class FollowingPanel extends LivePanel {
   }
 
   async grab() {
-    const { video } = this.media;
+    const video = this.media;
     if (this.cutting && this.fault) this.anew(); // it cannot be followed: the bar says why
     if (this.wanted) {
       const { box, still } = this.wanted;

@@ -1,9 +1,9 @@
 // Two microphones heard live: how loud they are, their waveforms, the lag that the server finds, and where it points.
 
 import { line } from "../shared/dom.js";
-import { branch } from "../shared/hyperbola.js";
+import { branch, SENSORS } from "../shared/hyperbola.js";
 import { LivePanel } from "../shared/live.js";
-import { clamp, filled } from "../shared/numbers.js";
+import { clamp, filled, total } from "../shared/numbers.js";
 import { show } from "../shared/panel.js";
 import { joined, listening } from "./pieces.js";
 
@@ -14,7 +14,6 @@ const LOWEST_DB = -60;
 const QUIETEST = 0.02; // of full scale: what is quieter is drawn as small as it is
 const THINNEST = 3; // of 200: silence is seen too
 const FLOOR = 126; // of the drawing of the sensors, px
-const NEEDLE = 100;
 
 export default (component) => show(Listening, component, view);
 
@@ -57,13 +56,13 @@ class Listening extends LivePanel {
     this.chosen[0] ||= this.devices[0]?.deviceId ?? "";
   }
 
-  async open() {
+  async open(run) {
     [this.collected, this.columns] = [[], []];
     const [first, second] = this.chosen;
     const chosen = second && second !== first ? [first, second] : [first];
     this.inUse = chosen.length;
     this.begun = Date.now();
-    const media = await listening(chosen, (...block) => this.take(block));
+    const media = await listening(run, chosen, (block) => this.take(block));
     queueMicrotask(() => this.listDevices());
     return media;
   }
@@ -82,13 +81,13 @@ class Listening extends LivePanel {
     for (let at = 0; at < length; at += COLUMN) {
       this.columns.push(block.map((samples) => {
         const part = samples.subarray(at, at + COLUMN);
-        return [Math.min(...part) / 32768, Math.max(...part) / 32768];
+        return [Math.min(...part), Math.max(...part)];
       }));
     }
     this.most = Math.ceil(kept / COLUMN);
     this.columns.splice(0, this.columns.length - this.most);
     this.levels = block.map((samples) => {
-      const decibels = 10 * Math.log10(samples.reduce((sum, one) => sum + one ** 2, 1) / length / 32768 ** 2);
+      const decibels = 10 * Math.log10(total(samples.map((one) => one ** 2)) / length + 1e-12);
       return clamp(1 - decibels / LOWEST_DB, 0, 1);
     });
     this.schedule();
@@ -129,15 +128,12 @@ class Listening extends LivePanel {
   layOut(width) {
     const { difference = 0 } = this;
     const apart = Math.max(Number(this.find(".place input").value) || 0.01, Math.abs(difference));
-    const scale = width / 4 / apart;
-    const middle = width / 2;
-    const places = branch(difference, apart, 4 * apart).filter(([, y]) => y >= 0);
-    const turn = -Math.asin(difference / apart);
+    /** @type {(place: number[]) => number[]} */
+    const at = ([x, y]) => [(width * (2 + x)) / 4, FLOOR - (width * y) / 4];
     return {
-      middle,
-      same: line(places.map(([x, y]) => [middle + x * scale, FLOOR - y * scale])),
-      needle: line([[middle, FLOOR], [middle + NEEDLE * Math.sin(turn), FLOOR - NEEDLE * Math.cos(turn)]]),
-      sensors: [-1, 1].map((side) => middle + (side * apart * scale) / 2),
+      same: line(branch(difference / apart).filter(([, y]) => y >= 0).map(at)),
+      turn: (-180 * Math.asin(difference / apart)) / Math.PI,
+      sensors: SENSORS.map(at),
     };
   }
 }

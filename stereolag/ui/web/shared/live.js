@@ -13,42 +13,45 @@ const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message o
 const QUALITY = 0.85;
 const KEPT = 30; // answers over which rates are taken
 
-// A camera at its full size: without `resizeMode` the browser would scale it down. `deviceId` is that chosen, if any.
-export async function camera(deviceId = "") {
-  const video = {
-    ...(deviceId && { deviceId: { exact: deviceId } }),
-    width: { ideal: 4000 }, height: { ideal: 3000 }, frameRate: { ideal: 30 }, resizeMode: "none",
-  };
-  const media = await navigator.mediaDevices.getUserMedia({ video });
-  const shown = Object.assign(document.createElement("video"), { srcObject: media, muted: true, playsInline: true });
-  await shown.play();
-  return Object.assign(opened(media), { video: shown });
-}
-
-// Media with what the panel needs of them: whether they have ended, and how to end them.
-export function opened(media) {
-  const tracks = media.getTracks();
-  return {
-    media,
-    get ended() {
-      return tracks.some(({ readyState }) => readyState === "ended");
-    },
-    close: () => tracks.forEach((track) => track.stop()),
-  };
-}
-
-// The devices of a kind, "videoinput" or "audioinput"; they have names once the visitor has allowed one.
-async function devices(kind) {
-  const all = (await navigator.mediaDevices?.enumerateDevices()) ?? [];
-  return all.filter((one) => one.kind === kind && one.deviceId).map(({ deviceId, label }, at) => ({
-    deviceId, label: label || `Device ${at + 1}`,
-  }));
-}
+// What is asked of a camera: its full size, since without `resizeMode` the browser would scale it down.
+const CAMERA = { width: { ideal: 4000 }, height: { ideal: 3000 }, frameRate: { ideal: 30 }, resizeMode: "none" };
 
 // The bytes of an OffscreenCanvas as a JPEG.
 export async function jpeg(canvas, quality = QUALITY) {
   const blob = await canvas.convertToBlob({ type: "image/jpeg", quality });
   return new Uint8Array(await blob.arrayBuffer());
+}
+
+// From the start of a panel to its stop: the devices in use, and how to end what it has begun.
+class Run {
+  tracks = [];
+  ends = [];
+
+  // Opens a device, that of a name if one is chosen; `wishes` are for its kind, video or audio.
+  async open(kind, deviceId, wishes) {
+    const media = await navigator.mediaDevices.getUserMedia({
+      [kind]: { ...(deviceId && { deviceId: { exact: deviceId } }), ...wishes },
+    });
+    this.tracks.push(...media.getTracks());
+    return media;
+  }
+
+  async camera(deviceId) {
+    const srcObject = await this.open("video", deviceId, CAMERA);
+    const video = Object.assign(document.createElement("video"), { srcObject, muted: true, playsInline: true });
+    await video.play();
+    return video;
+  }
+
+  // Whether a device was unplugged.
+  get isCut() {
+    return this.tracks.some(({ readyState }) => readyState === "ended");
+  }
+
+  end() {
+    this.tracks.forEach((track) => track.stop());
+    for (const end of this.ends.splice(0)) end();
+  }
 }
 
 // Stands in for a socket: sends messages one at a time over the page's own connection, as answers to a delivery.
@@ -89,7 +92,8 @@ function carrierFor(token, opened, answered) {
 }
 
 export class LivePanel extends Panel {
-  running = null; // an object of its own for each run
+  /** @type {Run} */
+  running = null;
   phase = "off"; // how far the run is, or how it ended: a name of the words
   error = "";
   ahead = 0; // how many visitors are served before this one
@@ -106,9 +110,9 @@ export class LivePanel extends Panel {
     document.addEventListener("visibilitychange", () => this.render(), { signal: this.gone.signal });
   }
 
-  // To be overridden. Opens the media and returns them with `ended` and `close()`, as camera() does.
-  /** @returns {Promise<any>} */
-  async open() {}
+  // To be overridden. Opens the devices of a run, and returns what brings their pictures or their sound.
+  /** @type {(run: Run) => Promise<any>} */
+  async open(_) {}
 
   // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; what else it
   // has stays here until it is answered.
@@ -127,7 +131,9 @@ export class LivePanel extends Panel {
 
   // Offers the devices; the browser names them once one of them is allowed.
   async listDevices() {
-    this.devices = await devices(this.kind);
+    const all = (await navigator.mediaDevices?.enumerateDevices()) ?? [];
+    const found = all.filter(({ kind, deviceId }) => kind === this.kind && deviceId);
+    this.devices = found.map(({ deviceId, label }, at) => ({ deviceId, label: label || `Device ${at + 1}` }));
     this.schedule();
   }
 
@@ -139,18 +145,17 @@ export class LivePanel extends Panel {
   }
 
   async start() {
-    this.running = {};
-    const run = this.running;
+    const run = new Run();
+    this.running = run;
     if (!window.isSecureContext || !navigator.mediaDevices) return this.stop("insecure");
     this.set({ phase: "asking" });
     let media;
     try {
-      media = await this.open();
+      media = await this.open(run);
     } catch (/** @type {any} */ error) {
-      const { words } = this.data;
-      return this.running === run && this.stop(error.name in words ? error.name : "failed", error.message);
+      if (this.running === run) this.stop(error.name in this.data.words ? error.name : "failed", error.message);
     }
-    if (this.running !== run) return media.close();
+    if (this.running !== run) return run.end(); // it was stopped meanwhile
     this.media = media;
     this.set({ phase: "connecting" });
     this.connect(run);
@@ -226,7 +231,7 @@ export class LivePanel extends Panel {
   async send(run) {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
-      if (this.media.ended) return this.stop("unplugged");
+      if (run.isCut) return this.stop("unplugged");
       const message = document.hidden || this.sent.length >= (socket.most ?? IN_FLIGHT) ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
         this.sent.push({ at: performance.now(), ...message });
@@ -241,11 +246,9 @@ export class LivePanel extends Panel {
   }
 
   stop(phase = "off", error = "") {
-    this.running = null;
+    this.running?.end();
     this.socket?.close();
-    this.media?.close();
-    this.media = this.socket = null;
-    Object.assign(this, { phase, error, ahead: 0, fault: "", rates: "" });
+    Object.assign(this, { running: null, socket: null, media: null, phase, error, ahead: 0, fault: "", rates: "" });
     this.stopped();
     if (this.root) this.render();
   }

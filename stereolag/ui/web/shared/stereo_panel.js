@@ -1,7 +1,7 @@
 // Both views of a stereo camera: from one camera whose pictures hold both, or from two.
 
 import { html } from "./lit_html.js";
-import { camera, jpeg, LivePanel, opened } from "./live.js";
+import { jpeg, LivePanel } from "./live.js";
 
 const TWO = "two";
 export const KEPT_QUALITY = 0.97;
@@ -41,27 +41,20 @@ export class StereoPanel extends LivePanel {
     this.chosen = this.chosen.map((name, at) => name || (this.devices[at]?.deviceId ?? ""));
   }
 
-  async open() {
-    const cameras = [];
-    try {
-      for (const name of this.chosen.slice(0, this.isTwo ? 2 : 1)) cameras.push(await camera(name));
-      await this.listDevices(); // they have names only now
-      if (this.isTwo && new Set(cameras.map(deviceOf)).size < 2) {
-        throw Object.assign(new Error(), { name: "oneCamera" });
-      }
-    } catch (error) {
-      cameras.forEach((one) => one.close());
-      throw error;
-    }
-    cameras.forEach((one, at) => (this.chosen[at] = deviceOf(one)));
-    this.videos = cameras.map(({ video }) => video);
-    this.videos.forEach((one) => watch(one, () => this.wake()));
-    return opened(new MediaStream(cameras.flatMap(({ media }) => media.getTracks())));
+  async open(run) {
+    const videos = [];
+    for (const name of this.chosen.slice(0, this.isTwo ? 2 : 1)) videos.push(await run.camera(name));
+    await this.listDevices(); // they have names only now
+    const used = videos.map(deviceOf);
+    if (new Set(used).size < videos.length) throw Object.assign(new Error(), { name: "oneCamera" });
+    used.forEach((device, at) => (this.chosen[at] = device));
+    videos.forEach((one) => watch(one, () => this.wake()));
+    return videos;
   }
 
   // Whether all cameras have a new picture, which is then taken for seen.
   isFresh() {
-    const { videos } = this;
+    const videos = this.media;
     if (!videos.every((one) => one.fresh)) return false;
     for (const one of videos) one.fresh = false;
     if (this.isTwo) this.skew = `${this.data.words.skew} ${Math.abs(videos[0].seen - videos[1].seen).toFixed(0)}\u00a0ms`;
@@ -69,7 +62,7 @@ export class StereoPanel extends LivePanel {
   }
 
   widthOfView() {
-    const [{ videoWidth }] = this.videos;
+    const [{ videoWidth }] = this.media;
     return this.arrangement === "beside" ? videoWidth / 2 : videoWidth;
   }
 
@@ -100,7 +93,7 @@ export class StereoPanel extends LivePanel {
 // The JPEGs of some pictures that are kept as files.
 export const jpegs = (pictures) => Promise.all(pictures.map((one) => jpeg(one, KEPT_QUALITY)));
 
-const deviceOf = ({ media }) => media.getVideoTracks()[0].getSettings().deviceId;
+const deviceOf = ({ srcObject }) => srcObject.getVideoTracks()[0].getSettings().deviceId;
 
 // Notes of every new frame of a video when it was captured.
 function watch(video, told) {

@@ -36,7 +36,7 @@ class StereoCamera extends StereoPanel {
   }
 
   async grab() {
-    const { videos, freezing } = this;
+    const { media: videos, freezing } = this;
     if (!this.isFresh() && !freezing) return null;
     const at = performance.now();
     const scale = freezing ? 1 : Math.min(1, this.data.width / this.widthOfView());
