@@ -90,7 +90,6 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     left.click(position=point(left, 0.5, 0.6))
     parts.answer()
     assert "A: depth" in parts.said()
-    page.wait_for_timeout(400)  # longer than a double click
     left.click(position=point(left, 0.7, 0.2))
     parts.answer()
     assert "A to B" in parts.said()

@@ -211,14 +211,15 @@ class LinkedPictures extends Panel {
     if (!cell || event.button) return;
     this.pointers.set(event.pointerId, event);
     const { u } = this.place(event, cell);
-    this.held = { cell, moved: false, onSplit: this.mode === "slider" && Math.abs(u - this.split / 100) * this.width < 16 };
+    const onSplit = this.mode === "slider" && Math.abs(u - this.split / 100) * this.width < 16;
+    this.held = { cell, moved: false, released: null, onSplit };
     if (event.pointerType === "mouse" || this.zoom > 1) cell.setPointerCapture(event.pointerId);
   }
 
   move(event) {
     const cell = this.cellOf(event);
     const last = this.pointers.get(event.pointerId);
-    if (last) this.drag(event, last);
+    if (last && this.held) this.drag(event, last);
     this.set({ at: cell ? this.place(event, cell) : null });
   }
 
@@ -243,9 +244,10 @@ class LinkedPictures extends Panel {
 
   // A click after a drag picks nothing, nor does the second one of a double click, which resets the zoom.
   click(event) {
-    const cell = this.cellOf(event);
-    if (this.held?.moved || event.detail > 1 || !this.cells[this.findAll(".viewport").indexOf(cell)]?.[0].pickable) return;
-    this.pick(this.place(event, cell));
+    const { moved, released } = this.held ?? { moved: false, released: null };
+    this.held = null;
+    if (!released || moved || event.detail > 1) return;
+    if (this.cells[this.findAll(".viewport").indexOf(this.cellOf(event))]?.[0].pickable) this.pick(released);
   }
 
   pick({ row, col }) {
@@ -254,6 +256,8 @@ class LinkedPictures extends Panel {
 
   release(event) {
     this.pointers.delete(event.pointerId);
+    const cell = this.cellOf(event);
+    if (cell && this.held) this.held.released = this.place(event, cell); // a click has its position in whole px only
     this.dragging = false;
     this.draw();
   }
