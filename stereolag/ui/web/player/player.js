@@ -1,7 +1,7 @@
 // One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
-import { gapped, shareOf } from "../shared/dom.js";
+import { cut, gapped, shareOf } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { html } from "../shared/lit_html.js";
@@ -93,12 +93,9 @@ class Player extends Panel {
 
   // Draws the current picture of the video, each part on its own canvas.
   showPicture(time) {
-    const width = this.video.videoWidth / this.data.titles.length;
-    this.findAll("canvas").forEach((canvas, index) => {
-      if (canvas.width !== width) [canvas.width, canvas.height] = [width, this.video.videoHeight];
-      const context = canvas.getContext("2d");
-      context.drawImage(this.video, index * width, 0, width, canvas.height, 0, 0, width, canvas.height);
-    });
+    const { videoWidth, videoHeight } = this.video;
+    const width = videoWidth / this.data.titles.length;
+    this.findAll("canvas").forEach((canvas, index) => cut(canvas, this.video, index * width, 0, width, videoHeight));
     const frame = clamp(Math.floor(time * this.data.rate + 0.5), 0, this.data.frames - 1);
     if (this.awaited !== null && frame !== this.awaited) return; // an earlier step: the next starts from the latest
     this.awaited = null;
