@@ -17,7 +17,8 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
-from stereolag.templates.score_maps import Indices, best_position, peaks
+from stereolag.templates.places import peaks
+from stereolag.templates.score_maps import Indices, best_position
 from stereolag.templates.search import match_template
 
 ScoreMap = npt.NDArray[np.float32]

@@ -21,8 +21,9 @@ from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.identity import Identity, identity
 from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
+from stereolag.templates.places import NOWHERE, Places, peaks, peaks_near
 from stereolag.templates.poses import Pose, PoseRange
-from stereolag.templates.score_maps import NOWHERE, Places, fft_score_map, peaks, peaks_near
+from stereolag.templates.score_maps import fft_score_map
 from stereolag.templates.verdict import FAR_BELOW, reliable
 
 State: TypeAlias = Literal["found", "partly_seen", "look_alikes", "lost"]

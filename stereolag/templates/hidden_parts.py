@@ -21,7 +21,8 @@ from stereolag.core.jobs import Progress
 from stereolag.loops.bands import in_threads
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, blurred, in_grey, pattern_of, reduced, warped
-from stereolag.templates.score_maps import NOWHERE, Places, Plane, fft_score_map, peaks, scores_at
+from stereolag.templates.places import NOWHERE, Places, peaks
+from stereolag.templates.score_maps import Plane, fft_score_map, scores_at
 
 ALONG = 4
 """Blocks along each side of the template."""

@@ -17,8 +17,9 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import in_threads
 from stereolag.templates.patterns import Pattern, in_grey, reduced, warped, warped_shape
+from stereolag.templates.places import Places, peaks, positions_near
 from stereolag.templates.redrawn import stretched_like
-from stereolag.templates.score_maps import Places, best_position, fft_score_map, peaks, positions_near
+from stereolag.templates.score_maps import best_position, fft_score_map
 
 Range = tuple[float, float]
 

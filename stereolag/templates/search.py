@@ -19,8 +19,9 @@ from stereolag.loops.bands import available_cores
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_amounts, hidden_places
 from stereolag.templates.patterns import Pattern, compared
+from stereolag.templates.places import peaks
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
-from stereolag.templates.score_maps import direct_score_map, fft_score_map, peaks, tiling, with_gaps
+from stereolag.templates.score_maps import direct_score_map, fft_score_map, tiling, with_gaps
 from stereolag.templates.verdict import TemplateSearch, judged
 
 Shape = tuple[int, ...]

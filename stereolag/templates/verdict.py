@@ -13,7 +13,7 @@ from stereolag.core.inputs import Image
 from stereolag.core.showing import Shown
 from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped, warped_shape
-from stereolag.templates.score_maps import Places, peaks_near
+from stereolag.templates.places import Places, peaks_near
 
 Reason: TypeAlias = Literal[
     "clear",

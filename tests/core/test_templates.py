@@ -14,7 +14,8 @@ from sprites import SPRITE_PLACE, sprite_scene
 
 from stereolag.core.inputs import FLAT_WHOLE
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
-from stereolag.templates.score_maps import Places, peaks, pearson, score_windows, scores_at
+from stereolag.templates.places import Places, peaks
+from stereolag.templates.score_maps import pearson, score_windows, scores_at
 
 Array = npt.NDArray[Any]
 EVERY_PLACEMENT: tuple[TemplateMethod, ...] = ("fft", "direct")

@@ -17,7 +17,7 @@ from stereolag import samples
 from stereolag.core.inputs import Image
 from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
-from stereolag.templates.score_maps import Places
+from stereolag.templates.places import Places
 from stereolag.templates.trials import (
     Degradation,
     DegradedPart,
