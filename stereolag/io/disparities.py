@@ -43,7 +43,7 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
         0 in an image of integers, NaN, infinite or from 1e9 in floats, one whole negative number among others from 0,
-        and -9999 and the like.
+        -9999 and the like, and OpenCV's minDisparity - 1, also above 0, along a whole side of a map in 1/16 px.
 
     Raises
     ------
@@ -89,6 +89,9 @@ OPENCV_SCALE = 16
 
 OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
 """Their -1 px, no disparity, in a PNG: the only number of such a file that is above all of int16."""
+
+OPENCV_FRACTIONS = 4
+"""Fewest sixteenths that occur among the disparities of OpenCV's sub-pixel fit: scenes made by hand have fewer."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -166,9 +169,14 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     if kind is IMAGES and stored.dtype.kind == "u":
         if stored.dtype == np.uint16 and {*stored[stored >= 2**15]} == {OPENCV_UNKNOWN}:
             return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
+        signed = stored.view(np.int16) if stored.dtype == np.uint16 else stored
+        below = _below_the_search(signed)
+        if below and below[0] < 0:
+            return StoredDisparity(signed, float(OPENCV_SCALE), below)
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
-    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA, *_one_negative_number(stored)))
+    mark = _one_negative_number(stored) or _below_the_search(stored)
+    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA, *mark))
 
 
 def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
@@ -181,6 +189,22 @@ def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
         return ()
     mark = float(below[0])
     return (mark,) if mark <= -1 and mark == np.rint(mark) and (below == mark).all() else ()
+
+
+def _below_the_search(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+    """Return what OpenCV's matchers write for no disparity, 1 px below those searched, if the map is one of theirs.
+
+    They have none along the left side, or the right one of a search behind infinity; the others are in 1/16 px.
+    """
+    if stored.dtype != np.int16 and stored.dtype.kind != "f":
+        return ()
+    pixel, mark = (OPENCV_SCALE if stored.dtype == np.int16 else 1), float(stored.min())
+    if not np.isfinite(stored).all() or mark % pixel or not (stored[:, [0, -1]] == mark).all(axis=0).any():
+        return ()
+    known = stored[stored != mark]
+    fractions = np.unique(known % pixel)
+    whole = (fractions * (OPENCV_SCALE // pixel) % 1 == 0).all()
+    return (mark,) if len(fractions) >= OPENCV_FRACTIONS and whole and known.min() >= mark + pixel else ()
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:

@@ -133,6 +133,28 @@ def test_16_bits_with_opencvs_unknown_pixels_are_divided_by_16():
     assert read_disparity(png(np.array([[65520, 40000]], np.uint16)))[0, 0] == 65520 / 256
 
 
+@pytest.mark.parametrize("first", [-9, 1, 2, 9])
+def test_what_opencv_writes_below_its_search_is_unknown_wherever_that_begins(first):
+    wide = np.random.default_rng(first + 99).integers(0, 256, (60, 120), np.uint8)
+    wide = cv2.resize(cv2.GaussianBlur(wide, (0, 0), 1), (240, 120), interpolation=cv2.INTER_CUBIC)
+    shift = first + 8 + 5 * np.sin(np.arange(120) / 20).astype(np.float32)
+    rows, cols = np.mgrid[:120, 60:180].astype(np.float32)
+    views = [cv2.remap(wide, cols + places, rows, cv2.INTER_LINEAR) for places in (np.zeros(120, np.float32), shift)]
+    stored = cv2.StereoSGBM.create(first, 16, 5, uniquenessRatio=10).compute(*views)
+    expected = np.where(stored > 16 * (first - 1), stored / np.float32(16), np.float32(np.nan))
+    assert np.isfinite(expected).mean() > 0.5
+    files = [npy(stored), npy(stored / np.float32(16))] + [png(stored.view(np.uint16))] * (first < 1)
+    for data in files:
+        np.testing.assert_array_equal(read_disparity(data), expected)
+
+
+def test_a_flat_background_of_whole_pixels_is_no_unknown_disparity():
+    made = np.full((20, 30), 5.0, np.float32)
+    made[5:15, 8:20] = 7.5
+    for stored in (made, (16 * made).astype(np.int16)):
+        np.testing.assert_array_equal(read_disparity(npy(stored)), made)
+
+
 @given(pixels=hnp.arrays(np.uint8, shapes).filter(np.any), divisor=st.sampled_from([1, 2, 4, 16]))
 def test_8_bits_with_a_divisor(pixels, divisor):
     rows, cols = pixels.shape
