@@ -501,6 +501,9 @@ _FILLED = 0.95
 _LEAST_MIDDLE = 0.1
 """Least share of the values in the middle half of their range: a switch has none there."""
 
+_LOOKED_AT = 2**20
+"""Samples whose steps are looked at."""
+
 
 def both_begin_again_at(given_1: npt.NDArray[Any], given_2: npt.NDArray[Any]) -> float | None:
     """Return the number, 360 or another usual one, at which the values of both begin again, or None."""
@@ -518,7 +521,7 @@ def _begins_again_at(given: npt.NDArray[Any]) -> float | None:
         below = min(low, low + around / 2, key=abs)
         if not _FILLED * around <= high - low <= around or not 0 <= below <= (1 - _FILLED) * around:
             continue
-        signal = given.astype(np.float64, copy=False)
+        signal = given[:_LOOKED_AT].astype(np.float64, copy=False)
         steps = np.abs(np.diff(signal))
         far, between = (steps > 0.75 * around).sum(), ((steps > 0.25 * around) & (steps <= 0.75 * around)).sum()
         in_middle = np.abs(signal - (low + high) / 2) < around / 4
