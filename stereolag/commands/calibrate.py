@@ -52,9 +52,9 @@ def run(arguments: Sequence[str]) -> int:
     from stereolag.geometry.calibrating import calibrate_boards
     from stereolag.io.pairing import board_pictures
 
+    names, pictures = board_pictures(options.pictures)
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
-    names, pictures = board_pictures(options.pictures)
     result = calibrate_boards(find_boards(pictures, options.board), options.square)
     figures = _figures(result, names)
     if options.out is not None:

@@ -277,6 +277,8 @@ def write_aligned(
     ------
     ValueError
         A lag that is not sure, or at which the recordings do not overlap; and as :func:`check_wav`.
+    OSError
+        The folder does not exist, and so on.
     """
     from stereolag.signals.alignment import aligned_blocks
 
@@ -286,13 +288,14 @@ def write_aligned(
     blocks = itertools.chain([next(rest)], rest)
     if suffix == ".wav":
         check_wav(first.size, sampling_rate)
-        loudest = max(1.0, float(second.max()), -float(second.min()))
-        with soundfile.SoundFile(file, "w", round(sampling_rate), 1, "FLOAT", format="WAV") as sound:
-            for block in blocks:
-                sound.write((block / loudest).astype(np.float32))
-    else:
-        with file.open("wb") if isinstance(file, Path) else nullcontext(file) as table:
-            _write_csv(table, blocks, sampling_rate)
+    with file.open("wb") if isinstance(file, Path) else nullcontext(file) as stream:
+        if suffix == ".wav":
+            loudest = max(1.0, float(second.max()), -float(second.min()))
+            with soundfile.SoundFile(stream, "w", round(sampling_rate), 1, "FLOAT", format="WAV") as sound:
+                for block in blocks:
+                    sound.write((block / loudest).astype(np.float32))
+        else:
+            _write_csv(stream, blocks, sampling_rate)
 
 
 def _write_csv(table: IO[bytes], blocks: Iterator[Vector], sampling_rate: float) -> None:

@@ -136,6 +136,9 @@ def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
             if synced:
                 os.fsync(file.fileno())
         part.replace(path)
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None  # the temporary file's name says nothing
+        raise
     finally:
         part.unlink(missing_ok=True)
 

@@ -139,6 +139,9 @@ def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clo
         assert figures["drift_ppm"] == pytest.approx(0, abs=2)
     assert "over time 300 samples later until 2.5 s, then 100 earlier: 0.05 s are missing in recording 2" in told.out
     assert re.search(r"^arrivals  -100 \(\d+\.\d σ\), 400 \(\d+\.\d σ\)", told.out, re.MULTILINE)
+    for name in ("none/out.wav", "none/out.csv"):
+        missing = ran("lag", "whole.wav", "lossy.wav", "--aligned", name)
+        assert missing.err == f"stereolag lag: {name}: No such file or directory.\n"
     refused = ran("lag", "whole.wav", "other.wav", "--aligned", "none.wav")
     assert (refused.code, (folder / "none.wav").exists()) == (4, False)
     assert "The lag is 'nothing' (chance), and only one that is sure is undone" in refused.err
@@ -330,7 +333,7 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ("calibrate flat --square 1 --board 6-4", 2, "'6-4' is not a board"),
         ("calibrate flat --square 1 --board 1x4", 2, "allowed are 2 to 50 inner corners"),
         ("calibrate flat/left1.png flat/right1.png --square 1 --board 6x4", 4, "pairs"),
-        ("calibrate none --square 1", 4, "none: there is no such file or folder."),
+        ("calibrate none --square 1 --out new", 4, "none: there is no such file or folder."),
         ("calibrate text.txt --square 1", 4, "text.txt is one file but not a ZIP"),
         ("calibrate flat/left*.png flat/x*.png --square 1", 4, "flat/x*.png: no file matches."),
         ("calibrate flat/left*.png flat/right1*.png --square 1", 4, "matches 11 files and flat/right1*.png 2"),
@@ -340,6 +343,7 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
 def test_what_cannot_be_is_refused_in_one_sentence(command: str, code: int, said: str, ran: Command) -> None:
     name, *arguments = command.split()
     assert_refused(ran(name, *arguments), name, code, said)
+    assert not Path("new").exists()
 
 
 def by_console(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
