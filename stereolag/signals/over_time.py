@@ -146,7 +146,9 @@ class LagOverTime:
     @cached_property
     def _drift(self) -> tuple[float, float]:
         """Slope of all stretches, which missing samples do not change, and its standard error, samples per sample."""
-        measured = [one for one in self.stretches if one.places] or [self.longest]
+        measured = [one for one in self.stretches if one.places]
+        if not measured:
+            return self.longest.slope, self.longest.slope_error
         slopes, errors = np.array([(one.slope, max(one.slope_error, _FINEST_SLOPE)) for one in measured]).T
         weights = (errors.min() / errors) ** 2
         return float(np.average(slopes, weights=weights)), float(errors.min() / math.sqrt(weights.sum()))

@@ -294,6 +294,7 @@ def test_the_drift_is_that_of_all_stretches_by_their_errors() -> None:
     stretches = Stretch(0, 500, 0.0, 80e-6, 2e-6, places), Stretch(500, 900, -7.0, 90e-6, 1e-6, places)
     of_both = LagOverTime((*stretches, Stretch(900, 5000, 3.0, 0.0)))  # no block of the longest was measured
     assert (of_both.ppm, of_both.error_ppm) == pytest.approx((88.0, 1 / np.sqrt(1 + 1 / 4)))
+    assert LagOverTime((Stretch(0, 500, 0.0, 5e-6),)).ppm == pytest.approx(5.0)
 
 
 def test_an_echo_is_an_arrival_and_no_step() -> None:

@@ -92,7 +92,7 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
         lines.append(f"By their own clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
     around = both_begin_again_at(*(one.channels[0] for one in recordings))
     if around is not None:
-        lines.append(f"The values of both begin again every {around:,.4g}, so their steps are compared.")
+        lines.append(f"Values of both begin again every {around:,.4g}: all methods but Sampled compare their steps.")
     return "  \n".join(lines)
 
 
