@@ -60,6 +60,10 @@ TEXTURE_WINDOW = 11
 FLAT_DEVIATION = 0.01
 """A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
 
+SURROUNDINGS = 1 / 15
+"""Side of the squares in which brightness is compared, as a share of the width: a view that is out of focus is not
+darker, nor has less contrast there."""
+
 SURELY = 2.0
 """Standard deviations from 0 at which the sign of a disparity is certain."""
 
@@ -197,7 +201,7 @@ def diagnose(
         identical,
         *arrangement,
         *geometry,
-        judge_exposure(*_exposure(*images, points), range_of_greys),
+        judge_exposure(*_exposure(*images, points), (float(darkest), float(brightest))),
         judge(FindingCode.TEXTURE, flat_share=_flat_share(grey, range_of_greys)),
         judge(FindingCode.EMPTY_BORDER, left_share=_border_share(images[0]), right_share=_border_share(images[1])),
     )
@@ -597,12 +601,13 @@ def _levelling(points: Correspondences) -> DoubleMap:
 def _exposure(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float]:
     """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
 
-    They are compared at matched points, or as a whole if there are too few: the rims show different things.
+    They are compared around matched points, or as a whole if there are too few: the rims show different things.
     """
     samples: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
     if points is not None and len(points) >= FEWEST_MATCHES:
+        side = max(5, round(SURROUNDINGS * left.shape[1]))
         samples = [
-            cv2.remap(cv2.blur(grey, (5, 5)), where[:, 0], where[:, 1], cv2.INTER_LINEAR).ravel()
+            cv2.remap(cv2.blur(grey, (side, side)), where[:, 0], where[:, 1], cv2.INTER_LINEAR).ravel()
             for grey, where in zip(samples, (points.left, points.right), strict=True)
         ]
     deviation = [float(np.std(sample)) for sample in samples]

@@ -20,9 +20,8 @@ SAME_GREYS = 0.002
 """Mean difference up to which two pictures count as identical, as a share of the image's grey-level range."""
 SAME_PLACE_PX = 0.35
 """Largest displacement of features between identical views, at the size at which they were matched."""
-GAIN_DIFFERENCE = 0.10
-OFFSET_SHARE = 0.04
-"""Share of the image's grey-level range."""
+GAIN_DIFFERENCE, BRIGHTNESS_SHARE = 0.10, 0.04
+"""Difference in contrast that is healthy, and in brightness, as a share of the image's grey-level range."""
 
 SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
 """The sides of a raw pair are known if more than the first share of its features agree and less than the second
@@ -220,9 +219,11 @@ def judge_bent_rows(
     return judged(FindingCode.BENT_ROWS, bent, Remedy.RECTIFY if after else None, **numbers, **after)
 
 
-def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
-    """Judge ``right ≈ gain * left + offset`` relative to the image's grey-level range."""
-    unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys
+def judge_exposure(gain: float, offset: float, greys: tuple[float, float]) -> Finding:
+    """Judge ``right ≈ gain * left + offset`` in the middle of the image's grey levels, the darkest to the brightest."""
+    darkest, brightest = greys
+    brighter = offset + (gain - 1) * (darkest + brightest) / 2
+    unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(brighter) > BRIGHTNESS_SHARE * (brightest - darkest)
     return judged(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
 
 

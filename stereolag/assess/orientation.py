@@ -44,9 +44,10 @@ GRID, GRID_NEIGHBOURS = 16, 5
 EVIDENCE = 20.0
 """Decrease in the summed logarithms of the row errors that justifies more parameters."""
 
-SURE_LENS, LEAST_BEND_PX = 5.0, 0.15
-"""Standard deviations from 0 at which matches tell a lens coefficient, and the least spread of its bend, px at the size
-at which they were matched."""
+SURE_LENS, LEAST_BEND, STRONGEST_LENS = 5.0, 1.5, 1.0
+"""Standard deviations from 0 at which matches tell a lens coefficient, the least spread of its bend over the noise of
+the matches, and the strongest coefficient of a lens: views that are not equally sharp or bright move all matches a
+little, which lenses explain as well as anything."""
 
 LENS_LEFT = 0.18
 """Lens coefficient above which rows are bent although the matches' spread is small: over near ground, where features
@@ -127,8 +128,9 @@ def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
     bend = np.asarray(bend - there[:, :3] @ plane)
     weights = 1 / (1 + (left_over / (2 * noise)) ** 2)
     deviation = noise * np.sqrt(np.linalg.pinv((terms.T * weights) @ terms)[-1, -1])
-    told = abs(bent[-1]) > SURE_LENS * deviation and np.std(bend) * points.scale > LEAST_BEND_PX
-    return bend, float(bent[-1]) / cols if told else 0.0
+    lens = float(bent[-1]) / cols
+    told = SURE_LENS * deviation / cols < abs(lens) < STRONGEST_LENS and np.std(bend) > LEAST_BEND * noise
+    return bend, lens if told else 0.0
 
 
 def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], most: int) -> npt.NDArray[np.intp]:
