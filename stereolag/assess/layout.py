@@ -70,6 +70,10 @@ TEXTURE, LEAST_TEXTURED = 3.0, 0.05
 LEAST_MATCHED = 0.45
 """Share of these that are matched in two views of one scene; 0.1 to 0.35 are by chance."""
 
+REPEATING, LEFT_OVER = 0.35, 0.5
+"""Share matched in both halves of a view from which on its scene repeats itself, as a wall of windows does; two views
+then leave at most this share of what they leave unmatched."""
+
 WIDEST = 4.0
 """Largest width over height of a view."""
 
@@ -94,13 +98,13 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     """
     found = {}
     for layout in (Layout.BESIDE, Layout.OVER_UNDER):
-        if min(image.shape[:2]) > 1:
+        if min(image.shape[:2]) > 3:
             left, right = views(image, layout)
             if left.shape[1] <= WIDEST * left.shape[0]:
                 found[layout] = _matched(left, right)
     layout = max(found, key=lambda one: found[one][0], default=Layout.BESIDE)
     share, middle = found.get(layout, (0.0, 0.0))
-    if share < LEAST_MATCHED:
+    if share < LEAST_MATCHED or _repeats(image, layout, share):
         if image.ndim == 3 and _is_anaglyph(image):
             raise Anaglyph(
                 "The image is an anaglyph: its views are in its colours, for red and cyan glasses, and differ too much "
@@ -125,6 +129,13 @@ def _matched(left: Image, right: Image) -> tuple[float, float]:
     if textured.mean() < LEAST_TEXTURED or not known.any():
         return 0.0, 0.0
     return float(known.sum() / textured.sum()), median(disparity[known])
+
+
+def _repeats(image: Image, layout: Layout, share: float) -> bool:
+    """Return whether halves, of whose pixels so many match, are hardly more alike than the halves of each of them."""
+    halves = [views(one, layout) for one in views(image, layout)]
+    again = max(_matched(*two)[0] for two in halves)
+    return again > REPEATING and 1 - share > LEFT_OVER * (1 - again)
 
 
 def _is_anaglyph(image: Image) -> bool:

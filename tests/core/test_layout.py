@@ -49,6 +49,19 @@ def test_views_are_found_where_they_stand(layout: Layout, crossed: bool) -> None
     np.testing.assert_array_equal(views(both, layout)[int(crossed)], left)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wall_of_windows_is_one_view_and_two_of_it_are_two(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wall = 140 + 12 * cv2.GaussianBlur(rng.standard_normal((360, 680)), (0, 0), 1.2)
+    across, down = rng.integers(40, 90, 2)
+    for row, col in np.ndindex(360 // down, 680 // across):
+        window = slice(row * down, row * down + down // 2), slice(col * across, col * across + across // 2)
+        wall[window] = rng.uniform(20, 110)
+    seen = [np.clip(wall[:, at : at + 640] + rng.normal(0, 2, (360, 640)), 0, 255).astype(np.uint8) for at in (0, 20)]
+    assert likely_layout(seen[0]) is None
+    assert likely_layout(np.hstack(seen)) == (Layout.BESIDE, False)
+
+
 @pytest.mark.parametrize("shape", [(4, 2), (4, 3, 3), (4, 10), (4, 11, 4)])
 def test_what_is_odd_is_left_out_in_the_middle(shape: tuple[int, ...]) -> None:
     image, cols = np.random.default_rng(0).integers(0, 255, shape, dtype=np.uint8), shape[1]
