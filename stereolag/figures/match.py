@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereolag.assess.explaining import MatchExplanation
-from stereolag.core.arrays import Box
+from stereolag.core.arrays import Box, Indices
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
 from stereolag.figures.charts import DASHES, laid_out, rings
@@ -252,8 +252,6 @@ def _line(
     )
 
 
-Starts = npt.NDArray[np.int64]
-
 CLOSEST = 24
 """Most windows drawn per window side; of a finer grid only every second, third … window is drawn."""
 
@@ -287,8 +285,8 @@ class WindowGrid:
     """
 
     cut: Box
-    rows: Starts
-    cols: Starts
+    rows: Indices
+    cols: Indices
     middle: Box
     step: int
     every: int
@@ -303,9 +301,9 @@ class WindowGrid:
         """Return the actual overlap with the next window, 0..1 of the side: the step is in whole pixels."""
         return max(0.0, 1 - self.step / self.middle.height)
 
-    def drawn(self, starts: Starts, middle: int) -> Starts:
+    def drawn(self, starts: Indices, middle: int) -> Indices:
         """Return the rows or columns that are drawn: `middle`, and every `every`-th on both sides of it."""
-        shown: Starts = starts[(starts - middle) % (self.every * self.step) == 0]
+        shown: Indices = starts[(starts - middle) % (self.every * self.step) == 0]
         return shown
 
     def neighbours(self) -> list[tuple[int, int]]:
@@ -348,7 +346,7 @@ def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
     return WindowGrid(Box(top, left, bottom - top, right - left), rows, cols, middle, step, every)
 
 
-def _starts(first: int, last: int, end: int, size: int, step: int) -> Starts:
+def _starts(first: int, last: int, end: int, size: int, step: int) -> Indices:
     """Return the starts of the windows inside the image whose centres are at pixels from `first` up to `last`."""
     starts = np.arange(0, end - size + 1, step)
     centres = starts + (size - 1) / 2

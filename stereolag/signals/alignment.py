@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ from stereolag.core.jobs import Estimate, Progress, check_memory
 from stereolag.signals.lag import SignalLag, common_rate, signal_lag
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 
-Signal = npt.NDArray[np.floating[Any]]
+Signal = npt.NDArray[np.floating]
 
 BLOCK = 2**20
 """Samples aligned at a time."""

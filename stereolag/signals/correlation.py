@@ -1,19 +1,16 @@
-"""Correlation of two recordings over the lag: Pearson's formula over the overlap, the curves, and their peaks.
+"""Correlation of two recordings over the lag: Pearson's formula over the overlap, and the curves.
 
 At lag ``l``, sample ``i`` of signal 1 is paired with sample ``i + l`` of signal 2; the paired samples are the overlap.
 The curves take zero-mean float64 vectors and have one value for each lag from ``first`` (≤ 0) to ``last`` (≥ 0).
 
-A recording that is too long for one transform is read part by part (:class:`ConvertedRecording`) and correlated in
+A recording that is too long for one transform is read part by part (:class:`.ConvertedRecording`) and correlated in
 blocks (overlap-save); W. Press et al., "Numerical Recipes", 3rd ed. (2007), section 13.1.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -22,20 +19,19 @@ from scipy import fft
 from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
+from stereolag.signals.recordings import ConvertedRecording, HeldRecording, Recording, dot, running_sums
 
 Spectrum = npt.NDArray[np.complex128]
+Lags = npt.NDArray[np.int64]
 
 FLAT = 1e-10
 """An overlap with less than this share of a recording's energy is flat: rounding would decide its correlation."""
-
-GRAIN = 1024
-"""Samples between stored running sums."""
 
 _LOUD_STEPS = 8
 """The loudest stretch starts at a multiple of its length over this number."""
 
 
-def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
+def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.integer]) -> Lags:
     """Return the number of samples that overlap at each of the `lags`."""
     return np.asarray(np.minimum(size_1, size_2 - lags) - np.maximum(0, -lags))
 
@@ -44,131 +40,6 @@ def overlap_slices(size_1: int, size_2: int, lag: int) -> tuple[slice, slice]:
     """Return the parts of signal 1 and of signal 2 that overlap at `lag`."""
     start, stop = max(0, -lag), min(size_1, size_2 - lag)
     return slice(start, stop), slice(start + lag, stop + lag)
-
-
-class Recording(ABC):
-    """A recording as float64, read part by part.
-
-    Attributes
-    ----------
-    size
-        Number of samples.
-    piece
-        Number of samples read at a time.
-    """
-
-    size: int
-    piece: int
-
-    @abstractmethod
-    def part(self, start: int, stop: int) -> Vector:
-        """Return the samples from `start` to `stop`, exclusive; zeros before the first sample and after the last."""
-
-    def pieces(self, start: int, stop: int) -> Iterator[Vector]:
-        """Yield the samples from `start` to `stop`, exclusive, one piece at a time."""
-        for first in range(start, stop, self.piece):
-            yield self.part(first, min(first + self.piece, stop))
-
-    @cached_property
-    def energy(self) -> float:
-        """Return the sum of all squares."""
-        return sum(_dot(piece, piece) for piece in self.pieces(0, self.size))
-
-    def total(self, start: int, stop: int) -> float:
-        """Return the sum of the samples from `start` to `stop`, exclusive."""
-        return sum(float(piece.sum()) for piece in self.pieces(start, stop))
-
-
-class HeldRecording(Recording):
-    """A recording in memory, as one piece."""
-
-    def __init__(self, samples: npt.NDArray[Any]) -> None:
-        self.size = self.piece = samples.size
-        self._samples = samples
-
-    def part(self, start: int, stop: int) -> Vector:
-        """Return a view of the samples, or a copy if zeros are added."""
-        inside = self._samples[max(0, start) : max(0, stop)]
-        if inside.size == stop - start:
-            return inside
-        return np.pad(inside, (max(0, -start), max(0, stop - max(start, self.size))))
-
-
-class Inverted(Recording):
-    """A recording with its sign reversed."""
-
-    def __init__(self, recording: Recording) -> None:
-        self.size, self.piece = recording.size, recording.piece
-        self._recording = recording
-
-    def part(self, start: int, stop: int) -> Vector:
-        """Return the samples, with their signs reversed."""
-        return -self._recording.part(start, stop)
-
-
-class ConvertedRecording(Recording):
-    """A recording of any number type, converted to zero mean and height 1 as it is read.
-
-    Parameters
-    ----------
-    signal
-        (N,) integers or floats, all finite and not all equal.
-    on_read
-        Called after every read.
-    """
-
-    piece = 2**18
-
-    def __init__(self, signal: npt.NDArray[Any], on_read: Callable[[], None] = lambda: None) -> None:
-        self._signal, self._on_read, self.size = signal, on_read, signal.size
-        self._mean = float(signal.mean(dtype=np.float64))
-        self._height = max(float(signal.max()) - self._mean, self._mean - float(signal.min()))
-        # Only then does single precision resolve the samples about their mean, and hold them at all.
-        self._exact = signal.dtype.itemsize > 4 or abs(self._mean) > self._height
-
-    def part(self, start: int, stop: int) -> Vector:
-        """Return the samples, converted."""
-        return np.asarray(self._converted(start, stop, np.float64))
-
-    def single(self, start: int, stop: int) -> npt.NDArray[np.float32]:
-        """Return the samples of :meth:`part` in single precision, which is read in half the time."""
-        return np.asarray(self._converted(start, stop, np.float32))
-
-    def _converted(self, start: int, stop: int, dtype: type[np.floating[Any]]) -> npt.NDArray[Any]:
-        samples = np.empty(stop - start, dtype)
-        first, end = min(max(start, 0), self.size), min(max(stop, 0), self.size)
-        samples[: first - start] = 0
-        samples[end - start :] = 0
-        inside = samples[first - start : end - start]
-        step = np.float64 if self._exact else dtype
-        np.subtract(self._signal[first:end], self._mean, out=inside, dtype=step, casting="same_kind")
-        inside /= dtype(self._height)
-        self._on_read()
-        return samples
-
-    @cached_property
-    def sums(self) -> DoubleMap:
-        """Return (2, N): the sum and the sum of squares of all samples before each grain, and of all samples."""
-        steps = [np.zeros((2, 1))]
-        for piece in self.pieces(0, self.size):
-            starts = np.arange(0, piece.size, GRAIN)
-            steps.append(np.stack([np.add.reduceat(piece, starts), np.add.reduceat(piece * piece, starts)]))
-        return np.cumsum(np.concatenate(steps, axis=1), axis=1)
-
-    @cached_property
-    def energy(self) -> float:
-        """Return the sum of all squares."""
-        return float(self.sums[1, -1])
-
-    def total(self, start: int, stop: int) -> float:
-        """Return the sum of the samples from `start` to `stop`, exclusive."""
-        return float(self.running_sums(stop, stop)[0, 0] - self.running_sums(start, start)[0, 0])
-
-    def running_sums(self, first: int, last: int) -> DoubleMap:
-        """Return the sums and the sums of squares of the first `first`, `first` + 1, … `last` samples, (2, N)."""
-        start = first // GRAIN * GRAIN
-        before = float(self.sums[0, first // GRAIN]), float(self.sums[1, first // GRAIN])
-        return running_sums(self.part(start, last), before)[:, first - start :]
 
 
 def loudest_stretch(one: Recording, other: Recording, lag: int, longest: int) -> tuple[slice, slice]:
@@ -202,34 +73,12 @@ def overlap_pearson(signal_1: Recording, signal_2: Recording, lag: int) -> float
     square_1 = square_2 = product = 0.0
     for pieces in zip(*(signal.pieces(part.start, part.stop) for signal, part in both), strict=True):
         first, second = (piece - mean for piece, mean in zip(pieces, means, strict=True))
-        square_1 += _dot(first, first)
-        square_2 += _dot(second, second)
-        product += _dot(first, second)
+        square_1 += dot(first, first)
+        square_2 += dot(second, second)
+        product += dot(first, second)
     if square_1 <= FLAT * signal_1.energy or square_2 <= FLAT * signal_2.energy:
         return float("nan")
     return float(np.clip(product / np.sqrt(square_1 * square_2), -1.0, 1.0))
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _dot(first: Vector, second: Vector) -> float:
-    # NumPy runs a long dot product on all BLAS threads, which takes 100 times as long on a busy machine.
-    total = 0.0
-    for i in range(first.size):
-        total += first[i] * second[i]
-    return total
-
-
-@compiled
-def running_sums(samples: Vector, before: tuple[float, float] = (0.0, 0.0)) -> DoubleMap:
-    """Return (2, N + 1): the sums and the sums of squares of the first 0, 1, … N samples, added to those `before`."""
-    sums = np.empty((2, samples.size + 1))
-    total, squares = before
-    for i in range(samples.size):
-        sums[0, i], sums[1, i] = total, squares
-        total += samples[i]
-        squares += samples[i] * samples[i]
-    sums[0, -1], sums[1, -1] = total, squares
-    return sums
 
 
 @compiled
@@ -319,7 +168,7 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
     """
     size_1, size_2 = signal_1.size, signal_2.size
     longest = min(size_1, size_2)
-    flat_1, flat_2 = FLAT * _dot(signal_1, signal_1), FLAT * _dot(signal_2, signal_2)
+    flat_1, flat_2 = FLAT * dot(signal_1, signal_1), FLAT * dot(signal_2, signal_2)
     for index in range(curve.size):
         lag = first_lag + index
         start, stop = max(0, -lag), min(size_1, size_2 - lag)
@@ -355,15 +204,14 @@ def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: in
     return np.concatenate((turned.imag[turned.size + first :], turned.real[: last + 1]))
 
 
-def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
+def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: Lags) -> Vector:
     """Return the results expected of :func:`weighted_pearson` and :func:`sliding_pearson`, by the plain formula."""
     scores = [overlap_pearson(HeldRecording(signal_1), HeldRecording(signal_2), int(lag)) for lag in lags]
     weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)
     return np.asarray(np.nan_to_num(np.array(scores) * np.sqrt(weight)))
 
 
-_FADED_SHARE = 0.03
-_WHITENING_FLOOR = 1e-3
+_FADED_SHARE, _WHITENING_FLOOR = 0.03, 1e-3
 
 _LARGEST_KEPT = 2**20
 """Points of the longest right angle that is cached for the next call: 16 MB."""
@@ -433,7 +281,7 @@ def block_curve(
     first, last
         ``-N1 < first <= last < N2``, samples.
     """
-    curve = block_products(signal_1, signal_2, first, last, block_length(last - first + 1), progress)
+    curve = _block_products(signal_1, signal_2, first, last, progress)
     earlier = min(max(0, -first), curve.size)
     _weigh(curve[earlier:], first + earlier, signal_1, signal_2)
     _weigh(curve[:earlier][::-1], 1 - first - earlier, signal_2, signal_1)
@@ -452,16 +300,14 @@ def _weigh(products: Vector, first: int, signal_1: ConvertedRecording, signal_2:
         weighted_pearson(piece, low, sizes, flat, (ends_1[0], low, ends_2[0]), *sums)
 
 
-def block_products(
-    signal_1: Recording, signal_2: Recording, first: int, last: int, size: int, progress: Progress = silent
-) -> Vector:
+def _block_products(signal_1: Recording, signal_2: Recording, first: int, last: int, progress: Progress) -> Vector:
     """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag from `first` to `last`, without wrap-around.
 
     Every block of signal 1 is multiplied by the part of signal 2 that the lags align with it. All blocks have the same
-    position in their transforms, so their spectra are summed, and only the sum is transformed back. `size` is the
-    length of the transforms, larger than the number of lags.
+    position in their transforms, so their spectra are summed, and only the sum is transformed back.
     """
     lags = last - first + 1
+    size = block_length(lags)
     step = size - lags + 1
     begin, stop = max(0, -last), min(signal_1.size, signal_2.size - first)
     total = np.zeros(size // 2 + 1, dtype=np.complex128)
@@ -504,24 +350,20 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     """
     size = transform_length(max(signal_1.size, signal_2.size))
     turned = np.empty((2, size), dtype=np.complex128)
-    turn = _right_angle(size)
+    right_angle = _right_angle if size <= _LARGEST_KEPT else _right_angle.__wrapped__  # which keeps none
+    turn = right_angle(size)
     for signal, row in zip((signal_1, signal_2), turned, strict=True):
         turn_forth(faded(signal) if whiten else signal, turn, row)
     # The transforms need the most memory, so arrays that are quick to recompute are freed first.
     del turn
     spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
     if whiten:
-        _whiten(spectrum)
+        magnitude = np.abs(spectrum)
+        spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
     products = fft.ifft(spectrum, overwrite_x=True)
     if size > _LARGEST_KEPT:
         _forget_transforms()
-    return turn_back(products, _right_angle(size), first, last)
-
-
-def _whiten(spectrum: Spectrum) -> None:
-    """Set every magnitude to 1, or to less if it is below a thousandth of their mean, in place."""
-    magnitude = np.abs(spectrum)
-    spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
+    return turn_back(products, right_angle(size), first, last)
 
 
 def _forget_transforms() -> None:
@@ -536,12 +378,8 @@ def transform_length(size: int, *, real: bool = False) -> int:
     return 128 * int(fft.next_fast_len(-(-size // 128), real=real))
 
 
+@lru_cache(maxsize=2)
 def _right_angle(size: int) -> Spectrum:
-    """Return ``exp(-0.5j * pi * i / size)``; the last two are cached unless they are large."""
-    return (_kept_right_angle if size <= _LARGEST_KEPT else _computed_right_angle)(size)
-
-
-def _computed_right_angle(size: int) -> Spectrum:
     """Return ``exp(-0.5j * pi * i / size)``, as products of coarse and fine steps: exponentials are slow."""
     fine = int(np.sqrt(size)) + 1
     angle = -0.5j * np.pi / size
@@ -549,148 +387,3 @@ def _computed_right_angle(size: int) -> Spectrum:
     turn = steps.ravel()[:size]
     turn.flags.writeable = False
     return turn
-
-
-_kept_right_angle = lru_cache(maxsize=2)(_computed_right_angle)
-
-
-Lags = npt.NDArray[np.int64]
-
-EQUAL = 1e-9
-"""Two correlations (-1..1) that differ by less are equal: FFT rounding is around 1e-15, noise far above."""
-
-REACH = 32
-"""Samples on either side used to interpolate a peak between two samples."""
-
-_POSITIONS = 65
-_KAISER = 6.0
-
-
-def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tuple[int, int]:
-    """Return the index of the best lag and the number of equally good lags (1 if it is alone).
-
-    The best lag is the maximum of the weighted `curve`. Lags whose unweighted correlation equals its own within
-    ``EQUAL`` tie with it if their overlap is at least half as long (shorter overlaps agree by chance); neighbours count
-    once. Among ties the smallest ``|lag|`` wins, and of two opposite lags the positive one.
-
-    Parameters
-    ----------
-    curve
-        (N,) correlation times ``sqrt(overlap / longest overlap)``; exactly 0 where there was nothing to correlate.
-    lags
-        (N,) ascending; there may be gaps between them.
-    overlap
-        Returns the overlap at given lags, samples; the same number for all if the curve has no weights.
-    """
-    best = int(np.argmax(curve))
-    if curve[best] <= 0:
-        measured = np.where(curve == 0, -np.inf, curve)
-        return (int(np.argmax(measured)) if np.isfinite(measured).any() else int(np.argmin(np.abs(lags)))), 1
-    # Half the overlap weighs sqrt(1/2): nothing lower can tie, and few lags are higher.
-    high = np.flatnonzero(curve >= (curve[best] - EQUAL) * np.sqrt(0.5))
-    share = overlap(lags[high]) / overlap(lags[best : best + 1])
-    # A shorter overlap that agrees even better does so by chance, and is not a tie either.
-    tied = high[(np.abs(curve[high] / np.sqrt(share) - curve[best]) <= EQUAL) & (share >= 0.5)]
-    tops = _tops(curve, lags, tied)
-    nearest = tops[np.lexsort((-lags[tops], np.abs(lags[tops])))[0]]
-    return int(nearest), int(tops.size)
-
-
-def _tops(curve: Vector, lags: Lags, indices: Lags) -> Lags:
-    """Return the highest of the `indices` of every run of adjacent lags."""
-    values = curve[indices]
-    starts = np.flatnonzero(np.diff(lags[indices], prepend=lags[indices[0]] - 2) > 1)
-    highest = np.repeat(np.maximum.reduceat(values, starts), np.diff(starts, append=indices.size))
-    tops = np.flatnonzero(values == highest)
-    # A run may contain its highest value more than once: take the first one from the run's start on.
-    return np.asarray(indices[tops[np.searchsorted(tops, starts)]])
-
-
-def peak_ratio(curve: Vector, peak: int) -> float:
-    """Return the height of the peak over the highest value outside its main lobe.
-
-    On either side, the main lobe extends down to half the peak and on to the next minimum. Infinite if nothing outside
-    is positive, NaN if there is nothing outside or the peak itself is not positive.
-    """
-    first, end = main_lobe(curve, peak)
-    outside = [side.max() for side in (curve[:first], curve[end:]) if side.size]
-    if not outside or curve[peak] <= 0:
-        return float("nan")
-    second = float(max(outside))
-    return float(curve[peak]) / second if second > 0 else float("inf")
-
-
-def around_peak(peak: int, size: int, reach: int = REACH) -> slice:
-    """Return the part of a curve of `size` values around a peak that reaches equally far both ways, at most `reach`."""
-    near = min(reach, peak, size - 1 - peak)
-    return slice(peak - near, peak + near + 1)
-
-
-def interpolate_peak(window: Vector) -> tuple[float, float]:
-    """Return position (relative to the middle of `window`, -0.5..0.5) and height of a band-limited curve's peak.
-
-    A parabola through three samples is off by up to 0.1 sample where the curve is as sharp as sampling allows (white
-    or whitened recordings), so the curve is interpolated with a Kaiser-windowed sinc.
-    A peak on the border of the searched lags has no neighbours (reach 0): the offset is 0.
-
-    Parameters
-    ----------
-    window
-        (2 * reach + 1,) values around the peak. With a reach of ``REACH`` the error is 0.01 sample at most, and less
-        than 0.001 if the curve contains nothing above 0.95 of the Nyquist frequency.
-    """
-    reach = window.size // 2
-    if reach == 0:
-        return 0.0, float(window[0])
-    fine = _interpolation(reach) @ window
-    top = int(np.clip(np.argmax(fine), 1, fine.size - 2))
-    left, middle, right = fine[top - 1 : top + 2]
-    bend = left - 2 * middle + right
-    step = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    return float(np.clip(-0.5 + (top + step) / (fine.size - 1), -0.5, 0.5)), float(fine.max())
-
-
-_FINER = 8
-_MARGIN = 64
-
-
-def best_cycle(curve: npt.NDArray[np.floating[Any]], peak: int, reach: int) -> int:
-    """Return the index next to the highest point, between the samples, of a curve up to `reach` from an index.
-
-    With few samples a cycle, the highest sample can belong to the next cycle.
-    """
-    low = max(0, peak - reach - _MARGIN)
-    part = curve[low : peak + reach + _MARGIN + 1].astype(np.float64)
-    # Continued and faded out at both ends: an edge would ring.
-    part = faded(np.pad(part, _MARGIN, mode="edge"), _MARGIN)
-    points = int(fft.next_fast_len(part.size))
-    spectrum = fft.rfft(part, points)
-    fine = fft.irfft(np.pad(spectrum, (0, _FINER * points // 2 + 1 - spectrum.size)), _FINER * points)
-    begin = max(low, peak - reach)
-    first, last = (_FINER * (place - low + _MARGIN) for place in (begin, min(curve.size - 1, peak + reach)))
-    return begin + round(int(np.argmax(fine[first : last + 1])) / _FINER)
-
-
-@lru_cache(maxsize=REACH)
-def _interpolation(reach: int) -> Vector:
-    """Return (positions, 2 * reach + 1) weights that interpolate a band-limited curve at positions from -0.5 to 0.5."""
-    positions = np.linspace(-0.5, 0.5, _POSITIONS)
-    distance = positions[:, np.newaxis] - np.arange(-reach, reach + 1)
-    taper = np.i0(_KAISER * np.sqrt(1 - (distance / (reach + 1)) ** 2)) / np.i0(_KAISER)
-    weights = np.sinc(distance) * taper
-    weights.flags.writeable = False
-    return np.asarray(weights)
-
-
-@compiled
-def main_lobe(curve: npt.NDArray[np.float64], peak: int) -> tuple[int, int]:
-    """Return the first index of the main lobe around `peak` and the index after its last.
-
-    On either side, the lobe extends down to half the peak and on to the next minimum.
-    """
-    first, last = peak, peak
-    while first > 0 and (curve[first] >= curve[peak] / 2 or curve[first - 1] <= curve[first]):
-        first -= 1
-    while last < curve.size - 1 and (curve[last] >= curve[peak] / 2 or curve[last + 1] <= curve[last]):
-        last += 1
-    return first, last + 1

@@ -18,10 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft, ndimage
 
-from stereolag.core.arrays import FloatMap
-from stereolag.signals.correlation import Lags, Recording, around_peak, interpolate_peak, transform_length
+from stereolag.core.arrays import FloatMap, Indices
+from stereolag.signals.correlation import transform_length
 from stereolag.signals.evidence import Samples
 from stereolag.signals.over_time import TAPS, LagOverTime, Stretch, interpolation, on_first_clock, resample
+from stereolag.signals.peaks import interpolate_peak
+from stereolag.signals.recordings import Recording
 
 FARTHEST_PPM = 12_000
 """Largest drift that is looked for."""
@@ -305,7 +307,7 @@ def _merged(lines: Sequence[Stretch], least: float = 0.8) -> list[Stretch]:
     return merged
 
 
-def _fine_starts(line: Stretch) -> tuple[Lags, int]:
+def _fine_starts(line: Stretch) -> tuple[Indices, int]:
     """Return the first samples of the blocks in which a line is measured, and their length."""
     size = line.end - line.begin
     length = int(np.clip(size // _FINE_BLOCKS, _SHORTEST, 4 * _LONGEST))
@@ -354,11 +356,11 @@ def _line(places: npt.NDArray[np.floating], lags: npt.NDArray[np.floating]) -> S
 
 def _top(row: Samples, top: int) -> float:
     """Return the position of a peak between the lags."""
-    return top + interpolate_peak(row[around_peak(top, row.size, 16)].astype(np.float64))[0]
+    return top + interpolate_peak(row, top, 16)[0]
 
 
 def _plane(
-    recording_1: Recording, recording_2: Recording, starts: Lags, line: Stretch, length: int, reach: int
+    recording_1: Recording, recording_2: Recording, starts: Indices, line: Stretch, length: int, reach: int
 ) -> Samples:
     """Return (blocks, 2 * reach + 1) heights of each block's curve around a line, in its standard deviations.
 
@@ -400,7 +402,7 @@ def _plane(
     return heights
 
 
-def _ridge(heights: FloatMap, step: int) -> tuple[Lags, npt.NDArray[np.bool_]]:
+def _ridge(heights: FloatMap, step: int) -> tuple[Indices, npt.NDArray[np.bool_]]:
     """Return the most probable path through the plane, an index for each block, and which of them are clear."""
     gains = np.clip(heights, 0, _CLEAREST)
     gains *= gains

@@ -28,15 +28,8 @@ import numpy.typing as npt
 from scipy import fft, ndimage
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.correlation import (
-    Lags,
-    around_peak,
-    best_cycle,
-    faded,
-    interpolate_peak,
-    overlap_length,
-    transform_length,
-)
+from stereolag.signals.correlation import Lags, faded, overlap_length, overlap_slices, transform_length
+from stereolag.signals.peaks import best_cycle, interpolate_peak
 
 MARGIN = 1.8
 """Standard deviations above the highest that chance reaches, from which on an agreement is convincing."""
@@ -411,7 +404,7 @@ class WeightedCurve:
                 0, self._evidence.first + index, float(self.curve[index]), above=float(self.curve[index]) / scale
             )
         index = best_cycle(self.curve, index, self.envelope + 2)
-        offset, height = self._between(index)
+        offset, height = interpolate_peak(self.curve, index)
         peak = Peak(0, self._evidence.first + index + offset, height, above=height / scale)
         if peak.above < needed and self._over_local(index) < _WORTH_COUNTING * needed:
             return peak
@@ -438,9 +431,6 @@ class WeightedCurve:
         leads = min(max(lead / _LEAD, local / needed * lead / _LEAD_OF_LOCAL), peak.above / needed)
         clear = math.sqrt(peak.above * local) if powers else peak.above
         return replace(peak, score=max(local / needed, leads), clear=clear, repetition=factor)
-
-    def _between(self, index: int) -> tuple[float, float]:
-        return interpolate_peak(self.curve[around_peak(index, self.curve.size)].astype(np.float64))
 
     def _repetition(self, offset: float, part: Vector, middle: int) -> tuple[float, Vector]:
         """Return the factor from the own curve to the curve around a peak, and the part that it explains.
@@ -474,14 +464,14 @@ class WeightedCurve:
 
     def carried(self, lag: int) -> tuple[float, float]:
         """Return the agreement that the products at a lag carry, and the largest they could, in standard deviations."""
-        start, stop = max(0, -lag), min(self._evidence.sizes[0], self._evidence.sizes[1] - lag)
-        heard = self._heard[0, start:stop], self._heard[1, start + lag : stop + lag]
+        part_1, part_2 = overlap_slices(*self._evidence.sizes, lag)
+        heard = self._heard[0, part_1], self._heard[1, part_2]
         products = heard[0] * heard[1]
         scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._colour
         total, most = products.sum(dtype=np.float64), np.abs(products).sum(dtype=np.float64)
         met = self._coincidences(heard, products)
         if max(float(total) / scale, met) < self._evidence.needed:
-            limited = self._limited[0, start:stop], self._limited[1, start + lag : stop + lag]
+            limited = self._limited[0, part_1], self._limited[1, part_2]
             met = max(met, self._agreement_of_limited(limited, limited[0] * limited[1]))
         return max(float(total) / scale, met), max(float(most) / scale, met)
 
@@ -537,7 +527,7 @@ class WeightedCurve:
         high = high[np.argsort(-heights[high], kind="stable")[:_MOST_TOPS]]
         found = []
         for other in high.tolist():
-            offset, height = self._between(other)
+            offset, height = interpolate_peak(self.curve, other)
             share = height * float(factor[other]) / peak.height
             apart = other - index
             between = self.curve[min(index, other) : max(index, other) + 1]

@@ -9,32 +9,30 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from numbers import Real
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Vector
+from stereolag.core.arrays import Array, Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
 from stereolag.core.showing import Shown
 from stereolag.signals.correlation import (
     SHORTEST_BLOCK,
-    ConvertedRecording,
-    HeldRecording,
-    Recording,
     block_curve,
     block_length,
     direct_curve,
     fft_curve,
     overlap_length,
     overlap_pearson,
-    peak_ratio,
     phat_curve,
     transform_length,
 )
 from stereolag.signals.over_time import LagOverTime, Step
+from stereolag.signals.peaks import peak_ratio
+from stereolag.signals.recordings import ConvertedRecording, HeldRecording, Recording
 from stereolag.signals.search import (
     AROUND,
     FoundLag,
@@ -505,13 +503,13 @@ _LOOKED_AT = 2**20
 """Samples whose steps are looked at."""
 
 
-def both_begin_again_at(given_1: npt.NDArray[Any], given_2: npt.NDArray[Any]) -> float | None:
+def both_begin_again_at(given_1: Array, given_2: Array) -> float | None:
     """Return the number, 360 or another usual one, at which the values of both begin again, or None."""
     around = _begins_again_at(given_1)
     return around if around is not None and around == _begins_again_at(given_2) else None
 
 
-def _begins_again_at(given: npt.NDArray[Any]) -> float | None:
+def _begins_again_at(given: Array) -> float | None:
     """Return the number at which the values of a recording begin again, None if they do not.
 
     They fill the range from 0, or from minus its half, and jump by nearly all of it or by little of it.
@@ -530,7 +528,7 @@ def _begins_again_at(given: npt.NDArray[Any]) -> float | None:
     return None
 
 
-def _steps_around(given: npt.NDArray[Any], around: float) -> Vector:
+def _steps_around(given: Array, around: float) -> Vector:
     """Return the step to each sample from the one before, the shorter way around; the signal if all are alike."""
     signal = given.astype(np.float64, copy=False)
     steps = np.diff(signal, prepend=signal[:1])
@@ -538,7 +536,7 @@ def _steps_around(given: npt.NDArray[Any], around: float) -> Vector:
     return shorter if np.ptp(shorter[1:]) > 0 else signal
 
 
-def normalised(given: npt.NDArray[Any]) -> Vector:
+def normalised(given: Array) -> Vector:
     """Return the signal with zero mean and height 1, so that squares neither over- nor underflow in any unit."""
     signal = given.astype(np.float64, copy=False)
     centred = signal - signal.mean()

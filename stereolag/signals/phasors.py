@@ -9,8 +9,9 @@ import numpy as np
 
 from stereolag.core.arrays import Vector
 from stereolag.signals.by_hand import STEPS
-from stereolag.signals.correlation import HeldRecording, faded, loudest_stretch, overlap_slices
+from stereolag.signals.correlation import faded, loudest_stretch, overlap_slices
 from stereolag.signals.evidence import participating
+from stereolag.signals.recordings import HeldRecording
 
 SIZE = 125
 """Points of the transform; odd, so that every frequency above 0 is an arrow, with none at half the sampling rate."""

@@ -21,30 +21,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from stereolag.core.arrays import FloatMap, Vector
+from stereolag.core.arrays import FloatMap, Indices, Vector
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
 from stereolag.signals.correlation import (
-    EQUAL,
     FLAT,
-    GRAIN,
-    REACH,
-    ConvertedRecording,
     Lags,
-    around_peak,
-    best_cycle,
     block_curve,
     direct_curve,
-    find_peak,
-    interpolate_peak,
     overlap_length,
-    peak_ratio,
     phat_curve,
-    running_sums,
     transform_length,
 )
-
-Indices = npt.NDArray[np.int64]
+from stereolag.signals.peaks import EQUAL, REACH, best_cycle, find_peak, interpolate_peak, peak_ratio
+from stereolag.signals.recordings import GRAIN, ConvertedRecording, dot, running_sums
 
 
 @dataclass(frozen=True)
@@ -82,8 +72,8 @@ def search_curve(
     if ties == 1 and curve[peak] > 0:
         cycle = best_cycle(curve, peak, REACH)
         peak = cycle if abs(cycle - peak) > 1 else peak
-    near = around_peak(peak, curve.size)
-    fraction, _ = interpolate_peak(curve[near] / np.sqrt(overlap(lags[near])))
+    near = slice(max(0, peak - REACH), peak + REACH + 1)
+    fraction, _ = interpolate_peak(curve[near] / np.sqrt(overlap(lags[near])), peak - near.start)
     lags.flags.writeable = False
     curve.flags.writeable = False
     return FoundLag(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
@@ -107,7 +97,7 @@ def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | Non
     around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
     near = np.arange(lag - around, lag + around + 1)
     curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
-    fraction, _ = interpolate_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
+    fraction, _ = interpolate_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)), around)
     return FoundLag(lag, ratio, ties, fraction, votes=votes, opposite_lag=opposite)
 
 
@@ -280,7 +270,8 @@ def best_matches(
             lag = start_2 - start_1
             if abs(lag) > max_lag:
                 continue
-            score = scales_2[start_2] * _product(piece, signal_2, start_2)
+            # The slice of signal 1 has zero mean, so the mean of the other drops out.
+            score = scales_2[start_2] * dot(piece, signal_2[start_2:])
             if score > best + EQUAL or (score > best - EQUAL and abs(lag) < abs(lags[sample])):
                 best = max(best, score)
                 lags[sample] = lag
@@ -292,22 +283,13 @@ def best_matches(
                 start_2 = start_1 + lag
                 if abs(lag) > max_lag or start_2 < 0 or start_2 >= scales_2.size:
                     break
-                score = scales_2[start_2] * _product(piece, signal_2, start_2)
+                score = scales_2[start_2] * dot(piece, signal_2[start_2:])
                 if score <= best + EQUAL:
                     break
                 best = score
                 lags[sample] = lag
         scores[sample] = best
     return lags, scores
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _product(piece: Vector, signal: Vector, start: int) -> float:
-    # The piece has zero mean, so the mean of the other slice drops out.
-    total = 0.0
-    for i in range(piece.size):
-        total += piece[i] * signal[start + i]
-    return total
 
 
 BLOCK = 2**15
@@ -347,7 +329,7 @@ def _spectra(recording: ConvertedRecording) -> Iterator[tuple[int, Bands]]:
     """Yield the start of a group of blocks, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
     for start in range(0, recording.size, _BLOCKS_AT_ONCE * BLOCK):
         count = min(_BLOCKS_AT_ONCE, -(-(recording.size - start) // BLOCK))
-        rows = recording.single(start, start + count * BLOCK).reshape(count, BLOCK)
+        rows = recording.part(start, start + count * BLOCK, np.float32).reshape(count, BLOCK)
         spectra = np.asarray(fft.rfft(rows, axis=1), dtype=np.complex64)
         # Unlike the other frequencies, the mean of a block has no negative counterpart.
         spectra[:, 0] *= np.float32(np.sqrt(0.5))
@@ -546,16 +528,15 @@ def _refined(
     reduced_lags, reduced, beyond = _reduced(bound, windows, lags, values, peak)
 
     near = next(number for number, (low, high) in enumerate(windows) if low <= lag <= high)
+    low, high = windows[near]
     rival = max([beyond, *(float(one.max()) for number, one in enumerate(curves) if number != near)])
-    ratio = np.fmin(peak_ratio(curves[near], lag - windows[near][0]), height / rival if rival > 0 else np.inf)
-    around = min(REACH, lag - windows[near][0], windows[near][1] - lag)
-    middle = slice(peak - around, peak + around + 1)
+    ratio = np.fmin(peak_ratio(curves[near], lag - low), height / rival if rival > 0 else np.inf)
     lowest = int(np.argmin(values))
     return FoundLag(
         lag,
         float(ratio) if height > 0 else np.nan,
         ties,
-        interpolate_peak(values[middle] / np.sqrt(overlap(lags[middle])))[0],
+        interpolate_peak(curves[near] / np.sqrt(overlap(np.arange(low, high + 1))), lag - low)[0],
         reduced_lags,
         reduced,
         opposite_lag=int(lags[lowest]) if -values[lowest] > 1.1 * height else None,

@@ -15,15 +15,10 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy import fft
 
-from stereolag.core.arrays import Vector
+from stereolag.core.arrays import Indices, Vector
 from stereolag.signals.correlation import (
-    HeldRecording,
-    Inverted,
-    Lags,
-    Recording,
     faded,
     loudest_stretch,
-    main_lobe,
     overlap_length,
     overlap_pearson,
     overlap_slices,
@@ -31,6 +26,8 @@ from stereolag.signals.correlation import (
 from stereolag.signals.drift import follow_lag, median_line, with_steps_placed
 from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
+from stereolag.signals.peaks import main_lobe
+from stereolag.signals.recordings import HeldRecording, Inverted, Recording
 from stereolag.signals.search import FoundLag, enough_votes, lags_within
 
 Recordings: TypeAlias = tuple[Recording, Recording]
@@ -466,21 +463,16 @@ def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
     return np.asarray(products[lags] / energy * first.size / (first.size - np.abs(lags)))
 
 
-def _loud_curve(recordings: Recordings, lag: int) -> Vector:
-    """Return the curve of the loudest common stretch, (2 * reach + 1,) with `lag` in the middle."""
-    parts = loudest_stretch(*recordings, lag, _STRETCH)
-    one, other = (whole.part(part.start, part.stop) for whole, part in zip(recordings, parts, strict=True))
-    return local_curve(one, other, min(_REACH, one.size // 2))
-
-
 def tone_rivals(recordings: Recordings, lag: int, first: int, last: int) -> tuple[int, ...]:
     """Return the lags around `lag` at which tones common to both recordings line up.
 
-    Whitening removes tones, and noise hides their teeth in the curve. The curve's spectrum reveals them: a few lines
-    contain most of its power. The curve rebuilt from these lines alone has the teeth without the noise.
+    Whitening removes tones, and noise hides their teeth in the curve of the loudest common stretch. Its spectrum shows
+    them: a few lines contain most of its power. The curve rebuilt from these lines alone has the teeth, not the noise.
     """
-    curve = _loud_curve(recordings, lag)
-    reach = curve.size // 2
+    parts = loudest_stretch(*recordings, lag, _STRETCH)
+    one, other = (whole.part(part.start, part.stop) for whole, part in zip(recordings, parts, strict=True))
+    reach = min(_REACH, one.size // 2)
+    curve = local_curve(one, other, reach)  # `lag` is in its middle
     count = min(_LINES, reach // 64)
     if count == 0:
         return ()
@@ -509,7 +501,7 @@ def tone_rivals(recordings: Recordings, lag: int, first: int, last: int) -> tupl
     return _nearest({each for each in found if first <= each <= last}, lag)
 
 
-def _tops(curve: Vector, peak: int, least: float) -> Lags:
+def _tops(curve: Vector, peak: int, least: float) -> Indices:
     """Return where the curve has a maximum of at least `least`, outside the main lobe of `peak`."""
     begin, end = main_lobe(curve, peak)
     high = np.flatnonzero(curve >= least)

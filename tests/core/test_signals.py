@@ -18,9 +18,9 @@ from benchmarks.verdict import coloured, common, drifting, noise, tones, unrelat
 from stereolag.core.inputs import as_signal
 from stereolag.io.clocks import Recording
 from stereolag.io.recordings import read_signal
-from stereolag.signals import SignalLag, SignalMethod, correlation, estimate_lag, signal_lag
-from stereolag.signals.correlation import ConvertedRecording, HeldRecording
+from stereolag.signals import SignalLag, SignalMethod, correlation, estimate_lag, peaks, signal_lag
 from stereolag.signals.lag import algorithm
+from stereolag.signals.recordings import ConvertedRecording, HeldRecording, running_sums
 from stereolag.signals.search import _Bound, band_signals, best_matches
 
 METHODS = get_args(SignalMethod)
@@ -354,7 +354,7 @@ def test_both_ways_to_the_weighted_correlation_are_the_formula(sizes: tuple[int,
     plain = correlation.weighted_pearson_reference(first, second, lags)
     np.testing.assert_allclose(curve, plain, atol=1e-9)
     products = np.correlate(second, first, "full")[sizes[0] - 1 :]
-    sums = correlation.running_sums(first), correlation.running_sums(second)
+    sums = running_sums(first), running_sums(second)
     flat = tuple(float(correlation.FLAT * one[1, -1]) for one in sums)
     correlation.weighted_pearson(products, 0, sizes, flat, (0, 0, 0), sums[0], sums[1], sums[1])
     np.testing.assert_allclose(products, plain[lags >= 0], atol=1e-9)
@@ -373,35 +373,36 @@ def test_both_ways_to_the_weighted_correlation_are_the_formula(sizes: tuple[int,
 )
 def test_of_equal_peaks_the_smallest_lag_wins(values: list[float], first_lag: int, expected: tuple[int, int]) -> None:
     lags = np.arange(first_lag, first_lag + len(values))
-    index, ties = correlation.find_peak(np.array(values), lags, np.ones_like)
+    index, ties = peaks.find_peak(np.array(values), lags, np.ones_like)
     assert (lags[index], ties) == expected
 
 
 def test_the_main_lobe_goes_down_to_half_the_peak_and_on_to_the_next_minimum() -> None:
     curve = np.array([0.3, 0.1, 0.2, 0.7, 0.6, 0.8, 1.0, 0.7, 0.75, 0.4, 0.3, 0.35, 0.2])
-    assert correlation.main_lobe(curve, 6) == (1, 11)
-    assert correlation.peak_ratio(curve, 6) == pytest.approx(1.0 / 0.35)
-    assert correlation.main_lobe(curve, 0) == (0, 2)
+    assert peaks.main_lobe(curve, 6) == (1, 11)
+    assert peaks.peak_ratio(curve, 6) == pytest.approx(1.0 / 0.35)
+    assert peaks.main_lobe(curve, 0) == (0, 2)
 
 
 def test_a_peak_without_rivals_has_no_finite_ratio() -> None:
-    assert correlation.interpolate_peak(np.array([0.7]))[0] == 0.0  # nor a fraction
-    assert correlation.peak_ratio(np.array([-0.2, -0.3, 1.0, -0.4, -0.1]), 2) == float("inf")
-    assert np.isnan(correlation.peak_ratio(np.array([0.5, 1.0, 0.5]), 1))
-    assert np.isnan(correlation.peak_ratio(np.array([-0.5, -0.1, -0.5]), 1))
+    assert peaks.interpolate_peak(np.array([0.7]), 0)[0] == 0.0  # nor a fraction
+    assert peaks.peak_ratio(np.array([-0.2, -0.3, 1.0, -0.4, -0.1]), 2) == float("inf")
+    assert np.isnan(peaks.peak_ratio(np.array([0.5, 1.0, 0.5]), 1))
+    assert np.isnan(peaks.peak_ratio(np.array([-0.5, -0.1, -0.5]), 1))
 
 
 @pytest.mark.parametrize(("band", "error"), [(1.0, 0.012), (0.95, 0.001), (0.5, 0.001), (0.1, 0.001)])
 def test_a_band_limited_peak_is_found_between_the_samples(band: float, error: float) -> None:
-    samples = np.arange(-correlation.REACH, correlation.REACH + 1)
+    samples = np.arange(-peaks.REACH, peaks.REACH + 1)
     for offset in np.linspace(-0.49, 0.49, 29):
-        assert correlation.interpolate_peak(np.sinc(band * (samples - offset)))[0] == pytest.approx(offset, abs=error)
+        place, _ = peaks.interpolate_peak(np.sinc(band * (samples - offset)), peaks.REACH)
+        assert place == pytest.approx(offset, abs=error)
 
 
 @pytest.fixture
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(correlation, "SHORTEST_BLOCK", 16)
-    monkeypatch.setattr(correlation, "GRAIN", 3)
+    monkeypatch.setattr("stereolag.signals.recordings.GRAIN", 3)
     monkeypatch.setattr(ConvertedRecording, "piece", 9)
 
 

@@ -15,9 +15,10 @@ from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unr
 from stereolag import samples
 from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
-from stereolag.signals.correlation import find_peak, overlap_length
+from stereolag.signals.correlation import overlap_length
 from stereolag.signals.drift import median_line
 from stereolag.signals.over_time import LagOverTime, Stretch, resample, resample_reference
+from stereolag.signals.peaks import find_peak
 from stereolag.signals.verdict import local_curve, regular_spacing
 
 METHODS = get_args(SignalMethod)

@@ -28,9 +28,10 @@ from stereolag.io.results import curve_csv, lag_json
 from stereolag.io.sources import npy
 from stereolag.signals import SignalLag, by_hand, estimate_lag, phasors, signal_lag
 from stereolag.signals.alignment import align, mix
-from stereolag.signals.correlation import HeldRecording, overlap_pearson, overlap_slices
+from stereolag.signals.correlation import overlap_pearson, overlap_slices
 from stereolag.signals.lag import normalised
 from stereolag.signals.over_time import LagOverTime
+from stereolag.signals.recordings import HeldRecording
 from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
