@@ -127,7 +127,7 @@ def _in_words(figures: dict[str, Any]) -> str:
     columns, rows = figures["board"]
     lines = [
         f"board {columns} × {rows} in {figures['pairs_used']} of {figures['pairs']} pairs of {figures['width']} × "
-        f"{figures['height']} px, over {figures['coverage']:.0%} of the picture",
+        f"{figures['height']} px, over {100 * figures['coverage']:.0f} % of the picture",
         f"reprojection error {figures['rms_px']:.3f} px, rows {figures['row_error_px']:.3f} px apart",
         f"focal length {figures['focal_px']:.2f} px, baseline {1000 * figures['baseline_m']:.3f} mm",
     ]

@@ -214,7 +214,8 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
         searched = f", {first} to {first + count - 1} px searched"
     lines = [
         f"{figures['method']} on {figures['width']} × {figures['height']} px{searched}: {figures['elapsed_s']:.3g} s",
-        f"disparity measured for {figures['coverage']:.1%} of the pixels, filled in for {figures['filled']:.1%}",
+        f"disparity measured for {100 * figures['coverage']:.1f} % of the pixels, filled in for "
+        f"{100 * figures['filled']:.1f} %",
         *(f"doubtful: {finding['sentence']}" for finding in figures["findings"]),
     ]
     if pair.truth is not None:
@@ -223,7 +224,7 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
             f"D1-all {figures['d1_all_percent']:.2f} %"
         )
     if "depth" in figures:
-        lines.append(f"depth of {figures['depth_coverage']:.1%} of the pixels written to {figures['depth']}")
+        lines.append(f"depth of {100 * figures['depth_coverage']:.1f} % of the pixels written to {figures['depth']}")
     if "files" in figures:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")
         lines += [f"{name} is left out: {why}" for name, why in figures["left_out"].items()]

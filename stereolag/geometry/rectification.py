@@ -140,9 +140,9 @@ def _check_what_is_left(name: str, cols: FloatMap, rows: FloatMap, magnified: fl
     if magnified > MOST_MAGNIFIED or min(filled, shown) < LEAST_LEFT:
         raise ValueError(
             f"The {name} picture cannot be rectified with this calibration: it would be magnified {magnified:.1f} "
-            f"times, show {shown:.0%} of what was taken and fill {filled:.0%} of the frame; allowed are up to "
-            f"{MOST_MAGNIFIED:g} times and from {LEAST_LEFT:.0%}. The cameras converge too much, or the calibration is "
-            "of others."
+            f"times, show {100 * shown:.0f} % of what was taken and fill {100 * filled:.0f} % of the frame; allowed "
+            f"are up to {MOST_MAGNIFIED:g} times and from {100 * LEAST_LEFT:.0f} %. The cameras converge too much, or "
+            "the calibration is of others."
         )
 
 

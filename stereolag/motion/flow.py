@@ -159,7 +159,9 @@ class FlowMap:
 
     def __repr__(self) -> str:
         rows, cols = self.dx.shape
-        return f"<FlowMap {cols} × {rows}, {self.verdict}, {self.coverage:.1%} valid, in {self.elapsed_s:.3g} s>"
+        return (
+            f"<FlowMap {cols} × {rows}, {self.verdict}, {100 * self.coverage:.1f} % valid, in {self.elapsed_s:.3g} s>"
+        )
 
     @property
     def valid(self) -> Mask:

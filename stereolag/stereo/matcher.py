@@ -274,7 +274,7 @@ class DisparityMap(Shown):
     def __repr__(self) -> str:
         rows, cols = self.disparity.shape
         return (
-            f"<DisparityMap {cols} × {rows}, {self.coverage:.1%} measured, by {type(self.settings).__name__} "
+            f"<DisparityMap {cols} × {rows}, {100 * self.coverage:.1f} % measured, by {type(self.settings).__name__} "
             f"in {self.elapsed_s:.3g} s>"
         )
 

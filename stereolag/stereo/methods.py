@@ -90,7 +90,7 @@ def preset(name: PresetName, num_disparities: int = 64, min_disparity: int = 0) 
     >>> cube = samples.stereo_pairs()["cube"]
     >>> matcher = sl.preset("fast", num_disparities=64)  # px
     >>> matcher.compute(sl.read_image(cube.left), sl.read_image(cube.right))
-    <DisparityMap 640 × 480, 83.6% measured, by CorrelationMatcher in ... s>
+    <DisparityMap 640 × 480, 83.6 % measured, by CorrelationMatcher in ... s>
     """
     if name not in PRESETS:
         raise ValueError(f"preset is {name!r}; allowed are {', '.join(map(repr, PRESETS))}.")
