@@ -112,12 +112,12 @@ def guarded(command: str, work: Callable[[], int]) -> int:
     return FAILED
 
 
-def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
+def read(reader: Callable[..., T], *paths: str | None, **options: Any) -> T:
     """Return the result of a reader for some files; its errors name them."""
     try:
         return reader(*paths, **options)
     except ValueError as error:
-        raise ValueError(f"{', '.join(paths)}: {error}") from error
+        raise ValueError(f"{', '.join(filter(None, paths))}: {error}") from error
 
 
 def add_frames(parser: argparse.ArgumentParser, one: str, other: str) -> None:
@@ -198,13 +198,14 @@ class SettingsFlags(Generic[S]):
             name = others[0].partition("=")[0].lstrip("-").replace("-", "_")
             if not others[0].startswith("--"):
                 self._parser.error(f"{others[0]!r} is one argument too many.")
-            self._parser.error(f"{unknown_setting(kind, name)} {self._hint(name)}")
+            self._parser.error(f"{unknown_setting(kind, name, _flag)} {self._hint(name)}")
         try:
             _check_stages(vars(options), kind)
             document = _merged(self.settings.model_dump(), _unfolded(vars(options), kind), kind)
             return options, kind.model_validate(document)
         except SettingsError as error:
-            self._parser.error(str(error))
+            problem = error.problems[0]
+            self._parser.error(problem.renamed(_flag(problem.name)).sentence)
 
 
 def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
@@ -216,9 +217,9 @@ def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
         inner = [one for one in given if one.startswith(f"{name}.")]
         one = next(iter(nested(field)[-1].model_fields))
         if state not in (ON, NOTHING):
-            problem = f"{name} is {state!r}; its settings have flags of their own, such as --{_flag(f'{name}.{one}')}."
+            problem = f"{name} is {state!r}; its settings have flags of their own, such as {_flag(f'{name}.{one}')}."
         elif state == NOTHING and inner:
-            problem = f"{name} is switched off, but {inner[0]} is given: leave one out."
+            problem = f"{name} is switched off, but {_flag(inner[0])} is given: leave one out."
         else:
             continue
         raise SettingsError((Problem(name, problem),))
@@ -240,7 +241,7 @@ def _add_flags(
         fields = fields | {name: field for name, field in kind.model_fields.items() if name not in fields}
     for name, field in fields.items():
         value = getattr(values, name, field.default)
-        flag = f"--{_flag(path + name)}"
+        flag = _flag(path + name)
         if inner := nested(field):
             said = _switched(name, field, value) if NoneType in get_args(field.annotation) else _described(field)
             stage = parser.add_argument_group(f"{flag.removeprefix('--')} options", said)
@@ -283,12 +284,12 @@ def _described(field: FieldInfo) -> str:
 
 
 def _flag(name: str) -> str:
-    return name.replace("_", "-")
+    return f"--{name.replace('_', '-')}"
 
 
 def _switched(name: str, field: FieldInfo, value: Any) -> str:
     """Return the description of a stage, whether it is on, and how to switch it on or off."""
-    flag = f"--{_flag(name)}"
+    flag = _flag(name)
     state = (
         f"Off: {flag}, or any of these, switches it on" if value is None else f"On: {flag} {NOTHING} switches it off"
     )
@@ -323,9 +324,9 @@ def _chosen_kind(
     if len(kinds) == 1:
         return kinds[0]
     by_name = {one.model_fields[KIND].default: one for one in kinds}
-    if KIND in given:
-        return by_name[given[KIND]]
     present = by_name[holder[KIND]]
+    if KIND in given:
+        return by_name.get(given[KIND], present)
     fitting = [one for one in (present, *kinds) if set(given) <= set(one.model_fields)]
     return fitting[0] if fitting else present
 

@@ -124,6 +124,7 @@ _REASONS = {
     "repeats": "it repeats",
     "rivals": "other lags fit as well",
     "chance": "the highest point is at chance level",
+    "one_lag": "only a lag of 0 was searched, and the recordings do not agree there",
     "too_little": "so few samples agree that chance could line them up",
     "few_votes": "hardly two samples vote for the same lag",
     "opposite_sign": "the opposite sign fits: one microphone is reversed",

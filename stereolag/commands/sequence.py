@@ -17,6 +17,7 @@ from stereolag.commands.arguments import (
     CommandParser,
     SettingsFlags,
     one_line,
+    read,
     tell,
 )
 from stereolag.commands.pairs import (
@@ -183,7 +184,9 @@ def _read_sequence(
     """
     from stereolag.sequences import open_sequence, rectified_sequence
 
-    sequence = open_sequence(
+    # What is refused of two sides names itself.
+    opened = partial(read, open_sequence) if options.right is None else open_sequence
+    sequence = opened(
         options.left, options.right, truth=options.truth, frame_rate=options.frame_rate, layout=options.layout
     )
     calibration = calibration_as_asked(options)
@@ -247,9 +250,9 @@ def _in_words(figures: dict[str, Any]) -> list[str]:
         f"{figures['frames_per_second']:.1f} a second"
     )
     if figures["finished_before"]:
-        said += f"; {figures['finished_before']:,} were finished before"
+        said += f"; {figures['finished_before']:,} finished before"
     if figures["damaged"]:
-        said += f"; {len(figures['damaged']):,} are damaged"
+        said += f"; {len(figures['damaged']):,} damaged"
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
     doubts = [f"doubtful: {finding['sentence']}" for finding in figures["findings"]]
     return [said, f"written to {to}", *doubts]

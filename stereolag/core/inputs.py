@@ -55,10 +55,12 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     if signal.ndim != 1:
         raise ValueError(f"{name} has shape {signal.shape}; a recording is one-dimensional, one channel at a time.")
     if signal.size < 2:
-        raise ValueError(f"{name} holds {signal.size} samples; at least 2 are needed.")
+        raise ValueError(f"{name} holds {signal.size} sample{'' if signal.size == 1 else 's'}; at least 2 are needed.")
     bad = signal.size - int(np.isfinite(signal).sum())
     if bad:
-        raise ValueError(f"{name} holds {bad} NaN or infinite samples; every sample must be a finite number.")
+        raise ValueError(
+            f"{name} holds {bad} NaN or infinite sample{'' if bad == 1 else 's'}; every sample must be a finite number."
+        )
     if signal.min() == signal.max():
         raise ValueError(f"{name} is constant ({signal[0]:g} throughout); a correlation needs something that varies.")
     return signal

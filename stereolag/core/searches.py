@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, TypedDict
+from typing import Annotated, ClassVar, Literal, TypeAlias, TypedDict
 
 from pydantic import Field
 
@@ -14,6 +14,8 @@ TemplateMethod: TypeAlias = Literal["fft", "sampled", "direct"]
 
 class LagSearch(Settings):
     """Settings of :func:`stereolag.signals.signal_lag`."""
+
+    title: ClassVar[str] = "The search for a lag"
 
     method: SignalMethod = Field(default="fft", title="Method", description="How the lag is looked for.")
     sampling_rate: float = Field(
@@ -55,6 +57,8 @@ class TemplateArguments(TypedDict):
 
 class TemplateQuery(Settings):
     """Settings of :func:`stereolag.templates.match_template`; `arguments` converts them."""
+
+    title: ClassVar[str] = "The search for a template"
 
     method: TemplateMethod = Field(default="fft", title="Method", description="How the template is looked for.")
     min_score: float = Field(

@@ -17,6 +17,8 @@ from annotated_types import Ge, Gt, Le, Lt, MultipleOf
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
+from stereolag.core.typography import together
+
 Number = int | float
 
 T = TypeVar("T")
@@ -189,6 +191,11 @@ class Problem(NamedTuple):
     name: str
     sentence: str
 
+    def renamed(self, name: str) -> Problem:
+        """Return it with another name of the setting, also where the sentence begins with it."""
+        begins = bool(self.name) and self.sentence.startswith(self.name)
+        return Problem(name, name + self.sentence.removeprefix(self.name) if begins else self.sentence)
+
 
 class SettingsError(ValueError):
     """The error of refused settings: the message is one sentence, about the first of the `problems`."""
@@ -206,7 +213,7 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
         context = found.get("ctx", {})
         cause = context.get("error")
         if isinstance(cause, SettingsError):
-            yield from (Problem(".".join(filter(None, (name, one.name))), one.sentence) for one in cause.problems)
+            yield from (one.renamed(".".join(filter(None, (name, one.name)))) for one in cause.problems)
         elif found["type"] == "value_error":
             yield Problem(name, str(cause))
         elif found["type"] == "extra_forbidden":
@@ -245,9 +252,9 @@ def allowed_values(field: FieldInfo) -> str:
     """Return the allowed values of a field, as the end of a sentence."""
     options, kind, inner = choices(field), base_type(field), nested(field)
     if options:
-        return f"are {_listed([repr(one) for one in options])}"
+        return f"are {together([repr(one) for one in options])}"
     if inner:
-        return f"are settings of {_listed([one.__name__ for one in inner])}"
+        return f"are settings of {together([one.__name__ for one in inner])}"
     if kind is bool:
         return "are True and False"
     if kind not in (int, float):
@@ -269,17 +276,14 @@ def _shown(value: object) -> str:
     return text
 
 
-def _listed(words: list[str]) -> str:
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
-
-
-def unknown_setting(kind: type[BaseModel], name: str) -> str:
-    """Return a sentence about an unknown name, with the name that is probably meant."""
+def unknown_setting(kind: type[BaseModel], name: str, written: Callable[[str], str] = str) -> str:
+    """Return a sentence about an unknown name, with the one that is probably meant or all there are, as `written`."""
     known = dict(_names(kind))
     plain = _plain(name.rpartition(".")[2])
     meant = [full for full in known if _plain(full.rpartition(".")[2]) == plain]
     meant = meant or get_close_matches(name, known, n=1, cutoff=0.7)
-    return f"{kind.__name__} has no setting {name!r}" + (f"; did you mean {meant[0]}?" if meant else ".")
+    ends = f"did you mean {written(meant[0])}?" if meant else f"it has {together([*map(written, kind.model_fields)])}."
+    return f"{getattr(kind, 'title', kind.__name__)} has no setting {written(name)!r}; {ends}"
 
 
 def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:

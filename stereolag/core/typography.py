@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ParamSpec
 
 MINUS = "\N{MINUS SIGN}"
@@ -34,6 +34,11 @@ def typeset(text: str) -> str:
 def four_digits(number: float) -> str:
     """Return a number of 0 or more rounded to four digits, but never as a power of ten where it is large: 30,000."""
     return f"{number:,.4g}" if number < 9999.5 else f"{number:,.0f}"
+
+
+def together(words: Sequence[str]) -> str:
+    """Return words as in a sentence: "a", "a and b", "a, b and c"."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 P = ParamSpec("P")

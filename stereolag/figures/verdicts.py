@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.typography import four_digits, typesets
+from stereolag.core.typography import four_digits, together, typesets
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
@@ -65,14 +65,9 @@ def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
 MOST_NAMED = 4
 
 
-def together(words: Sequence[str]) -> str:
-    """Return words as in a sentence: "a", "a and b", "a, b and c"."""
-    *others, last = words
-    return f"{', '.join(others)} and {last}" if others else last
-
-
 _NOTHING_WORDS = {
     "chance": "Nothing in common found: the highest point is at chance level.",
+    "one_lag": "Only a lag of 0 was searched, and the recordings do not agree there: allow a larger one.",
     "too_little": "Not sure of anything in common: so few samples agree that chance could line them up.",
     "few_votes": "Nothing found by sampling: hardly two samples vote for the same lag.",
     "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",

@@ -243,7 +243,7 @@ def check_size(channels: int, samples: int) -> None:
     if not 1 <= channels <= MAX_CHANNELS:
         raise ValueError(f"The {WHAT} has {channels} channels; allowed are 1 to {MAX_CHANNELS}.")
     if samples < 2:
-        raise ValueError(f"The {WHAT} holds {samples} samples; at least 2 are needed.")
+        raise ValueError(f"The {WHAT} holds {samples} sample{'' if samples == 1 else 's'}; at least 2 are needed.")
     if channels * samples > limits().max_samples:
         raise ValueError(
             f"The {WHAT} holds {channels} × {samples} samples; at most {limits().max_samples:,} in all are accepted."

@@ -36,6 +36,11 @@ LARGEST_UINT16 = 65535
 
 _PNG_BEGINS = b"\x89PNG\r\n\x1a\n"
 
+_OF_PHONES = {
+    b"ftyp" + brand: "a HEIC image, which is not read" for brand in (b"heic", b"heix", b"heim", b"heis", b"mif1")
+} | {b"ftypavif": "AVIF"}
+"""Bytes 4 to 12 of the images that phones take and nothing here decodes."""
+
 _DECODERS: dict[str, tuple[tuple[bytes, ...], type[ImageFile]]] = {
     "PNG": ((_PNG_BEGINS,), PngImageFile),
     "JPEG": ((b"\xff\xd8\xff",), JpegImageFile),
@@ -149,9 +154,8 @@ def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     """Return a frame and the number of frames."""
     kind = next((name for name, (marks, _) in _DECODERS.items() if data.startswith(marks)), None)
     if kind is None or (kind == "WEBP" and data[8:12] != b"WEBP"):
-        raise ValueError(
-            f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
-        )
+        what = _OF_PHONES.get(data[4:12], "not an image that can be read, or its beginning is damaged")
+        raise ValueError(f"This is {what}; accepted are {ACCEPTED}.")
     pages = _pages(data) if kind == "TIFF" else []
     if pages:
         _check_frame(number, len(pages))

@@ -109,7 +109,10 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
         recording = read_sound(path or data, form, track)
         bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in recording.channels)
         if bad:
-            raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
+            raise ValueError(
+                f"The {WHAT} holds {bad} NaN or infinite sample{'' if bad == 1 else 's'}; every sample must be "
+                "a finite number."
+            )
         return recording
     if data.startswith(NPY_MAGIC):
         return _from_arrays({"1": parse_npy(data, WHAT)}, track, "NPY")
@@ -207,7 +210,9 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
         channels = np.array(channels, dtype=float_type(channels.size), order="C")
     bad = sum(int(np.isinf(channel).sum()) for channel in channels)
     if bad:
-        raise ValueError(f"The {WHAT} holds {bad} infinite samples; every sample must be a finite number.")
+        raise ValueError(
+            f"The {WHAT} holds {bad} infinite sample{'' if bad == 1 else 's'}; every sample must be a finite number."
+        )
     names, columns = ("",) * len(channels), range(1, len(channels) + 1)
     clock = next(
         (

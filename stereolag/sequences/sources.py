@@ -310,7 +310,7 @@ def _of_one(
     archive = read_archive(source, max_files=MAX_ARCHIVED)
     files = _frames_among(archive.names)
     if not files:
-        raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
+        raise ValueError(f"The archive holds no pictures named left and right; files in it: {len(archive.names):,}.")
     return _picture_sequence(files, frame_rate, partial(_archived, path or archive), door)
 
 
@@ -335,7 +335,8 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
     kept = [one for one in found if _ending(one) in endings and not one.name.startswith(".")]
     if not kept:
         raise ValueError(
-            f"There are no pictures at {str(source)!r}; allowed are folders, patterns such as 'left/*.png'."
+            f"There are no pictures at {str(source)!r}; give each side as a folder or a pattern such as 'left/*.png', "
+            "or one ZIP archive alone with both sides in it."
         )
     return sorted((str(one.absolute()) for one in kept), key=lambda name: [natural_order(name), name])
 

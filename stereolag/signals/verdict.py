@@ -34,7 +34,7 @@ Recordings: TypeAlias = tuple[Recording, Recording]
 
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal[
-    "clear", "drift", "steps", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"
+    "clear", "drift", "steps", "repeats", "rivals", "chance", "one_lag", "too_little", "few_votes", "opposite_sign"
 ]
 
 _FEWEST = 16
@@ -111,8 +111,9 @@ class LagJudgement:
     verdict, reason
         ``"sure"``: ``"clear"``, ``"drift"`` if the lag changes enough to smear the peak, or ``"steps"`` if it jumps.
         ``"ambiguous"``: ``"repeats"`` (evenly spaced rivals) or ``"rivals"``.
-        ``"nothing"``: ``"chance"``; ``"too_little"`` (too few samples carry the agreement to be convincing);
-        ``"few_votes"``; ``"opposite_sign"`` (the recordings match only if one of them is inverted).
+        ``"nothing"``: ``"chance"``; ``"one_lag"`` (chance too, and no lag but 0 was searched); ``"too_little"`` (too
+        few samples carry the agreement to be convincing); ``"few_votes"``; ``"opposite_sign"`` (the recordings match
+        only if one of them is inverted).
     lag
         The lag that the evidence speaks for, with its fraction, samples: with drift, in the middle of the longest
         stretch. The method's own lag if it speaks for none.
@@ -283,7 +284,8 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
             rivals = tone_rivals(recordings, found.lag, first, last)
             stands_out = any(peak.above > _TOWERS * needed and peak.carried < needed for peak in best.peaks)
             little = stands_out or best.peaks[0].carriers < needed
-            reason = "rivals" if rivals else "few_votes" if few_votes else "too_little" if little else "chance"
+            reason = "few_votes" if few_votes else "too_little" if little else "chance"
+            reason = "rivals" if rivals else "one_lag" if first == last else reason
     lag = own
     # The plain curve's fraction is finer than that of a weighted one, but its highest sample can be the wrong cycle.
     if best is not None and best.score > 1 and not bound and (best.changes or abs(best.lag - own) > 1):

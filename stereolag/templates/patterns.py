@@ -100,7 +100,8 @@ def pattern_of(
     if not np.ptp(pixels, axis=0).any():
         value = ", ".join(f"{channel:g}" for channel in pixels[0])
         raise ValueError(
-            f"template is constant ({value} in all its {len(pixels)} opaque pixels); "
+            f"template is constant ({value} in "
+            f"{'its only opaque pixel' if len(pixels) == 1 else f'all its {len(pixels)} opaque pixels'}); "
             "a correlation needs something that varies."
         )
     # Relative to its first pixel, a constant channel is exactly 0, whatever the rounding of its mean.

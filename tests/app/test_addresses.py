@@ -56,7 +56,12 @@ def test_what_is_as_at_first_is_left_out() -> None:
     [
         (FIRST, "window_size", "2", ": window_size is '2'; allowed are whole numbers from 3 to 255."),
         (FIRST, "window_size", "<b>*", "“?b??” is ignored: window_size is '?b>?'; allowed are whole numbers"),
-        (FIRST, "nonsense", "1", "“nonsense” = “1” is ignored: CorrelationMatcher has no setting 'nonsense'."),
+        (
+            FIRST,
+            "nonsense",
+            "1",
+            "“nonsense” = “1” is ignored: Convolution has no setting 'nonsense'; it has window_size, ",
+        ),
         (FIRST, "search.num_disparities", "9999", "“search.num_disparities” = “9999” is ignored"),
         (FIRST, "search.kind", "round", ": search.kind is 'round'; allowed are 'centred', 'rectified'."),
         (FIRST, "left_right.tolerance", "-9", "“left_right.tolerance” = “-9” is ignored"),

@@ -116,6 +116,7 @@ def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
     soundfile.write("turned.wav", -soundfile.read("second.wav")[0], 8000)
     for files, verdict in (
         (("first.wav", "other.wav"), "verdict   nothing: the highest point is at chance level"),
+        (("first.wav", "second.wav", "--max-lag", "0"), "verdict   nothing: only a lag of 0 was searched"),
         (("tone_1.wav", "tone_2.wav"), "verdict   ambiguous: it repeats"),
         (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording reversed"),
     ):
@@ -320,10 +321,15 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ("lag first.wav silence.wav", 4, "silence.wav"),
         ("lag first.wav none.wav", 4, "none.wav: No such file or directory."),
         ("lag first.wav second.wav --aligned out.mp3", 2, "--aligned is out.mp3; its name ends in .wav"),
-        ("lag first.wav second.wav --speed 0", 2, "speed is 0; allowed are numbers above 0."),
+        ("lag first.wav second.wav --speed 0", 2, "--speed is 0; allowed are numbers above 0."),
+        (
+            "lag first.wav second.wav --maxlag 9",
+            2,
+            "The search for a lag has no setting '--maxlag'; did you mean --max-lag?",
+        ),
         ("lag first.wav second.wav --max-lag 4000", 4, "max_lag is 4000; allowed are whole samples from 0"),
         ("find template.png image.png", 4, "template is 120 × 100 pixels"),
-        ("find image.png template.png --min-score 2", 2, "min_score is 2; allowed are numbers from 0 to 1."),
+        ("find image.png template.png --min-score 2", 2, "--min-score is 2; allowed are numbers from 0 to 1."),
         ("find image.png template.png --mask image.png", 4, "mask"),
         ("find image.png", 2, "TEMPLATE"),
         ("calibrate flat", 2, "--square"),

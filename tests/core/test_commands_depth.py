@@ -46,6 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written(folder, noise[:, :-SHIFT], noise[:, SHIFT:])
     sl.write_disparity(folder / "truth.pfm", np.full((60, 120), SHIFT, np.float32))
     (folder / "calibration.json").write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2}))
+    (folder / "phone.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(99))
     (folder / "other.json").write_text(json.dumps({"focal_px": 1.0, "baseline_m": 1.0, "width": 50, "height": 50}))
     return folder
 
@@ -213,6 +214,7 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         ("left.png right.png third.png", 2, "'third.png' is one argument too many."),
         (". right.png", 4, ".: Is a directory."),
         ("other.json right.png", 4, "other.json: This is not an image that can be read"),
+        ("phone.heic right.png", 4, "phone.heic: This is a HEIC image, which is not read; accepted are PNG, JPEG"),
         ("truth.pfm right.png", 4, "left holds float32 and right uint8 pixels"),
         ("left.png right.png --truth left.png", 4, "left.png: The disparity map has shape (60, 120, 3)"),
         ("left.png right.png --calibration left.png", 4, "left.png: The calibration"),
@@ -221,6 +223,7 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         ("left.png right.png --settings truth.pfm", 4, "truth.pfm: The settings file is not JSON"),
         ("left.png right.png --preset best", 2, "choose from 'report', 'fast', 'accurate'"),
         ("left.png right.png --preset fast --method bm", 2, "not allowed with argument"),
+        ("left.png right.png --preset fast --search.kind round", 2, "--search.kind is 'round'; allowed are 'centred',"),
         ("left.png right.png --block-size 9", 2, "There is one with --method bm or sgbm."),
         ("left.png right.png --method bm --block-size 61", 4, "block_size is 61 px and the images"),
         ("left.png right.png --out truth.pfm", 4, "truth.pfm: File exists."),

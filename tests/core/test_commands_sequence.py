@@ -85,7 +85,7 @@ def test_it_goes_on_and_refuses_other_settings(sides: tuple[Path, Path], tmp_pat
     command = ("sequence", *sides, "--out", tmp_path / "out", *GIVEN)
     assert "3 of 3 frames matched" in ran(*command).out
     again = ran(*command)
-    assert again.code == 0 and "0 of 3 frames matched" in again.out and "3 were finished before" in again.out
+    assert again.code == 0 and "0 of 3 frames matched" in again.out and "3 finished before" in again.out
     told = ran(*command, "--window-size", 9)
     assert told.code == 4 and "made with other settings" in told.err
     assert ran(*command, "--window-size", 9, "--again", "--json").figures["matched"] == 3
@@ -101,11 +101,18 @@ def test_the_frame_before_takes_part_if_asked(sides: tuple[Path, Path], tmp_path
         assert ran(*command, *flags).code == 0
         assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
     refused = ran(*command, "--steadiness.limit", -1)
-    assert refused.code == 2 and "limit is -1; allowed are numbers above 0 to 16" in refused.err
+    assert refused.code == 2 and "--steadiness.limit is -1; allowed are numbers above 0 to 16" in refused.err
 
 
 def test_motion_is_told_if_asked(tmp_path: Path, ran: Command) -> None:
     (tmp_path / "drive.zip").write_bytes(moving_drives.archive(3))
+    for files, said in (
+        (("drive.zip", "drive.zip"), "or one ZIP archive alone with both sides in it."),
+        (("cut.zip",), "cut.zip: The archive is not a ZIP file, or it is damaged"),
+    ):
+        (tmp_path / "cut.zip").write_bytes(moving_drives.archive(3)[:2000])
+        refused = ran("sequence", *(tmp_path / name for name in files), "--out", tmp_path / "none")
+        assert refused.code == 4 and said in refused.err
     (tmp_path / "camera.json").write_text(calibration_json(moving_drives.CAMERA))
     out = tmp_path / "out"
     told = ran("sequence", tmp_path / "drive.zip", "--out", out, "--calibration", tmp_path / "camera.json", "--motion")
@@ -163,7 +170,7 @@ def test_damaged_frames_have_an_exit_code_of_their_own(sides: tuple[Path, Path],
     told = ran(*command)
     assert told.code == 3
     assert told.err.startswith("stereolag sequence: 001: ") and told.err.count("\n") == 1
-    assert "2 of 3 frames matched" in told.out and "1 are damaged" in told.out
+    assert "2 of 3 frames matched" in told.out and "; 1 damaged" in told.out
     told = ran(*command, "--json")
     assert told.code == 3 and [*told.figures["damaged"]] == ["001"]
     (sides[0] / "001.png").write_bytes(whole)

@@ -13,7 +13,8 @@ from stereolag.core.inputs import as_grey, as_image, as_signal, as_stereo_pair
     ("value", "says"),
     [
         ([], "0 samples"),
-        ([1.0], "1 samples"),
+        ([1.0], "1 sample;"),
+        ([1.0, np.nan], "1 NaN or infinite sample;"),
         (np.zeros((3, 3)), "one-dimensional"),
         ([1.0, np.nan, np.inf], "2 NaN"),
         (np.ma.masked_equal([1.0, -9999.0, 2.0], -9999.0), "1 NaN"),

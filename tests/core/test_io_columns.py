@@ -764,7 +764,7 @@ def test_nul_bytes_behind_a_number_go_and_are_counted_as_missing_values_are(newl
             "jump by 1e[+]06 s after 5 s, while its usual step is 1 s; cut",
         ),
         (rows(lambda i: f"{i if i < 299 else 1e300},{A[i]}", "t,A"), "jump by 1e[+]300 s after 298 s"),
-        ("7,1.5\n", "holds 1 samples; at least 2"),
+        ("7,1.5\n", "holds 1 sample; at least 2"),
         (rows(lambda i: f"{START:%H:%M:%S},{A[i]}"), "times of the recording are all the same"),
         (
             rows(lambda i: f"{'' if i % 3 else A[i]},x", "A,B"),
@@ -774,7 +774,7 @@ def test_nul_bytes_behind_a_number_go_and_are_counted_as_missing_values_are(newl
             rows(lambda i: f"{i},[{A[i]}]", "t,A"),
             "holds no numbers beside the times in column 1 “t”; column 2 “A” holds words",
         ),
-        ("7\n", "holds 1 samples; at least 2"),
+        ("7\n", "holds 1 sample; at least 2"),
         (rows(lambda i: f"{A[i]};{B[i]}" + "\0" * (30 <= i < 36)), "Line 31 holds a NUL byte; allowed are"),
         (rows(lambda i: "1.5\0002;3" if i == 10 else f"{A[i]};{B[i]}"), "Line 11 holds a NUL byte"),
         (rows(lambda i: "\0" if i == 10 else f"{A[i]};{B[i]}"), "Line 11 holds a NUL byte"),

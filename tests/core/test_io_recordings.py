@@ -158,7 +158,7 @@ UNKNOWN = "is neither a known file nor a text: it begins with the bytes"
         (b"", "is an empty file (0 bytes)."),
         (bytes(range(1, 200)), f"{UNKNOWN} 01 02 03 04 05 06; {ALLOWED}"),
         (bytes(500), f"{UNKNOWN} 00 00 00 00 00 00; {ALLOWED}"),
-        (saved(np.array([1.0, np.inf, 2.0])), f"holds 1 infinite samples; {FINITE}."),
+        (saved(np.array([1.0, np.inf, 2.0])), f"holds 1 infinite sample; {FINITE}."),
         (saved(np.zeros((2, 3, 4))), "(NPY) has shape (2, 3, 4); allowed are (samples,) and (channels, samples)."),
         (saved(np.zeros((100, 100))), "has 100 channels; allowed are 1 to 64."),
         (saved(np.array(["a", "b"])), "(.npy) holds str32; allowed are integers and floats."),
@@ -192,7 +192,7 @@ def test_long_arrays_too_and_what_float32_cannot_hold_is_refused(
     np.save(path, np.zeros((40_000, 2)))
     assert read_signal(path).channels.dtype == np.float32
     np.save(path, np.where(np.arange(80_000) == 7, 1e300, 0.0))
-    with pytest.raises(ValueError, match="holds 1 infinite samples"):
+    with pytest.raises(ValueError, match="holds 1 infinite sample"):
         read_signal(path)
 
 

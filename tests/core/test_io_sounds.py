@@ -238,11 +238,11 @@ REFUSED: list[tuple[bytes, str]] = [
         wav((0x1234, 1, 8000, 8000, 1, 8), bytes(800)),
         f"{WHAT} a WAV file that is in the coding 0x1234, which is not decoded, or damaged{ANEW}",
     ),
-    (plain_wav(data=bytes(2)), "The recording holds 1 samples; at least 2 are needed."),
+    (plain_wav(data=bytes(2)), "The recording holds 1 sample; at least 2 are needed."),
     (plain_wav(data=b""), "The recording holds 0 samples; at least 2 are needed."),
     (
         sound("WAV", "FLOAT", samples=np.array([0.0, np.nan, 1.0])),
-        "The recording holds 1 NaN or infinite samples; every sample must be a finite number.",
+        "The recording holds 1 NaN or infinite sample; every sample must be a finite number.",
     ),
     (sound("FLAC")[:30], f"{WHAT} a FLAC file that is damaged, cut short or in an unknown coding{ANEW}"),
     (sound("AIFF", "DWVW_16"), f"{WHAT} an AIFF file that is in the coding DWVW, which is not decoded{ANEW}"),

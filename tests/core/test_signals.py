@@ -205,7 +205,7 @@ DRIFT = np.linspace(0.0, 1.0, 300_000)
     ("change", "message"),
     [
         ({"signal_1": []}, "signal_1 holds 0 samples"),
-        ({"signal_2": [1.0]}, "signal_2 holds 1 samples"),
+        ({"signal_2": [1.0]}, "signal_2 holds 1 sample;"),
         ({"signal_1": np.ones(100)}, r"signal_1 is constant \(1"),
         ({"signal_2": [0.0, np.nan, 1.0]}, "signal_2 holds 1 NaN"),
         ({"signal_1": np.ones((3, 4))}, r"shape \(3, 4\)"),

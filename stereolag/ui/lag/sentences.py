@@ -12,10 +12,10 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
-from stereolag.core.typography import four_digits, typeset, typesets
+from stereolag.core.typography import four_digits, together, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
-from stereolag.figures.verdicts import MOST_NAMED, together, verdict_in_words
+from stereolag.figures.verdicts import MOST_NAMED, verdict_in_words
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
