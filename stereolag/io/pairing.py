@@ -328,7 +328,10 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
                 raise ValueError(
                     f"{given[0]} is one file but not a ZIP; give a folder, a ZIP, or the files of both cameras."
                 )
-            archive = read_archive(data)
+            try:
+                archive = read_archive(data)
+            except ValueError as error:
+                raise ValueError(f"{given[0]}: {error}") from error
             names, read = [*archive.names], archive.read
         pairs = matched_pairs(names)
         if not pairs:

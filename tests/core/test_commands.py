@@ -77,6 +77,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for path in sorted((folder / "sides").rglob("*.png")):
             archive.write(path, path.relative_to(folder / "sides"))
     (folder / "text.txt").write_text("no ZIP")
+    (folder / "cut.zip").write_bytes(b"PK\x03\x04" + bytes(99))
     return folder
 
 
@@ -340,6 +341,7 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ("calibrate flat --square 1 --board 1x4", 2, "allowed are 2 to 50 inner corners"),
         ("calibrate flat/left1.png flat/right1.png --square 1 --board 6x4", 4, "pairs"),
         ("calibrate none --square 1 --out new", 4, "none: there is no such file or folder."),
+        ("calibrate cut.zip --square 1", 4, "cut.zip: The archive is not a ZIP file, or it is damaged"),
         ("calibrate text.txt --square 1", 4, "text.txt is one file but not a ZIP"),
         ("calibrate flat/left*.png flat/x*.png --square 1", 4, "flat/x*.png: no file matches."),
         ("calibrate flat/left*.png flat/right1*.png --square 1", 4, "matches 11 files and flat/right1*.png 2"),
