@@ -156,6 +156,8 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
         if judgement.opposite_lag is not None:
             lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
     lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
+    if result.begins_again_at is not None:
+        lines.append(f"values    begin again every {result.begins_again_at:.4g}: their steps were compared")
     if over_time is not None and over_time.shows:
         lines.append(f"over time {over_time_in_words(over_time, rate)}")
     elif over_time is not None:

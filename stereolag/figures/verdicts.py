@@ -78,6 +78,8 @@ def verdict_explained(result: SignalLag) -> list[str]:
     """Return the details of a verdict: arrivals, clocks, rivals, a reversed microphone, advice."""
     judgement, over_time = result.judgement, result.over_time
     said = []
+    if result.begins_again_at is not None:
+        said.append(f"The values of both begin again every {result.begins_again_at:,.4g}: their steps were compared.")
     if over_time is not None and over_time.shows:
         said.append("A lag that changes is not due to the path alone, so no metres are given.")
     if len(result.arrivals) > 1 and judgement.reason != "repeats":

@@ -148,6 +148,7 @@ def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] =
         "rivals": list(result.rivals),
         "arrivals": [{"lag_samples": one.lag, "sigma": one.sigma} for one in result.arrivals],
         "inverted": result.inverted,
+        "begins_again_at": result.begins_again_at,
         "over_time": over_time and _over_time_figures(over_time, result.sampling_rate),
         "drift_ppm": result.drift_ppm,
         "uncertainty_samples": result.uncertainty,

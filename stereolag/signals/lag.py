@@ -216,6 +216,9 @@ class SignalLag(Shown):
         Duration of the search, without input checks and judgement, seconds.
     sampling_rate, speed
         As given to :func:`signal_lag`, or taken from the recordings.
+    begins_again_at
+        The number at which the values of both recordings begin again, as 360 of headings: their steps were correlated.
+        None if they do not, and for "sampled".
 
     Examples
     --------
@@ -235,6 +238,7 @@ class SignalLag(Shown):
     elapsed_s: float
     sampling_rate: float
     speed: float
+    begins_again_at: float | None
     _found: FoundLag = field(repr=False)
     _score: float = field(repr=False)
     _bound: bool = field(repr=False)
@@ -434,7 +438,7 @@ def signal_lag(
 
     started = time.perf_counter()
     chosen = algorithm(given_1.size, given_2.size, method, reach)
-    around = None if method == "sampled" else both_begin_again_at(given_1, given_2)
+    around = None if method == "sampled" else _both_begin_again_at(given_1, given_2)
     if around is not None:
         given_1, given_2 = (_steps_around(given, around) for given in (given_1, given_2))
     if chosen == "whole":
@@ -467,6 +471,7 @@ def signal_lag(
         elapsed_s=time.perf_counter() - started,
         sampling_rate=rate,
         speed=speed,
+        begins_again_at=around,
         _found=found,
         _score=score,
         _bound=method in {"direct", "sampled"} or _is_plain(found, score, (given_1.size, given_2.size)),
@@ -503,7 +508,7 @@ _LOOKED_AT = 2**20
 """Samples whose steps are looked at."""
 
 
-def both_begin_again_at(given_1: Array, given_2: Array) -> float | None:
+def _both_begin_again_at(given_1: Array, given_2: Array) -> float | None:
     """Return the number, 360 or another usual one, at which the values of both begin again, or None."""
     around = _begins_again_at(given_1)
     return around if around is not None and around == _begins_again_at(given_2) else None

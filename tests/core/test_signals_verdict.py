@@ -106,6 +106,7 @@ def test_what_begins_again_at_a_number_is_compared_by_its_steps(around: float, l
         heading_1, heading_2 = ((one - lowest) % around + lowest for one in noisy)
         result = signal_lag(heading_1, heading_2)
         assert (result.verdict, result.lag) == ("sure", 50)
+        assert result.begins_again_at == pytest.approx(around)
 
 
 def test_a_regular_sawtooth_still_repeats() -> None:

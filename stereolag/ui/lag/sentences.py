@@ -20,7 +20,6 @@ from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances, Slide
-from stereolag.signals.lag import both_begin_again_at
 from stereolag.signals.listening import Heard
 from stereolag.signals.over_time import LagOverTime
 from stereolag.ui.sentences import duration
@@ -90,9 +89,6 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
     apart = starts_apart(*recordings)
     if apart:
         lines.append(f"By their own clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
-    around = both_begin_again_at(*(one.channels[0] for one in recordings))
-    if around is not None:
-        lines.append(f"Values of both begin again every {around:,.4g}: all methods but Sampled compare their steps.")
     return "  \n".join(lines)
 
 
