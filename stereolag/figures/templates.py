@@ -23,6 +23,7 @@ from stereolag.figures.pictures import (
     VIRIDIS,
     WHITE,
     Colour,
+    Rgba,
     as_rgb,
     coloured,
     fitted,
@@ -30,7 +31,7 @@ from stereolag.figures.pictures import (
     png,
 )
 from stereolag.templates import TemplateMatch
-from stereolag.templates.by_hand import best_of_blocks, block_side
+from stereolag.templates.by_hand import ReducedSearch, best_of_blocks, block_side
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.templates.trials import Trial, pixels_around
 
@@ -107,6 +108,28 @@ def score_map_png(
         for colour, thickness in ((WHITE, width + 2), (FRAME, width)):  # seen on every colour by all eyes
             cv2.circle(shown, centre, radius, colour, thickness, cv2.LINE_AA)
     return png(shown)
+
+
+def relief(search: ReducedSearch, row: int, col: int, side: int = 400) -> Rgba:
+    """Return the scores around a place, seen from the front and above, (side, side, 4) uint8.
+
+    Equal heights always mean equal scores, which rise from 0; places without a score, and outside the map, lie at 0.
+    """
+    reach = int(np.clip(round(0.6 * max(search.opaque.shape)), 8, 20))
+    around = np.nan_to_num(np.pad(search.score_map, reach))[row : row + 2 * reach + 1, col : col + 2 * reach + 1]
+    across = np.arange(-reach, reach + 1) / (2 * reach + 1)
+    near = (across - across[0])[:, np.newaxis]  # 0 far … 1 near
+    x = side * (0.5 + across * (0.72 + 0.26 * near))
+    y = side * (0.58 + 0.42 * near - 0.54 * np.maximum(0, around)) - 4
+    corners = np.rint(np.stack([x, y], axis=-1)).astype(np.int32)
+    means = (around[:-1, :-1] + around[:-1, 1:] + around[1:, 1:] + around[1:, :-1]) / 4
+    light = 1 + 1.2 * np.clip(np.diff(around[:-1], axis=1), -0.3, 0.3)  # from the left
+    colours = np.minimum(255, coloured(means, 0, 1) * light[..., np.newaxis])
+    picture = np.zeros((side, side, 4), dtype=np.uint8)
+    for down, right in np.ndindex(means.shape):  # far rows first
+        outline = corners[[down, down, down + 1, down + 1], [right, right + 1, right + 1, right]]
+        cv2.fillConvexPoly(picture, outline, (*colours[down, right].tolist(), 255))
+    return picture
 
 
 @cache

@@ -24,7 +24,8 @@ import streamlit as st
 
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
-from stereolag.figures.pictures import png
+from stereolag.figures.pictures import coloured, data_url, png
+from stereolag.figures.templates import relief
 from stereolag.templates.by_hand import ReducedSearch, ScoreMap, best_of_blocks, block_side
 from stereolag.ui.streamlit_inside import ComponentRenderer
 
@@ -180,7 +181,7 @@ def _in_two_bytes(codes: npt.NDArray[np.floating[Any]]) -> Rgb:
 def packed_search(
     search: ReducedSearch, *, name: str, words: Mapping[str, Any], places: Sequence[Mapping[str, Any]] = ()
 ) -> bytes:
-    """Return a search as :func:`packed_pictures`: picture, template, opaque pixels, scores.
+    """Return a search as :func:`packed_pictures`: picture, template with alpha, scores, their colours.
 
     Parameters
     ----------
@@ -193,17 +194,21 @@ def packed_search(
     places
         Places to frame: the `kind` of each, and its `corners`, reduced, as x and y.
     """
-    opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
+    shown = coloured(search.score_map, 0, 1)
+    template = np.dstack([search.template, search.opaque * np.uint8(255)])
     header = {
         "name": name,
         "factor": search.factor,
         "row": search.row,
         "col": search.col,
         "places": list(places),
-        "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
+        "leaders": [
+            {"row": row, "col": col, "score": score, "relief": data_url(png(relief(search, row, col)))}
+            for row, col, score in search.leaders()
+        ],
         "words": dict(words),
     }
-    return packed_pictures(header, (search.picture, search.template, opaque, scores_as_colours(search.score_map)))
+    return packed_pictures(header, (search.picture, template, scores_as_colours(search.score_map), shown))
 
 
 def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mapping[str, Any]) -> bytes:

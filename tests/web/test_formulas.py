@@ -96,20 +96,19 @@ def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, 
 
 # A template dragged over an image
 
-SCORE = """({ prepared, compared }, { picture, template, counts, places }) => {
+SCORE = """({ prepared, compared }, { picture, template, places }) => {
   const pixels = (one) => ({ ...one, data: Uint8ClampedArray.from(one.data) });
-  const sought = prepared(pixels(template), Uint8Array.from(counts));
+  const sought = prepared(pixels(template));
   return places.map(([row, col]) => compared(pixels(picture), sought, row, col));
 }"""
 
 
 def scored(node: Node, search: ReducedSearch, places: list[tuple[int, int]]) -> list[list[float]]:
-    def told(pixels: np.ndarray) -> dict[str, object]:
-        data = np.dstack([pixels, np.full(pixels.shape[:2], 255, dtype=np.uint8)])
+    def told(pixels: np.ndarray, opaque: object = True) -> dict[str, object]:
+        data = np.dstack([pixels, np.broadcast_to(np.uint8(255) * opaque, pixels.shape[:2])])
         return {"rows": pixels.shape[0], "cols": pixels.shape[1], "data": data.ravel().tolist()}
 
-    counts = search.opaque.ravel().astype(int).tolist()
-    given = {"picture": told(search.picture), "template": told(search.template), "counts": counts, "places": places}
+    given = {"picture": told(search.picture), "template": told(search.template, search.opaque), "places": places}
     found: list[list[float]] = node.call("template_by_hand/template_by_hand.js", SCORE, given)
     return found
 

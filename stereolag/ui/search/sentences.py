@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from stereolag.core.searches import TemplateQuery
-from stereolag.figures.pictures import FRAME, VIRIDIS
+from stereolag.figures.pictures import FRAME
 from stereolag.figures.verdicts import EQUAL, is_cut_off, place, remark_on
 from stereolag.templates import TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
@@ -210,7 +210,6 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
     """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
     return {
         "frame": f"rgb{FRAME}",
-        "palette": VIRIDIS[::3].tolist(),
         "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
         "texts": {
             ".try": "Drag the template over the image. Everywhere its pixels are multiplied with those under it: warm "

@@ -1,6 +1,6 @@
 // A template dragged over a picture, without server requests.
 
-import { colourAt, cut, line, put, placeIn } from "../shared/dom.js";
+import { cut, put, placeIn } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
 import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
@@ -25,15 +25,20 @@ class TemplatePanel extends Panel {
     this.widest = `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`; // on the first screen
     this.row = Math.round((map.rows - 1) * 0.2);
     this.col = Math.round((map.cols - 1) * 0.2);
-    this.clear();
+    this.revealed = false;
     this.render();
+    this.clear();
     put(this.find(".picture"), picture);
     for (const name of [".held canvas", ".template canvas"]) put(this.find(name), template);
   }
 
+  get painting() {
+    return this.find(".map canvas").getContext("2d");
+  }
+
   clear() {
-    const { rows, cols } = this.data.map;
-    this.painted = { rows, cols, data: new Uint8ClampedArray(4 * rows * cols) };
+    const { cols: width, rows: height } = this.data.map;
+    Object.assign(this.painting.canvas, { width, height }); // which empties it
     this.revealed = false;
     this.paint(this.row, this.col);
     this.schedule();
@@ -53,21 +58,12 @@ class TemplatePanel extends Panel {
   }
 
   paint(row, col) {
-    const { rows, cols } = this.data.map;
-    for (let down = Math.max(0, row - SPOT); down <= Math.min(rows - 1, row + SPOT); down++) {
-      for (let right = Math.max(0, col - SPOT); right <= Math.min(cols - 1, col + SPOT); right++) this.fill(down * cols + right);
-    }
-  }
-
-  fill(at) {
-    const { data } = this.painted;
-    if (data[4 * at + 3]) return;
-    data.set(colourOf(this.data.map.scores[at], this.data.words.palette), 4 * at);
-    data[4 * at + 3] = 255;
+    const place = [col - SPOT, row - SPOT, 2 * SPOT + 1, 2 * SPOT + 1];
+    this.painting.drawImage(this.data.map.image, ...place, ...place);
   }
 
   reveal() {
-    this.data.map.scores.forEach((_, at) => this.fill(at));
+    this.painting.drawImage(this.data.map.image, 0, 0);
     this.revealed = true;
     this.schedule();
   }
@@ -121,12 +117,9 @@ class TemplatePanel extends Panel {
 
   draw() {
     this.render();
-    const { picture, template, map, leaders, words } = this.data;
+    const { picture, template } = this.data;
     cut(this.find(".window canvas"), picture.image, this.col, this.row, template.cols, template.rows);
     put(this.find(".products canvas"), inProductColours(template, compared(picture, template, this.row, this.col)));
-    put(this.find(".map canvas"), this.painted);
-    const reach = clamp(Math.round(0.6 * Math.max(template.rows, template.cols)), 8, 20);
-    this.findAll(".leaders canvas").forEach((canvas, at) => drawRelief(canvas, map, leaders[at], reach, words.palette));
   }
 
   lesson() {
@@ -147,20 +140,18 @@ class TemplatePanel extends Panel {
 // Unpacks the data of stereolag.ui.components.packed_search.
 async function searched(data) {
   const { parts, ...header } = unpacked(data);
-  const [picture, template, opaque, codes] = await Promise.all(parts.map(pixelsOf));
-  const counts = Uint8Array.from({ length: opaque.rows * opaque.cols }, (_, at) => opaque.data[4 * at]);
-  counts.forEach((value, at) => (template.data[4 * at + 3] = value));
-  const sought = { ...prepared(template, counts), data: template.data };
-  return { ...header, picture, template: sought, map: scoresOf(codes, header.steps) };
+  const [picture, template, codes, shown] = await Promise.all(parts.map(pixelsOf));
+  const sought = { ...prepared(template), data: template.data };
+  return { ...header, picture, template: sought, map: { ...scoresOf(codes, header.steps), image: shown.image } };
 }
 
 // The products at one place of the template. Their mean is the score: Pearson's correlation over all channels.
 
 const CHANNELS = 3;
 
-// The template's deviations from the mean of each channel, over the pixels that count; `data` are RGBA bytes.
-export function prepared({ data, rows, cols }, counts) {
-  const places = [...counts.keys()].filter((at) => counts[at]);
+// The template's deviations from the mean of each channel, over the pixels that count, those that are opaque.
+export function prepared({ data, rows, cols }) {
+  const places = Array.from({ length: rows * cols }, (_, at) => at).filter((at) => data[4 * at + 3]);
   const deviations = centred(places.map((at) => 4 * at), data);
   return { rows, cols, places, deviations, norm: lengthOf(deviations) };
 }
@@ -189,8 +180,6 @@ export function compared(picture, template, row, col) {
   return products;
 }
 
-// The drawings: enlarged pieces, the products of their pixels, the score map, and the relief around a peak.
-
 const WARM = [224, 104, 56];
 const COOL = [58, 130, 190];
 const STRONG = 3; // times the mean product of a perfect match
@@ -203,47 +192,4 @@ function inProductColours({ rows, cols, places }, products) {
     data[4 * at + 3] = 30 + 225 * Math.min(1, Math.sqrt(Math.abs(products[index]) / STRONG));
   });
   return { rows, cols, data };
-}
-
-// The colour of a score: the darkest at 0 and below, the brightest at 1, grey where there is no score.
-const colourOf = (score, palette) => (Number.isNaN(score) ? [140, 140, 140] : colourAt(score, palette));
-
-// The scores around a place, seen from the front and above, far rows first; equal heights always mean equal scores.
-function drawRelief(canvas, map, place, reach, palette) {
-  const ratio = window.devicePixelRatio || 1;
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  const key = [map, place, width, height, ratio];
-  if (key.every((one, at) => one === canvas.drawn?.[at])) return;
-  canvas.drawn = key;
-  [canvas.width, canvas.height] = [width * ratio, height * ratio];
-  const context = canvas.getContext("2d");
-  context.scale(ratio, ratio);
-  const side = 2 * reach + 1;
-  const depth = height * 0.42;
-  const rise = height * 0.54;
-  const score = (down, right) => {
-    const [row, col] = [place.row + down, place.col + right];
-    const inside = row >= 0 && col >= 0 && row < map.rows && col < map.cols;
-    const found = inside ? map.scores[row * map.cols + col] : NaN;
-    return Number.isNaN(found) ? 0 : found;
-  };
-  const at = (down, right) => {
-    const near = (down + reach) / side; // 0 far … 1 near
-    const x = width / 2 + (right / side) * width * (0.72 + 0.26 * near);
-    return [x, height - depth * (1 - near) - 4 - Math.max(0, score(down, right)) * rise];
-  };
-  for (let down = -reach; down < reach; down++) {
-    for (let right = -reach; right < reach; right++) {
-      const corners = [at(down, right), at(down, right + 1), at(down + 1, right + 1), at(down + 1, right)];
-      const heights = [score(down, right), score(down, right + 1), score(down + 1, right + 1), score(down + 1, right)];
-      const mean = total(heights) / 4;
-      const light = 1 + 1.2 * clamp(heights[1] - heights[0], -0.3, 0.3); // lit from the left
-      context.fillStyle = `rgb(${colourOf(mean, palette).map((value) => Math.min(255, Math.round(value * light)))})`;
-      context.strokeStyle = context.fillStyle;
-      context.lineWidth = 0.7;
-      const outline = new Path2D(`${line(corners)}Z`);
-      context.fill(outline);
-      context.stroke(outline);
-    }
-  }
 }
