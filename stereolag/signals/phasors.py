@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.signals.by_hand import STEPS
@@ -109,28 +110,32 @@ def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0,
     return Phasors(name, magnitudes[0], magnitudes[1], turns - np.rint(turns), offset, step)
 
 
-def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vector]:
-    """Return how far to the right the chain of arrows ends at each lag.
+def arrow_lengths(phasors: Phasors, *, whiten: bool = False) -> Vector:
+    """Return the length of each arrow, (62,) float64; whitened (PHAT), all are equal but those of empty frequencies."""
+    heard = phasors.lengths > 0
+    return heard / heard.sum() if whiten else phasors.lengths
 
-    Parameters
-    ----------
-    phasors
-        The spectra.
-    whiten
-        Make all arrows equal, with a sum of 1 (PHAT); empty frequencies stay out.
+
+def chains(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, npt.NDArray[np.complex128]]:
+    """Return the arrows in a chain, head to tail, at each lag.
 
     Returns
     -------
-    lags, heights
-        (97,) float64: -12 to 12 samples in steps of a quarter, and the correlation there, -1..1.
+    lags
+        (97,) float64: -12 to 12 samples in steps of a quarter.
+    tips
+        (97, 62) complex128: where each arrow ends. How far to the right the last one does is the correlation, -1..1.
     """
     lags = np.linspace(-LONGEST_LAG, LONGEST_LAG, 8 * LONGEST_LAG + 1)
     frequencies = np.arange(1, phasors.turns.size + 1) / SIZE
-    lengths = phasors.lengths
-    if whiten:
-        heard = lengths > 0
-        lengths = heard / heard.sum()
-    return lags, np.cos(2 * np.pi * (np.outer(lags, frequencies) - phasors.turns)) @ lengths
+    turned = np.outer(lags, frequencies) - phasors.turns
+    return lags, np.cumsum(arrow_lengths(phasors, whiten=whiten) * np.exp(2j * np.pi * turned), axis=1)
+
+
+def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vector]:
+    """Return the lags of :func:`chains`, and the correlation at each."""
+    lags, tips = chains(phasors, whiten=whiten)
+    return lags, tips[:, -1].real
 
 
 def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> Phasors | None:

@@ -73,25 +73,20 @@ ARROWS: dict[str, Callable[[], phasors.Phasors]] = {
     "noise": phasors.noise,
 }
 
-MEASURE_ARROWS = """({ measuredChains, lagAt }, [example, whiten]) => {
-  const all = measuredChains(example, whiten);
-  return { ...all, lags: all.chains.map((_, at) => lagAt(at, example)), best: lagAt(all.peaks[0], example) };
-}"""
+CHAIN_ARROWS = "({ chained }, [example, lengths, lags]) => lags.map((lag) => chained(example, lengths, lag))"
 
 
 @pytest.mark.parametrize("name", ARROWS)
 @pytest.mark.parametrize("whiten", [False, True])
 def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, whiten: bool) -> None:
-    example = ARROWS[name]()
-    told = node.call("phasors/phasors.js", MEASURE_ARROWS, [described_phasors(example, **{"try": ""}), whiten])
-    lags, heights = phasors.correlation(example, whiten=whiten)
-    np.testing.assert_array_equal(told["lags"], lags)
-    np.testing.assert_allclose(told["values"], heights, atol=2e-5)
-    assert told["best"] == {"knock": 4, "coast": 4, "tone": -1}.get(name, lags[heights.argmax()])
-    arrows, lengths = np.diff(told["chains"], axis=1), np.array(told["lengths"])
-    np.testing.assert_allclose(np.hypot(*arrows.T), np.tile(lengths, (97, 1)).T, atol=1e-9)
-    if whiten:
-        np.testing.assert_allclose(lengths[lengths > 0], 1 / np.count_nonzero(lengths))
+    example = described_phasors(ARROWS[name](), **{"try": ""})
+    measured = example["measured"]["whitened" if whiten else "plain"]
+    lags, tips = phasors.chains(ARROWS[name](), whiten=whiten)
+    found = np.array(node.call("phasors/phasors.js", CHAIN_ARROWS, [example, measured["lengths"], lags.tolist()]))
+    np.testing.assert_allclose(found[:, 1:] @ [1, 1j], tips, atol=2e-5)
+    np.testing.assert_allclose(found[:, -1, 0], measured["values"], atol=2e-5)
+    best = lags[measured["peaks"][0]]
+    assert best == {"knock": 4, "coast": 4, "tone": -1}.get(name, lags[np.argmax(measured["values"])])
 
 
 # A template dragged over an image

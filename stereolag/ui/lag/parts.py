@@ -468,9 +468,30 @@ def described_phasors(found: phasors.Phasors, **said: Any) -> dict[str, Any]:
         "offset": found.offset,
         "step": found.step,
         "excerpt": found.offset != 0 or found.step > 1,
+        "measured": {name: _measured(found, whiten=name == "whitened") for name in ("plain", "whitened")},
         **said,
     }
     return described | {"try": f"{excerpt_in_words(found)} {said['try']}"} if described["excerpt"] else described
+
+
+def _measured(found: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
+    """Return lengths of the arrows, how far to the right their chain ends at each lag, and the bounds of all chains.
+
+    In line, the arrows would reach `perfect`; `peaks` are indices of lags, the smallest lag first.
+    """
+    lags, tips = phasors.chains(found, whiten=whiten)
+    heights = tips[:, -1].real
+    lengths = phasors.arrow_lengths(found, whiten=whiten)
+    before, after = np.append(-np.inf, heights[:-1]), np.append(heights[1:], -np.inf)
+    peaks = np.flatnonzero((heights > heights.max() - 1e-3) & (heights >= before) & (heights >= after))
+    ends = np.append(tips, [0, lengths.sum()])
+    return {
+        "lengths": _significant(lengths),
+        "values": _significant(heights),
+        "perfect": float(lengths.sum()),
+        "peaks": sorted(peaks.tolist(), key=lambda place: abs(lags[place])),
+        "bounds": [ends.real.min(), ends.real.max(), ends.imag.min(), ends.imag.max()],
+    }
 
 
 def _significant(values: Vector) -> list[float]:

@@ -1,7 +1,7 @@
 // The arrows of a cross-spectrum, turned back by a lag, without server requests.
 
 import { axis, line, runsOf } from "../shared/dom.js";
-import { clamp, shortened, total } from "../shared/numbers.js";
+import { clamp, shortened } from "../shared/numbers.js";
 import { show } from "../shared/panel.js";
 import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
@@ -10,6 +10,7 @@ const NONE = { width: 0, height: 0 };
 export default (component) => show(PhasorPanel, component, view);
 
 class PhasorPanel extends VisitingPanel {
+  other = "whitened";
   layout = { phases: NONE, magnitudes: NONE, chain: NONE, lags: NONE }; // the layout of each drawing
 
   get lag() {
@@ -21,11 +22,7 @@ class PhasorPanel extends VisitingPanel {
     const whole = (number) => shortened(number, Number.isInteger(number) ? 0 : 2);
     const there = example.excerpt ? ` (${whole(example.offset + lag * example.step)} ${words.there})` : "";
     const sum = shortened(this.all.values[this.place], 2);
-    return `${words.lag} ${whole(lag)}${there} · ${words[this.option ? "whitened" : "plain"]} ${sum}`;
-  }
-
-  lesson() {
-    return this.example.said[this.option ? "whitened" : "plain"];
+    return `${words.lag} ${whole(lag)}${there} · ${words[this.measurement]} ${sum}`;
   }
 
   choose(example) {
@@ -34,22 +31,11 @@ class PhasorPanel extends VisitingPanel {
   }
 
   measure() {
-    this.all = measuredChains(this.example, this.option);
+    this.all = this.example.measured[this.measurement];
   }
 
-  go(lag, how = {}) {
-    this.pause();
-    this.move(placeOf(lag, this.example), how);
-  }
-
-  // Home and End skip the lags between, as a click elsewhere does; the slider itself handles the other keys.
-  actions() {
-    const { longest } = this.example;
-    return {
-      Home: () => this.go(-longest, { jump: true }),
-      End: () => this.go(longest, { jump: true }),
-      " ": () => this.toggle(),
-    };
+  goTo(lag, how = {}) {
+    this.go(placeOf(lag, this.example), how);
   }
 
   grab(event, name) {
@@ -60,8 +46,8 @@ class PhasorPanel extends VisitingPanel {
       const { left, top } = drawing.getBoundingClientRect();
       return this.layout[name].lagOf(clientX - left, clientY - top);
     };
-    this.go(lag(event), { jump: true });
-    return { move: (moved) => this.go(lag(moved)) };
+    this.goTo(lag(event), { jump: true });
+    return { move: (moved) => this.goTo(lag(moved)) };
   }
 
   draw() {
@@ -78,21 +64,12 @@ class PhasorPanel extends VisitingPanel {
 
 const PLACES_A_SAMPLE = 4;
 
-export const lagAt = (place, example) => place / PLACES_A_SAMPLE - example.longest;
+const lagAt = (place, example) => place / PLACES_A_SAMPLE - example.longest;
 const placeOf = (lag, example) => Math.round((lag + example.longest) * PLACES_A_SAMPLE);
-
-// The lengths of the arrows: the product of both magnitudes. Whitened (PHAT), they are equal and add up to 1; empty
-// frequencies are left out.
-function arrowLengths({ magnitude_1, magnitude_2 }, whiten) {
-  const products = magnitude_1.map((magnitude, index) => magnitude * magnitude_2[index]);
-  if (!whiten) return products;
-  const heard = products.filter((product) => product > 0).length;
-  return products.map((product) => (product > 0 ? 1 / heard : 0));
-}
 
 // The start of the chain and the tip of each arrow, as [x, y], y upwards: arrow k is turned back by k * lag / size,
 // the share of a turn that frequency k makes in that time.
-function chained({ turns, size }, lengths, lag) {
+export function chained({ turns, size }, lengths, lag) {
   let [x, y] = [0, 0];
   const points = [[x, y]];
   lengths.forEach((length, index) => {
@@ -102,23 +79,6 @@ function chained({ turns, size }, lengths, lag) {
     points.push([x, y]);
   });
   return points;
-}
-
-// Everything drawn for one example: the chain at each place, how far to the right it ends (the value, a correlation), how far
-// it would reach with all arrows in line (a perfect match), and the peaks, the smallest lag first.
-export function measuredChains(example, whiten) {
-  const lengths = arrowLengths(example, whiten);
-  const places = placeOf(example.longest, example) + 1;
-  const chains = Array.from({ length: places }, (_, place) => chained(example, lengths, lagAt(place, example)));
-  const values = chains.map((points) => points.at(-1)[0]);
-  const [xs, ys] = [0, 1].map((axis) => chains.flat().map((point) => point[axis]));
-  const perfect = total(lengths);
-  const bounds = { left: Math.min(...xs), right: Math.max(perfect, ...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
-  const top = Math.max(...values);
-  const isPeak = (value, place) => top - value < 1e-3 && !(value < values[place - 1]) && !(value < values[place + 1]);
-  const size = (place) => Math.abs(lagAt(place, example));
-  const peaks = [...values.keys()].filter((place) => isPeak(values[place], place)).sort((one, other) => size(one) - size(other));
-  return { lengths, chains, values, perfect, peaks, bounds };
 }
 
 // The four drawings: magnitudes and phase differences over frequency, the chain of arrows, and the curve over lags.
@@ -169,15 +129,15 @@ function phasesAt(width, { example, all: { lengths }, lag }) {
   };
 }
 
-function chainAt(width, { all, place, example }) {
+function chainAt(width, { all, lag, example }) {
   const height = clamp(0.56 * width, 260, 440);
-  const { left, right, bottom, top } = all.bounds;
+  const [left, right, bottom, top] = all.bounds;
   const room = height - REACH_HEIGHT - 2 * EDGE;
   const scale = Math.min((width - 2 * EDGE) / (right - left), room / (top - bottom || 1));
   const x0 = (width - (right - left) * scale) / 2 - left * scale;
   const y0 = EDGE + (room - (top - bottom) * scale) / 2 + top * scale;
   const [x, y] = [(value) => x0 + value * scale, (value) => y0 - value * scale];
-  const points = all.chains[place];
+  const points = chained(example, all.lengths, lag);
   const arrows = points.slice(1).flatMap(([tipX, tipY], index) => {
     const [fromX, fromY] = points[index];
     const [dx, dy] = [(tipX - fromX) * scale, -(tipY - fromY) * scale];

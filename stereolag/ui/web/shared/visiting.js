@@ -1,6 +1,7 @@
 // Panels with examples to choose from. `VisitingPanel` also has places to visit one after the other, and Play, which visits
 // them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a `perfect` match, and
-// the places of the `peaks`, several if the highest value repeats.
+// the places of the `peaks`, several if the highest value repeats. There are two measurements, of which each example has a
+// lesson of its own: the "plain" one, and the `other` one, which the panel offers as an option.
 
 import { gapped } from "./dom.js";
 import { html, live, svg } from "./lit_html.js";
@@ -35,7 +36,8 @@ export class ExamplesPanel extends Panel {
 
 export class VisitingPanel extends ExamplesPanel {
   all;
-  option = false; // whether the measurement is the other one that the panel offers
+  option = false; // whether the measurement is the other one
+  other = ""; // its name
   start = 0; // the place at which an example starts
 
   setUp() {
@@ -46,6 +48,10 @@ export class VisitingPanel extends ExamplesPanel {
     super.choose(example);
     this.option = false;
     this.clear();
+  }
+
+  get measurement() {
+    return this.option ? this.other : "plain";
   }
 
   turn(option) {
@@ -68,6 +74,20 @@ export class VisitingPanel extends ExamplesPanel {
     this.visited.fill(true, first, last + 1);
     this.place = to;
     this.schedule();
+  }
+
+  go(place, how = {}) {
+    this.pause();
+    this.move(place, how);
+  }
+
+  // Actions of the keys that skip the places between, and of that which plays.
+  ends() {
+    return {
+      Home: () => this.go(0, { jump: true }),
+      End: () => this.go(Infinity, { jump: true }),
+      " ": () => this.toggle(),
+    };
   }
 
   toggle() {
@@ -118,12 +138,10 @@ export class VisitingPanel extends ExamplesPanel {
 
   // The example's lesson, once every place has been visited.
   get said() {
-    return this.visited.every(Boolean) && !this.playing ? this.lesson() : "";
+    return this.visited.every(Boolean) && !this.playing ? this.example.said[this.measurement] : "";
   }
 
   measure() {}
-
-  lesson() {}
 }
 
 // What is known of a panel's curve: the level of a perfect match and its label, the values at the places visited, the peaks

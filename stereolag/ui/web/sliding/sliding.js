@@ -20,18 +20,16 @@ const AXIS = 36;
 export default (component) => show(SlidingPanel, component, view);
 
 class SlidingPanel extends VisitingPanel {
+  other = "normalised";
+
   get words() {
     const { words } = this.data;
-    return { ...words, ...(this.option ? words.normalised : words.plain) };
+    return { ...words, ...words[this.measurement] };
   }
 
   get where() {
     const sum = shortened(this.all.values[this.place], this.option ? 2 : this.example.whole ? 0 : 1);
     return `${this.words.lag} ${shortened(this.lagAt(this.place))} · ${this.words.sum} ${sum}`;
-  }
-
-  lesson() {
-    return this.example.said[this.option ? "normalised" : "plain"];
   }
 
   lagAt(place) {
@@ -56,17 +54,11 @@ class SlidingPanel extends VisitingPanel {
   }
 
   actions(event) {
-    const go = (place, how = {}) => {
-      this.pause();
-      this.move(place, how);
-    };
     return {
-      ...arrows(event, (down, right) => go(this.place + right - down), PAGE),
-      PageDown: () => go(this.place - PAGE),
-      PageUp: () => go(this.place + PAGE),
-      Home: () => go(0, { jump: true }),
-      End: () => go(this.visited.length - 1, { jump: true }),
-      " ": () => this.toggle(),
+      ...this.ends(),
+      ...arrows(event, (down, right) => this.go(this.place + right - down), PAGE),
+      PageDown: () => this.go(this.place - PAGE),
+      PageUp: () => this.go(this.place + PAGE),
     };
   }
 
