@@ -37,8 +37,13 @@ UNKNOWN = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE
 STYLES = re.compile(r'^@import "(\.[^"]+)";\n', re.MULTILINE)
 
 
-VIEW = "const view = (panel, data, words, {{ html, svg, live, filled, shortened, drag, keys, within }}) => html`{}`;\n"
-"""The markup of a component as a function in its module: a template of lit-html."""
+VIEW = """
+export default (component) => Shown.show(component, (panel, data, words, tools) => {{
+  const {{ html, svg, live, filled, shortened, drag, keys, within }} = tools;
+  return html`{}`;
+}});
+"""
+"""What shows a panel, the default export of its module, with its markup as a function: a template of lit-html."""
 
 
 @cache
@@ -63,7 +68,7 @@ def script(folder: Path) -> str:
     """
     markup = folder / f"{folder.name}.html"
     view = VIEW.format(markup.read_text(encoding="utf-8").strip()) if markup.exists() else ""
-    return joined(folder / f"{folder.name}.js") + view
+    return joined(folder / f"{folder.name}.js").replace("export default class", "const Shown = class") + view
 
 
 def styles(path: Path) -> str:

@@ -3,15 +3,12 @@
 
 import { cut, line } from "../shared/dom.js";
 import { jpeg } from "../shared/live.js";
-import { show } from "../shared/panel.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
 const PREVIEW = 640; // px of a view
 const FLASH_MS = 250;
 
-export default (component) => show(Boards, component, view);
-
-class Boards extends StereoPanel {
+export default class Boards extends StereoPanel {
   wanted = null; // the views of a frame that the server wants in full size
   flashing = false;
   corners = []; // of the board in both views of the frame shown

@@ -2,13 +2,11 @@
 
 import { DrawingPanel } from "../shared/drawing.js";
 import { clamp } from "../shared/numbers.js";
-import { arrows, show } from "../shared/panel.js";
+import { arrows } from "../shared/panel.js";
 
 const REST_MS = 400;
 
-export default (component) => show(BoxPanel, component, view);
-
-class BoxPanel extends DrawingPanel {
+export default class BoxPanel extends DrawingPanel {
   setUp() {
     super.setUp();
     this.atEnd(() => clearTimeout(this.resting));

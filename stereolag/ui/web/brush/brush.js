@@ -3,14 +3,12 @@
 import { DrawingPanel } from "../shared/drawing.js";
 import { clamp, total } from "../shared/numbers.js";
 import { base64 } from "../shared/packing.js";
-import { arrows, show } from "../shared/panel.js";
+import { arrows } from "../shared/panel.js";
 
 const INK = [255, 0, 160];
 const DOT = 0.001; // px: by the standard, a line of zero length would have no caps
 
-export default (component) => show(BrushPanel, component, view);
-
-class BrushPanel extends DrawingPanel {
+export default class BrushPanel extends DrawingPanel {
   canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
   context = this.canvas.getContext("2d", { willReadFrequently: true });
   at; // the row and column of the brush

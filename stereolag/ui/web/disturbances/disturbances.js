@@ -2,7 +2,6 @@
 
 import { axis, line, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
-import { show } from "../shared/panel.js";
 import { ExamplesPanel } from "../shared/visiting.js";
 
 const EVERY_MS = 80; // while a slider is dragged
@@ -17,9 +16,7 @@ const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
 const CLOSE = 60; // lags to either side of the peak
 const MOST_AGREEMENT = 100;
 
-export default (component) => show(DisturbancesPanel, component, view);
-
-class DisturbancesPanel extends ExamplesPanel {
+export default class DisturbancesPanel extends ExamplesPanel {
   setUp() {
     this.atEnd(() => clearTimeout(this.sending));
   }

@@ -3,14 +3,12 @@
 import { cut, gapped, placeIn } from "../shared/dom.js";
 import { jpeg, LivePanel } from "../shared/live.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
-import { arrows, show } from "../shared/panel.js";
+import { arrows } from "../shared/panel.js";
 
 const LARGEST = 1280; // px, of the longer side of a frame
 const PATH = 150; // last places drawn
 
-export default (component) => show(FollowingPanel, component, view);
-
-class FollowingPanel extends LivePanel {
+export default class FollowingPanel extends LivePanel {
   box = null; // that is being chosen, px of the frame; none while one is followed
   held = false; // whether the picture stands still while a box is drawn on it
   wanted = null; // the box to be cut, with the frame on which it was drawn

@@ -2,11 +2,9 @@
 
 import { placeIn, shareOf } from "../shared/dom.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
-import { Panel, show } from "../shared/panel.js";
+import { Panel } from "../shared/panel.js";
 
-export default (component) => show(FunnelPanel, component, view);
-
-class FunnelPanel extends Panel {
+export default class FunnelPanel extends Panel {
   begin({ anchors: [first, ...others] }) {
     this.sorted = first ? [first, ...others].sort((one, other) => one.counts[1] - other.counts[1]) : [];
     this.reached = 0;

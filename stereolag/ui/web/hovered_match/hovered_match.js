@@ -4,12 +4,10 @@ import { colourAt, cut, gapped, put } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { clamp, shortened, ticks } from "../shared/numbers.js";
 import { codesOf, pixelsOf } from "../shared/packing.js";
-import { Panel, show } from "../shared/panel.js";
+import { Panel } from "../shared/panel.js";
 import { explained } from "./scoring.js";
 
-export default (component) => show(HoveredMatchPanel, component, view);
-
-class HoveredMatchPanel extends Panel {
+export default class HoveredMatchPanel extends Panel {
   pointed = null; // the pixel under the pointer
   seen = null; // the match of that pixel, or of the one of the settings
   found = []; // its places

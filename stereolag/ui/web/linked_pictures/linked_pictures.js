@@ -5,7 +5,7 @@ import { shareOf } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { clamp } from "../shared/numbers.js";
-import { arrows, Panel, show } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 import { contentOf, forget, paint, picture, shapeOf, surface, textsAt } from "./drawing.js";
 
 const CLOSEST_PX = 12;
@@ -14,9 +14,7 @@ const HINT =
 const DRAG_PX = 4;
 const ZOOMS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, 0: 0 };
 
-export default (component) => show(LinkedPictures, component, view);
-
-class LinkedPictures extends Panel {
+export default class LinkedPictures extends Panel {
   mode = "grid";
   pair = ["", ""]; // the titles of the pictures compared in the mode "slider"
   split = 50;

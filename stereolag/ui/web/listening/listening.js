@@ -4,7 +4,6 @@ import { line } from "../shared/dom.js";
 import { branch, SENSORS } from "../shared/hyperbola.js";
 import { LivePanel } from "../shared/live.js";
 import { clamp, filled, total } from "../shared/numbers.js";
-import { show } from "../shared/panel.js";
 import { joined, listening } from "./pieces.js";
 
 const PIECE_S = 0.18; // of sound in a message, at least: with the rest of a block, five messages a second
@@ -15,9 +14,7 @@ const QUIETEST = 0.02; // of full scale: what is quieter is drawn as small as it
 const THINNEST = 3; // of 200: silence is seen too
 const FLOOR = 126; // of the drawing of the sensors, px
 
-export default (component) => show(Listening, component, view);
-
-class Listening extends LivePanel {
+export default class Listening extends LivePanel {
   kind = "audioinput"; // two are chosen, or the second is "", for the second channel of the first one
   inUse = 1; // devices
   levels = [0, 0]; // how loud both are, 0..1

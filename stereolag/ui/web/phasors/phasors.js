@@ -2,14 +2,11 @@
 
 import { axis, line, runsOf } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
-import { show } from "../shared/panel.js";
 import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
 const NONE = { width: 0, height: 0 };
 
-export default (component) => show(PhasorPanel, component, view);
-
-class PhasorPanel extends VisitingPanel {
+export default class PhasorPanel extends VisitingPanel {
   other = "whitened";
   layout = { phases: NONE, magnitudes: NONE, chain: NONE, lags: NONE }; // the layout of each drawing
 

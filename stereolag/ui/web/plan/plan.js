@@ -3,7 +3,7 @@
 import { line, shareOf } from "../shared/dom.js";
 import { branch, pathDifference, pathTo, SENSORS } from "../shared/hyperbola.js";
 import { clamp } from "../shared/numbers.js";
-import { arrows, Panel, show } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 
 // Lengths on the plan are in distances of the sensors.
 const WIDE = 4;
@@ -14,9 +14,7 @@ const HIGH = 300; // px
 
 const significant = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits });
 
-export default (component) => show(Plan, component, view);
-
-class Plan extends Panel {
+export default class Plan extends Panel {
   times = 1.5; // how many times the path difference the sensors are apart, at least
 
   begin({ difference, example }) {

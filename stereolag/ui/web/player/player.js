@@ -6,14 +6,12 @@ import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { html } from "../shared/lit_html.js";
 import { clamp, shortened } from "../shared/numbers.js";
-import { arrows, Panel, show } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 
 const WIDTH = 1000;
 const HEIGHT = 48;
 
-export default (component) => show(Player, component, view);
-
-class Player extends Panel {
+export default class Player extends Panel {
   frame = 0;
   awaited = null; // the frame sought but not shown yet
   charts = [];

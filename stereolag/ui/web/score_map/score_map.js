@@ -4,11 +4,9 @@ import { placeIn, put } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
-import { arrows, Panel, show } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 
-export default (component) => show(ScoreMapPanel, component, view);
-
-class ScoreMapPanel extends Panel {
+export default class ScoreMapPanel extends Panel {
   block = null; // of places, whose score is read; without one the hint is shown
   chosen = null; // the one that is read while no pointer is there
 

@@ -6,17 +6,6 @@ import { filled, shortened } from "./numbers.js";
 
 const panels = new WeakMap();
 
-export function show(PanelOfComponent, { data, parentElement, setTriggerValue, setStateValue }, view) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new PanelOfComponent(parentElement)));
-  Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue, view });
-  panel.load(data);
-  return () => {
-    panel.gone.abort();
-    panels.delete(parentElement);
-  };
-}
-
 export class Panel {
   gone = new AbortController();
   /** @type {any} */
@@ -32,6 +21,18 @@ export class Panel {
   constructor(parent) {
     this.find = (selector) => parent.querySelector(selector);
     this.findAll = (selector) => [...parent.querySelectorAll(selector)];
+  }
+
+  // Shows a run of the page on a component's element, and returns what closes the panel.
+  static show({ data, parentElement, setTriggerValue, setStateValue }, view) {
+    const panel = panels.get(parentElement) ?? new this(parentElement);
+    panels.set(parentElement, panel);
+    Object.assign(panel, { trigger: setTriggerValue, setState: setStateValue, view });
+    panel.load(data);
+    return () => {
+      panel.gone.abort();
+      panels.delete(parentElement);
+    };
   }
 
   // Has something done when the panel is closed.

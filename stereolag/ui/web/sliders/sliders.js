@@ -4,14 +4,14 @@
 
 import { tell } from "../shared/exchange.js";
 import { unpacked, packed } from "../shared/packing.js";
-import { Panel, show } from "../shared/panel.js";
+import { Panel } from "../shared/panel.js";
 import { socketTo } from "../shared/socket.js";
 
 const EVERY_MS = 80;
 const STEPS = { ArrowRight: "stepUp", ArrowUp: "stepUp", ArrowLeft: "stepDown", ArrowDown: "stepDown" };
 const NAMED = "st-key-depth-"; // begins the class of a slider's box, from the key of its control
 
-export default (component) => show(SlidersPanel, component);
+export default (component) => SlidersPanel.show(component);
 
 class SlidersPanel extends Panel {
   constructor(parent) {

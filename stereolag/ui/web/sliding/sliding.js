@@ -2,7 +2,7 @@
 
 import { axis, stacked } from "../shared/dom.js";
 import { shortened, total } from "../shared/numbers.js";
-import { arrows, show } from "../shared/panel.js";
+import { arrows } from "../shared/panel.js";
 import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
 const PAGE = 10;
@@ -17,9 +17,7 @@ const SMALL = { recording: 44, cut: 28, products: 36, curve: 68 };
 const GAP = 8;
 const AXIS = 36;
 
-export default (component) => show(SlidingPanel, component, view);
-
-class SlidingPanel extends VisitingPanel {
+export default class SlidingPanel extends VisitingPanel {
   other = "normalised";
 
   get words() {

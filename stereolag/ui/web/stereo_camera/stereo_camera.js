@@ -5,14 +5,11 @@ import { cut } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
 import { jpeg } from "../shared/live.js";
 import { unpacked } from "../shared/packing.js";
-import { show } from "../shared/panel.js";
 import { jpegs, KEPT_QUALITY, StereoPanel } from "../shared/stereo_panel.js";
 
 const MOVED = "moved";
 
-export default (component) => show(StereoCamera, component, view);
-
-class StereoCamera extends StereoPanel {
+export default class StereoCamera extends StereoPanel {
   first = null; // the left picture of a camera moved by hand
   recording = false;
   freezing = false;

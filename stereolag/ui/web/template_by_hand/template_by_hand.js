@@ -4,13 +4,11 @@ import { cut, put, placeIn } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
 import { clamp, filled, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
-import { arrows, Panel, show } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 
 const SPOT = 3; // places on every side of a visited one that are painted with it
 
-export default (component) => show(TemplatePanel, component, view);
-
-class TemplatePanel extends Panel {
+export default class TemplatePanel extends Panel {
   setUp() {
     this.listen(eventOf("place"), ({ detail }) => detail.name === this.data.name && this.compare(detail));
   }
