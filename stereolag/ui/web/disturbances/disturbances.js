@@ -1,6 +1,6 @@
 // Sliders that disturb two recordings, and the curve of their lag; Python mixes them, measures the lag and judges it.
 
-import { axis, line, stacked } from "../shared/dom.js";
+import { axis, line, plotted, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { ExamplesPanel } from "../shared/visiting.js";
 
@@ -73,17 +73,11 @@ export default class DisturbancesPanel extends ExamplesPanel {
     const close = { first, last: first + 2 * CLOSE, low, high };
     return {
       height, boxes, left: LEFT, right,
-      recordings: data.recordings.map((part) => linedUp(part, right, boxes.recordings)),
+      recordings: data.recordings.map((part) => ({ d: plotted(part), count: part.length, loudest: Math.max(...part.map(Math.abs)) })),
       curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
       agreement: agreementAt(right, data),
     };
   }
-}
-
-function linedUp(part, right, { top, height }) {
-  const loudest = Math.max(...part.map(Math.abs));
-  const pitch = (right - LEFT) / part.length;
-  return line(part.map((value, i) => [LEFT + i * pitch, top + height / 2 - ((value / loudest) * height) / 2]));
 }
 
 // The curve between two lags and two values, in a box.

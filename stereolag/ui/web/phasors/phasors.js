@@ -1,6 +1,6 @@
 // The arrows of a cross-spectrum, turned back by a lag, without server requests.
 
-import { axis, line, runsOf } from "../shared/dom.js";
+import { axis, plotted, runsOf } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
@@ -83,7 +83,6 @@ export function chained({ turns, size }, lengths, lag) {
 const SIDE = 34; // px to the left of a drawing with a scale
 const EDGE = 12; // px beside a drawing without one, including half the thumb of the lag slider
 const TURNS = 3;
-const MAGNITUDES = { top: 22, bottom: 96 };
 const PHASES_HEIGHT = 220;
 const REACH_HEIGHT = 46;
 const CURVE_HEIGHT = 160;
@@ -94,12 +93,8 @@ const hueOf = (index, count) => `hsl(${Math.round(262 - (130 * index) / count)} 
 const ofFrequency = (width) => (frequency) => SIDE + frequency * 2 * (width - SIDE - EDGE);
 
 function magnitudesAt(width, { example: { magnitude_1, magnitude_2, size } }) {
-  const x = ofFrequency(width);
-  const { top, bottom } = MAGNITUDES;
-  const largest = Math.max(...magnitude_1, ...magnitude_2);
-  const y = (value) => bottom - (value / largest) * (bottom - top);
-  const [first, second] = [magnitude_1, magnitude_2].map((all) => line(all.map((one, index) => [x((index + 1) / size), y(one)])));
-  return { right: width - EDGE, first, second, equal: `M${x(1 / size)} ${top}H${x(magnitude_1.length / size)}` };
+  const paths = [magnitude_1, magnitude_2].map((all) => plotted(all, 1));
+  return { right: width - EDGE, paths, count: size / 2, largest: Math.max(...magnitude_1, ...magnitude_2) };
 }
 
 // A dot for each frequency, repeated every whole turn up and down, and the ruler whose slope is the lag.

@@ -1,15 +1,12 @@
 // One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
-import { cut, gapped, shareOf } from "../shared/dom.js";
+import { cut, plotted, shareOf } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { html } from "../shared/lit_html.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { arrows, Panel } from "../shared/panel.js";
-
-const WIDTH = 1000;
-const HEIGHT = 48;
 
 export default class Player extends Panel {
   frame = 0;
@@ -149,10 +146,6 @@ export default class Player extends Panel {
     return `${title}, frame ${this.frame + 1}${figures.length ? `: ${figures.join(", ")}` : ""}`;
   }
 
-  x(frame) {
-    return (frame / Math.max(1, this.data.frames - 1)) * WIDTH;
-  }
-
   // The line of a method in the charts, if it has one.
   lineOf(title) {
     const line = this.data.charts.flatMap(({ series }) => series).find((one) => one.title === title);
@@ -165,15 +158,12 @@ export default class Player extends Panel {
     const all = series.flatMap(({ values }) => known(values));
     const low = from_zero ? 0 : Math.min(...all);
     const high = Math.max(...all, low + 1e-9);
-    const y = (value) => HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6);
     const told = series.map(({ title, values }) => {
       const [least, most] = [Math.min(...known(values)), Math.max(...known(values))];
       return `${title} ${shortened(least, digits)} to ${shortened(most, digits, unit)}`;
     });
-    const lines = series.map(({ values, colour, dash }) => ({
-      d: gapped(values.map((value, frame) => (value == null ? null : `${this.x(frame)} ${y(value)}`))), colour, dash,
-    }));
-    return { ...chart, lines, label: `${name} over all frames: ${told.join(", ")}` };
+    const lines = series.map(({ values, colour, dash }) => ({ d: plotted(values), colour, dash }));
+    return { ...chart, lines, low, high, label: `${name} over all frames: ${told.join(", ")}` };
   }
 }
 

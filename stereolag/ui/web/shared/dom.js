@@ -14,6 +14,10 @@ export function gapped(points) {
   return runs.map((run) => `M${run.join("L")}${run.length === 1 ? "h0" : ""}`).join("");
 }
 
+// The path through values, one unit to the right each, upwards, and with a gap for each that is missing.
+export const plotted = (values, first = 0) =>
+  gapped(values.map((value, at) => Number.isFinite(value) && `${first + at} ${-value}`));
+
 // The runs of places at which something is there, each a list of places.
 export function runsOf(those) {
   const runs = [];
