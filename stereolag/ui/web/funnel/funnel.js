@@ -2,7 +2,7 @@
 
 import { placeIn, shareOf } from "../shared/dom.js";
 import { clamp, filled, shortened } from "../shared/numbers.js";
-import { Panel } from "../shared/panel.js";
+import { arrows, Panel } from "../shared/panel.js";
 
 export default class FunnelPanel extends Panel {
   begin({ anchors: [first, ...others] }) {
@@ -27,10 +27,9 @@ export default class FunnelPanel extends Panel {
     this.pick(far.indexOf(Math.min(...far)));
   }
 
-  actions() {
-    const [before, after] = [() => this.pick(this.at - 1), () => this.pick(this.at + 1)];
-    const ends = { Home: () => this.pick(0), End: () => this.pick(Infinity) };
-    return { ArrowLeft: before, ArrowDown: before, ArrowRight: after, ArrowUp: after, ...ends };
+  actions(event) {
+    const steps = arrows(event, (down, right) => this.pick(this.at + right - down), 1);
+    return { ...steps, Home: () => this.pick(0), End: () => this.pick(Infinity) };
   }
 
   get at() {
@@ -64,15 +63,4 @@ export default class FunnelPanel extends Panel {
   dots() {
     return this.anchor.dots[this.reached - 1].map(([row, col]) => `M${col + 0.5} ${row + 0.5}h0`).join("");
   }
-
-  // The share of all that are left at a step, and the height of a bar.
-  share(step) {
-    return logarithmic(this.anchor.counts[step], this.anchor.counts[0]);
-  }
-
-  height(at) {
-    return logarithmic(this.sorted[at].counts[1], this.sorted.at(-1).counts[1]);
-  }
 }
-
-const logarithmic = (count, most) => `${(100 * Math.log(1 + count)) / Math.log(1 + most)}%`;
