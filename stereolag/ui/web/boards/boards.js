@@ -1,7 +1,7 @@
 // Takes pictures of a board with a stereo camera for a calibration: the server says which of the frames it wants in full
 // size, and how to hold the board next.
 
-import { cut, line } from "../shared/dom.js";
+import { cut } from "../shared/dom.js";
 import { jpeg } from "../shared/live.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
@@ -56,16 +56,4 @@ export default class Boards extends StereoPanel {
     this.stop();
     this.trigger("finished", performance.now());
   }
-
-  // The paths of where the board has been and of its corners; a view is a square of 1000.
-  get covered() {
-    const closed = (outline, view) => `${line(placed(outline, view))}Z`;
-    return this.taken.outlines.flatMap((views) => views.map(closed)).join("");
-  }
-
-  get dots() {
-    return this.corners.flatMap((found, view) => placed(found, view).map((one) => `${line([one])}h0`)).join("");
-  }
 }
-
-const placed = (places, view) => places.map(([x, y]) => [1000 * (x + view), 1000 * y]);

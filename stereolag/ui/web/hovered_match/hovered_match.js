@@ -56,7 +56,7 @@ export default class HoveredMatchPanel extends Panel {
     cut(this.find(".window canvas"), pair.images[0], start, top, size, size);
     const width = asked.dx_last - asked.dx_first + size;
     cut(strip.querySelector("canvas"), pair.images[1], start + asked.dx_first, top + (seen.peak?.dy ?? 0), width, size);
-    if (seen.rows > 1) drawFromAbove(this.find(".from-above canvas"), seen, found, data);
+    if (seen.rows > 1) drawFromAbove(this.find(".from-above canvas"), seen, data);
     if (this.pointed) this.mark(this.frames());
   }
 
@@ -171,17 +171,11 @@ function scoreRange(scores, score) {
 }
 
 // Draws all scores of a search in both directions, dx to the right as along the strip.
-function drawFromAbove(canvas, seen, found, settings) {
-  const context = canvas.getContext("2d");
+function drawFromAbove(canvas, seen, settings) {
   const data = new Uint8ClampedArray(4 * seen.scores.length);
   const [low, high] = scoreRange(seen.scores, settings.score);
   seen.scores.forEach((score, at) => {
     if (!Number.isNaN(score)) data.set([...colourAt((score - low) / (high - low || 1), settings.palette), 255], 4 * at);
   });
   put(canvas, { data, rows: seen.rows, cols: seen.cols });
-  for (const { dy, dx, colour } of found) {
-    context.strokeStyle = colour;
-    context.lineWidth = Math.max(1, seen.cols / 48);
-    context.strokeRect(Math.round(dx) - seen.asked.dx_first - 1, dy - seen.asked.dy_first - 1, 3, 3);
-  }
 }
