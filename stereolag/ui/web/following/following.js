@@ -75,7 +75,8 @@ export default class FollowingPanel extends LivePanel {
     this.cutting = false;
     if (this.box || this.wanted) return;
     Object.assign(this, { still, item });
-    this.path = [...this.path, item.place].slice(-PATH);
+    this.path = [...this.path, item.place && `${item.place.col} ${item.place.row}`].slice(-PATH);
+    this.trail = gapped(this.path);
     this.schedule();
   }
 
@@ -127,27 +128,9 @@ export default class FollowingPanel extends LivePanel {
     return placeIn(event, this.find("canvas"), { rows, cols });
   }
 
-  get isOn() {
-    return Boolean(this.running && this.still);
-  }
-
   draw() {
     this.render();
     if (this.still) cut(this.find("canvas"), this.still);
-  }
-
-  get trail() {
-    return gapped(this.path.map((place) => place && `${place.col} ${place.row}`));
-  }
-
-  // Where the word for the state stands: above the frame, or in the corner of the picture.
-  get labelled() {
-    const { still, item: { place, shape } } = this;
-    if (!place) return "left: 6px; top: 6px";
-    const x = (100 * place.col) / still.width;
-    const y = (100 * (place.row - (place.scale * Math.hypot(...shape)) / 2)) / still.height;
-    const inside = `translate: clamp(${-x}cqw, -50%, ${100 - x}cqw - 100%)`; // 100cqw is the width of the picture
-    return `left: ${x}%; ${inside}; top: clamp(0px, ${y}% - 24px, 100% - 22px)`;
   }
 
   // The state below the picture, and why; only a change of the state is read aloud.

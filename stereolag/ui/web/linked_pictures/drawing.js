@@ -15,11 +15,11 @@ export function picture(described, { image, readings }, colours) {
 }
 
 // What shows a picture. A map is to be painted on its canvas.
-export function surface(one, style = "") {
+export function surface(one) {
   const label = one.alternative ? `${one.title}: ${one.alternative}` : one.title;
   return one.image
-    ? html`<img draggable="false" alt=${label} src=${one.image.src} style=${style} />`
-    : html`<canvas role="img" aria-label=${label} style=${style} .shows=${one}></canvas>`;
+    ? html`<img draggable="false" alt=${label} src=${one.image.src} />`
+    : html`<canvas role="img" aria-label=${label} .shows=${one}></canvas>`;
 }
 
 // An element that has just been given the picture may still be loading it.

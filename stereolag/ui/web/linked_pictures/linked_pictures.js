@@ -113,10 +113,6 @@ export default class LinkedPictures extends Panel {
     return [this.pair.map((title) => this.shown.find((one) => one.title === title))];
   }
 
-  get thumbnails() {
-    return this.shown.filter((one) => one.thumbnail);
-  }
-
   isLarge(one) {
     return !one.thumbnail || this.enlarged.has(one.title);
   }
@@ -146,15 +142,6 @@ export default class LinkedPictures extends Panel {
 
   get viewBox() {
     return `${this.x} ${this.y} ${this.data.cols / this.zoom} ${this.data.rows / this.zoom}`;
-  }
-
-  get transform() {
-    const { rows, cols } = this.data;
-    return `transform: scale(${this.zoom}) translate(${(-this.x / cols) * 100}%, ${(-this.y / rows) * 100}%)`;
-  }
-
-  isNear() {
-    return (this.width * this.zoom) / this.data.cols > 3;
   }
 
   marksOn({ title }) {
