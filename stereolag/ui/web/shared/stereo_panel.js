@@ -3,7 +3,6 @@
 import { html } from "./lit_html.js";
 import { jpeg, LivePanel } from "./live.js";
 
-const TWO = "two";
 export const KEPT_QUALITY = 0.97;
 
 export class StereoPanel extends LivePanel {
@@ -19,7 +18,7 @@ export class StereoPanel extends LivePanel {
   }
 
   get isTwo() {
-    return this.arrangement === TWO;
+    return this.arrangement === "two";
   }
 
   // Takes a device for one of the views; if the other view had it, that gets the one given up.
@@ -59,11 +58,6 @@ export class StereoPanel extends LivePanel {
     for (const one of videos) one.fresh = false;
     if (this.isTwo) this.skew = `${this.data.words.skew} ${Math.abs(videos[0].seen - videos[1].seen).toFixed(0)}\u00a0ms`;
     return true;
-  }
-
-  widthOfView() {
-    const [{ videoWidth }] = this.media;
-    return this.arrangement === "beside" ? videoWidth / 2 : videoWidth;
   }
 
   // Pictures beside each other, at a scale; those of other sizes are fitted to the first.

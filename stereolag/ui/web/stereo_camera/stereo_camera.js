@@ -7,8 +7,6 @@ import { jpeg } from "../shared/live.js";
 import { unpacked } from "../shared/packing.js";
 import { jpegs, KEPT_QUALITY, StereoPanel } from "../shared/stereo_panel.js";
 
-const MOVED = "moved";
-
 export default class StereoCamera extends StereoPanel {
   first = null; // the left picture of a camera moved by hand
   recording = false;
@@ -16,7 +14,7 @@ export default class StereoCamera extends StereoPanel {
   count = 0; // frames recorded
 
   get isMoved() {
-    return this.arrangement === MOVED;
+    return this.arrangement === "moved";
   }
 
   // Starts a recording, or ends it; Python then makes a drive of it.
@@ -36,7 +34,8 @@ export default class StereoCamera extends StereoPanel {
     const { media: videos, freezing } = this;
     if (!this.isFresh() && !freezing) return null;
     const at = performance.now();
-    const scale = freezing ? 1 : Math.min(1, this.data.width / this.widthOfView());
+    const width = videos[0].videoWidth / (this.arrangement === "beside" ? 2 : 1); // of a view
+    const scale = freezing ? 1 : Math.min(1, this.data.width / width);
     const picture = this.picture(this.first ? [this.first, ...videos] : videos, scale);
     this.drawPicture(picture);
     this.render();

@@ -126,13 +126,6 @@ export default class TemplatePanel extends Panel {
     const told = filled(words.peak, { ...this.inImage(peak), score: shortened(peak.score, 3) });
     return told + (rival ? filled(words.lead, { rival: shortened(rival.score, 3) }) : "");
   }
-
-  rings() {
-    const { map, leaders } = this.data;
-    const r = Math.max(7, map.cols / 50);
-    const found = leaders.map(({ row, col }, at) => ({ kind: at ? "rival" : "peak", row, col, r }));
-    return [...(this.revealed ? found : []), { kind: "now", row: this.row, col: this.col, r: r / 2 }];
-  }
 }
 
 // Unpacks the data of stereolag.ui.components.packed_search.
