@@ -18,7 +18,7 @@ from isal import isal_zlib
 
 from stereolag.core.arrays import Rgb
 from stereolag.core.typography import typeset
-from stereolag.figures.legends import Colours, Legend, hexadecimal
+from stereolag.figures.legends import Colours, Legend
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.elements import Number
@@ -216,8 +216,8 @@ def described(
         else {
             "low": colours.low,
             "high": colours.high,
-            "palette": bytes(colours.palette.astype(np.uint8).tobytes()).hex(),
-            "none": hexadecimal(NO_ANSWER),
+            "palette": colours.palette[:, ::-1].astype(np.uint8).tobytes().hex(),  # bbggrr, as pixels lie in memory
+            "none": bytes(reversed(NO_ANSWER)).hex(),
         },
         "pictures": [
             {

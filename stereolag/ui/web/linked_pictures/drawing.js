@@ -124,7 +124,7 @@ function colourTable({ low, high, palette, none }, quantum) {
   const key = [low, high, quantum, none, palette].join();
   if (lastTable.key === key) return lastTable.table;
   const ramp = Uint32Array.from({ length: 256 }, (_, at) => pixelOf(palette.slice(6 * at, 6 * at + 6)));
-  const table = new Uint32Array(65536).fill(pixelOf(none.slice(1)));
+  const table = new Uint32Array(65536).fill(pixelOf(none));
   const scale = 255 / (high - low);
   for (let value = NOTHING + 1; value < 32768; value++) {
     table[value - NOTHING] = ramp[Math.round(clamp((value * quantum - low) * scale, 0, 255))];
@@ -133,8 +133,5 @@ function colourTable({ low, high, palette, none }, quantum) {
   return table;
 }
 
-// rrggbb as the four bytes of an opaque pixel, red in the lowest.
-function pixelOf(colour) {
-  const rgb = parseInt(colour, 16);
-  return ((0xff << 24) | ((rgb & 0xff) << 16) | (rgb & 0xff00) | (rgb >> 16)) >>> 0;
-}
+// bbggrr as the four bytes of an opaque pixel, red in the lowest.
+const pixelOf = (colour) => 0xff000000 + parseInt(colour, 16);

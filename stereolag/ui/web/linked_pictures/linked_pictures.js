@@ -45,10 +45,6 @@ export default class LinkedPictures extends Panel {
     this.atEnd(() => this.contents.forEach(forget));
   }
 
-  resized() {
-    this.draw();
-  }
-
   load(name) {
     this.name = name;
     this.describe();

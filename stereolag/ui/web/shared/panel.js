@@ -65,7 +65,7 @@ export class Panel {
     if (this.root) return;
     this.root = this.find(".view").firstElementChild;
     this.stage = this.find(".stage");
-    const observer = new ResizeObserver(() => this.resized());
+    const observer = new ResizeObserver(() => this.schedule());
     observer.observe(this.root);
     this.atEnd(() => observer.disconnect());
     this.setUp();
@@ -73,11 +73,6 @@ export class Panel {
 
   // What can be done only once there is markup.
   setUp() {}
-
-  // Called whenever it has another size.
-  resized() {
-    this.schedule();
-  }
 
   // Colours as custom properties of the same names.
   colours() {
