@@ -195,7 +195,7 @@ def close_stream(name: str) -> None:
     st.session_state.pop(f"live.{name}", None)
 
 
-def connected(stream: Stream, words: Mapping[str, str]) -> dict[str, Any]:
+def connected(stream: Stream, words: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of a component's data that ``web/shared/live.js`` needs to send messages to a stream.
 
     `words` are those of its panel, beside or in place of those of every live panel. Beside the component, it mounts the

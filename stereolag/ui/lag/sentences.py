@@ -520,12 +520,12 @@ def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
 # Microphones heard live
 
 
-LISTENING_WORDS: Final[dict[str, str]] = {
+LISTENING_WORDS: Final[dict[str, Any]] = {
     "start": "Listen",
     "off": "Two microphones, or one with two channels: nothing is recorded or sent before you start.",
     "freeze": "Freeze these 2 s",
     "frozen": "Frozen, see below: freeze again",
-    "sensor": "Sensor {number}",
+    "sensors": ["Sensor 1", "Sensor 2"],
     "same": "Channel 2 of the same device",
     "samples": "samples",
     "apart": "Sensors apart",

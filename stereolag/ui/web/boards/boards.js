@@ -6,11 +6,10 @@ import { jpeg } from "../shared/live.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
 const PREVIEW = 640; // px of a view
-const FLASH_MS = 250;
+const FLASH_MS = 250; // of the frame's edge, when a pair is taken
 
 export default class Boards extends StereoPanel {
   wanted = null; // the views of a frame that the server wants in full size
-  flashing = false;
   corners = []; // of the board in both views of the frame shown
 
   begin(data) {
@@ -35,17 +34,8 @@ export default class Boards extends StereoPanel {
     if (preview) {
       this.corners = item.corners;
       cut(this.find("canvas"), preview);
-    } else this.flash();
+    } else this.find(".shown").animate({ outlineColor: Array(2).fill("var(--st-primary-color)") }, FLASH_MS);
     if (item.enough) this.finish();
-  }
-
-  // Shows that a pair was taken.
-  flash() {
-    this.flashing = true;
-    setTimeout(() => {
-      this.flashing = false;
-      this.render();
-    }, FLASH_MS);
   }
 
   stopped() {

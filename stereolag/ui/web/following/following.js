@@ -61,8 +61,7 @@ export default class FollowingPanel extends LivePanel {
     if (this.cutting || this.held || video.currentTime === this.time) return null;
     this.time = video.currentTime;
     const scale = Math.min(1, LARGEST / Math.max(video.videoWidth, video.videoHeight));
-    const still = new OffscreenCanvas(Math.round(scale * video.videoWidth), Math.round(scale * video.videoHeight));
-    still.getContext("2d").drawImage(video, 0, 0, still.width, still.height);
+    const still = this.picture([video], scale);
     if (this.still && !this.box) return { parts: [await jpeg(still)], still };
     const first = !this.still;
     this.still = still;

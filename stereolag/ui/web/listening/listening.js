@@ -3,7 +3,7 @@
 import { line } from "../shared/dom.js";
 import { branch, SENSORS } from "../shared/hyperbola.js";
 import { LivePanel } from "../shared/live.js";
-import { clamp, filled, total } from "../shared/numbers.js";
+import { clamp, total } from "../shared/numbers.js";
 import { joined, listening } from "./pieces.js";
 
 const PIECE_S = 0.18; // of sound in a message, at least: with the rest of a block, five messages a second
@@ -35,10 +35,6 @@ export default class Listening extends LivePanel {
   begin(data) {
     super.begin(data);
     this.kept = false;
-  }
-
-  nameOf(at) {
-    return filled(this.data.words.sensor, { number: at + 1 });
   }
 
   // Asks the server to keep what is heard now; once it has, the page takes it as its recordings.

@@ -59,10 +59,6 @@ function carrierFor(token, opened, answered) {
   let message;
   let again;
   const over = new AbortController();
-  const forget = () => {
-    clearInterval(again);
-    message = null;
-  };
   const socket = {
     most: 1, // message in flight
     /** @type {number} */
@@ -75,7 +71,7 @@ function carrierFor(token, opened, answered) {
       send();
     },
     close: () => {
-      forget();
+      clearInterval(again);
       socket.readyState = WebSocket.CLOSED;
       over.abort();
     },
@@ -83,7 +79,8 @@ function carrierFor(token, opened, answered) {
   window.addEventListener(eventOf("carrier"), () => {
     const answer = received("carrier", token);
     if (!message || answer?.number !== message.number) return;
-    forget();
+    clearInterval(again);
+    message = null;
     if (answer.end) socket.onclose({ code: answer.end });
     else answered(answer.parts[0]);
   }, over);
@@ -102,12 +99,12 @@ export class LivePanel extends Panel {
   kind = "videoinput"; // of its devices
   devices = [];
   chosen = ["", ""]; // those in use, by name
+  wake = () => {}; // has the panel look at once whether there is something to send
 
   constructor(parent) {
     super(parent);
-    this.wake = () => {}; // has the panel look at once whether there is something to send
     this.atEnd(() => this.stop());
-    document.addEventListener("visibilitychange", () => this.render(), { signal: this.gone.signal });
+    this.listen("visibilitychange", () => this.render());
   }
 
   // To be overridden. Opens the devices of a run, and returns what brings their pictures or their sound.
@@ -183,13 +180,19 @@ export class LivePanel extends Panel {
   // What is said about the state of the run.
   get told() {
     const { words } = this.data;
-    const state = () => {
-      if (this.running && document.hidden) return "paused";
-      if (this.phase !== "on") return this.phase;
-      if (this.ahead) return "waiting";
-      return this.socket.most ? "carried" : "on";
-    };
-    return (state() in { on: 1, carried: 1 } && this.fault) || filled(words[state()], this);
+    if (this.running && document.hidden) return words.paused;
+    if (this.phase !== "on") return filled(words[this.phase], this);
+    if (this.ahead) return filled(words.waiting, this);
+    return this.fault || words[this.socket.most ? "carried" : "on"];
+  }
+
+  // Pictures beside each other, at a scale; those of other sizes are fitted to the first.
+  picture(sources, scale) {
+    const wide = Math.round(scale * (sources[0].videoWidth ?? sources[0].width));
+    const high = Math.round(scale * (sources[0].videoHeight ?? sources[0].height));
+    const canvas = new OffscreenCanvas(wide * sources.length, high);
+    sources.forEach((one, at) => canvas.getContext("2d").drawImage(one, at * wide, 0, wide, high));
+    return canvas;
   }
 
   connect(run, carried = !this.data.address) {

@@ -60,15 +60,6 @@ export class StereoPanel extends LivePanel {
     return true;
   }
 
-  // Pictures beside each other, at a scale; those of other sizes are fitted to the first.
-  picture(sources, scale) {
-    const wide = Math.round(scale * (sources[0].videoWidth ?? sources[0].width));
-    const high = Math.round(scale * (sources[0].videoHeight ?? sources[0].height));
-    const canvas = new OffscreenCanvas(wide * sources.length, high);
-    sources.forEach((one, at) => canvas.getContext("2d").drawImage(one, at * wide, 0, wide, high));
-    return canvas;
-  }
-
   // Both views in a picture, the left one first; squeezed ones at the shape they were taken in.
   views(picture) {
     const [across, squeezed] = [!this.arrangement.endsWith("over-under"), this.arrangement.startsWith("half-")];
