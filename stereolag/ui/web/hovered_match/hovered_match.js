@@ -78,16 +78,14 @@ export default class HoveredMatchPanel extends Panel {
   frames() {
     const { top, start, size, asked } = this.seen;
     const { colours } = this.data;
-    const frame = (picture, row, col, height, width, colour, style = {}) => ({
-      row, col, height, width, colour, pictures: [picture], ...style,
+    const frame = (picture, colour, dy, dx, style = {}, height = size, width = size) => ({
+      pictures: [picture], colour, row: top + dy, col: start + dx, height, width, ...style,
     });
-    const height = asked.dy_last - asked.dy_first + size;
-    const width = asked.dx_last - asked.dx_first + size;
+    const [height, width] = [asked.dy_last - asked.dy_first + size, asked.dx_last - asked.dx_first + size];
     return [
-      frame(1, top + asked.dy_first, start + asked.dx_first, height, width, colours.search, { dashed: true, filled: true }),
-      frame(0, top, start, size, size, colours.peak),
-      ...this.found.map(({ dy, dx, colour }) =>
-        frame(1, top + dy, start + dx, size, size, colour, { dashed: colour === colours.truth })),
+      frame(1, colours.search, asked.dy_first, asked.dx_first, { dashed: true, filled: true }, height, width),
+      frame(0, colours.peak, 0, 0),
+      ...this.found.map(({ dy, dx, colour }) => frame(1, colour, dy, dx, { dashed: colour === colours.truth })),
     ];
   }
 

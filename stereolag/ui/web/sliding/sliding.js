@@ -1,7 +1,7 @@
 // A cut of recording 1, dragged over recording 2 without server requests.
 
 import { axis, stacked } from "../shared/dom.js";
-import { shortened, total } from "../shared/numbers.js";
+import { clamp, shortened, total } from "../shared/numbers.js";
 import { arrows } from "../shared/panel.js";
 import { visitedCurve, VisitingPanel } from "../shared/visiting.js";
 
@@ -93,7 +93,7 @@ export default class SlidingPanel extends VisitingPanel {
     const numbers = (samples, values, { bottom }) => samples.map((sample, index) => [sample, bottom - 1, values[index]]);
     const lags = { first: lag, last: lag + (recording.length - 1) * step, x: (tick) => x((tick - lag) / step) };
     return {
-      left: LEFT, right, pitch, boxes, x, ofSum,
+      left: LEFT, right, pitch, boxes, x,
       height: height - GAP + AXIS,
       zeros: { recording: ofRecording(0), cut: ofCut(0), products: ofProducts(0), curve: ofSum(0) },
       hold: { x: x(place) - pitch / 2, width: pitch * cut.length },
@@ -111,13 +111,8 @@ export default class SlidingPanel extends VisitingPanel {
       ] : [],
       level: ofSum(all.values[place]),
       lags: axis({ left: LEFT, right, y: boxes.curve.bottom, ...lags }, data.words.axis),
+      curve: visitedCurve({ left: LEFT, right, x, y: ofSum, stroke: clamp(pitch, 1.5, 2.5) }, this, data.words.perfect, 13),
     };
-  }
-
-  curve() {
-    const { left, right, x, ofSum, pitch } = this.layout;
-    const stroke = Math.min(Math.max(pitch, 1.5), 2.5);
-    return visitedCurve({ left, right, x, y: ofSum, stroke }, this, this.data.words.perfect, 13);
   }
 }
 
