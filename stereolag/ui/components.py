@@ -199,8 +199,6 @@ def packed_search(
     places
         Places to frame: the `kind` of each, and its `corners`, reduced, as x and y.
     """
-    shown = coloured(search.score_map, 0, 1)
-    template = np.dstack([search.template, search.opaque * np.uint8(255)])
     header = {
         "name": name,
         "factor": search.factor,
@@ -213,7 +211,15 @@ def packed_search(
         ],
         "words": dict(words),
     }
-    return packed_pictures(header, (search.picture, template, scores_as_colours(search.score_map), shown))
+    return packed_pictures(
+        header,
+        (
+            search.picture,
+            np.dstack([search.template, search.opaque * np.uint8(255)]),
+            scores_as_colours(search.score_map),
+            coloured(search.score_map, 0, 1),
+        ),
+    )
 
 
 def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mapping[str, Any]) -> bytes:

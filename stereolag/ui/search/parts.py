@@ -50,6 +50,7 @@ from stereolag.ui.search.sentences import (
     OUTCOMES,
     SCORE_MAP_WORDS,
     differences,
+    followed_in_words,
     found_in_words,
     left_out_in_words,
     lesson,
@@ -449,21 +450,22 @@ def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
     picture = frame(message.parts[0])
     if message.box is not None:
         box = read_box(message.box, picture.shape)
-        template = picture[box.slices].copy()
-        kept["follower"] = Follower(template, box.row + box.height / 2, box.col + box.width / 2)
-        kept["template"] = template
+        kept["template"] = picture[box.slices].copy()
+        kept["follower"] = Follower(kept["template"], box.row + box.height / 2, box.col + box.width / 2)
     if "follower" not in kept:
         raise ValueError("Draw a box first.")
     followed: Followed = kept["follower"].follow(picture, query)
     kept["place"], kept["picture"] = followed.place, message.parts[0]
-    told = {
-        "digest": "followed",
-        "shape": kept["template"].shape[:2],
-        "state": followed.state,
-        "score": followed.score,
-        "place": None if followed.place is None else asdict(followed.place),
-    }
-    return packed_item(told).data
+    return packed_item(
+        {
+            "digest": "followed",
+            "shape": kept["template"].shape[:2],
+            "state": followed.state,
+            "said": FOLLOWING_WORDS["states"][followed.state],
+            "figures": followed_in_words(followed),
+            "place": None if followed.place is None else asdict(followed.place),
+        }
+    ).data
 
 
 def _freeze(stream: Stream) -> None:

@@ -8,10 +8,12 @@ from typing import Any, Final
 import numpy as np
 
 from stereolag.core.searches import TemplateQuery
+from stereolag.core.typography import typeset
 from stereolag.figures.pictures import FRAME
 from stereolag.figures.verdicts import EQUAL, is_cut_off, place, remark_on
 from stereolag.templates import TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
+from stereolag.templates.following import Followed
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
 from stereolag.ui.sentences import TEMPLATE_METHODS, duration
 
@@ -208,6 +210,13 @@ SCORE_MAP_WORDS: Final = {
 
 def template_words(search: ReducedSearch) -> dict[str, Any]:
     """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
+    told = [
+        f" The best rival reaches {score:.3f}."
+        if at
+        else f"The peak is at row {search.row + row * search.factor}, column {search.col + col * search.factor}: "
+        f"{score:.3f}."
+        for at, (row, col, score) in enumerate(search.leaders()[:2])
+    ]
     return {
         "frame": f"rgb{FRAME}",
         "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
@@ -225,9 +234,7 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
             f"subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
         },
         "where": "Row {row}, column {col}: {score}",
-        "peak": "The peak is at row {row}, column {col}: {score}.",
-        "lead": " The best rival reaches {rival}.",
-        "nothing": "The image is flat: there is nothing to correlate.",
+        "lesson": typeset("".join(told)) or "The image is flat: there is nothing to correlate.",
         "top": "Peak",
         "rival": "Rival",
         "go": "Compare this place",
@@ -282,7 +289,7 @@ METHODS_FOLLOWING: Final = {
 }
 
 
-FOLLOWING_WORDS: Final = {
+FOLLOWING_WORDS: Final[dict[str, Any]] = {
     "hint": "Start the camera, then draw a box around something in its picture: it is followed from frame to frame.",
     "choose": "Draw a box around something. With keys: arrows move the box, with Shift by ten, + and − resize it, "
     "Enter follows it.",
@@ -299,6 +306,14 @@ FOLLOWING_WORDS: Final = {
         "look_alikes": ["Look-alikes", "Several places show it. Only its path tells which."],
         "lost": ["Lost", "It is looked for in the whole picture."],
     },
-    "figures": "Score {score}, row {row}, column {col}, size {size} %, turned by {angle}°",
-    "score": "Best score {score}",
 }
+
+
+def followed_in_words(followed: Followed) -> str:
+    """Return the score of what is followed, and its place, size and angle if it was found."""
+    place, score = followed.place, "–" if followed.score is None else f"{followed.score:.2f}"
+    where = place and (
+        f", row {place.row:,.0f}, column {place.col:,.0f}, size {100 * place.scale:.0f} %, "
+        f"turned by {place.rotation:z.0f}°"
+    )
+    return typeset(f"Score {score}{where}" if where else f"Best score {score}")

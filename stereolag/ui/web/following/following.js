@@ -2,7 +2,7 @@
 
 import { cut, gapped, placeIn } from "../shared/dom.js";
 import { jpeg, LivePanel } from "../shared/live.js";
-import { clamp, filled, shortened } from "../shared/numbers.js";
+import { clamp } from "../shared/numbers.js";
 import { arrows } from "../shared/panel.js";
 
 const LARGEST = 1280; // px, of the longer side of a frame
@@ -130,21 +130,5 @@ export default class FollowingPanel extends LivePanel {
   draw() {
     this.render();
     if (this.still) cut(this.find("canvas"), this.still);
-  }
-
-  // The state below the picture, and why; only a change of the state is read aloud.
-  get said() {
-    const { item, box, data: { told } } = this;
-    return item ? told.states[item.state] : ["", box ? told.choose : ""];
-  }
-
-  get figures() {
-    if (!this.item) return "";
-    const { score, place } = this.item;
-    const { row = 0, col = 0, scale = 1, rotation = 0 } = place ?? {};
-    const { told } = this.data;
-    return filled(place ? told.figures : told.score, {
-      score: shortened(score ?? NaN, 2), row: shortened(row), col: shortened(col), size: shortened(100 * scale), angle: shortened(rotation),
-    });
   }
 }

@@ -2,7 +2,7 @@
 
 import { cut, put, placeIn } from "../shared/dom.js";
 import { eventOf } from "../shared/exchange.js";
-import { clamp, filled, shortened, total } from "../shared/numbers.js";
+import { clamp, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
 import { arrows, Panel } from "../shared/panel.js";
 
@@ -120,12 +120,6 @@ export default class TemplatePanel extends Panel {
     put(this.find(".products canvas"), inProductColours(template, compared(picture, template, this.row, this.col)));
   }
 
-  lesson() {
-    const { leaders: [peak, rival], words } = this.data;
-    if (!peak) return words.nothing;
-    const told = filled(words.peak, { ...this.inImage(peak), score: shortened(peak.score, 3) });
-    return told + (rival ? filled(words.lead, { rival: shortened(rival.score, 3) }) : "");
-  }
 }
 
 // Unpacks the data of stereolag.ui.components.packed_search.
