@@ -127,8 +127,11 @@ def relief(search: ReducedSearch, row: int, col: int, side: int = 400) -> Rgba:
     colours = np.minimum(255, coloured(means, 0, 1) * light[..., np.newaxis])
     picture = np.zeros((side, side, 4), dtype=np.uint8)
     for down, right in np.ndindex(means.shape):  # far rows first
-        outline = corners[[down, down, down + 1, down + 1], [right, right + 1, right + 1, right]]
-        cv2.fillConvexPoly(picture, outline, (*colours[down, right].tolist(), 255))
+        cv2.fillConvexPoly(
+            picture,
+            corners[[down, down, down + 1, down + 1], [right, right + 1, right + 1, right]],
+            (*colours[down, right].tolist(), 255),
+        )
     return picture
 
 

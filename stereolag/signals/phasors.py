@@ -20,6 +20,9 @@ SIZE = 125
 LONGEST_LAG = 12
 """Samples, either way: this many zeros pad a stretch, so correlations up to this lag do not wrap around."""
 
+LAGS = np.linspace(-LONGEST_LAG, LONGEST_LAG, 8 * LONGEST_LAG + 1)
+"""The lags at which arrows are added up: every quarter of a sample."""
+
 LENGTH = SIZE - LONGEST_LAG
 """Samples of a stretch."""
 
@@ -70,10 +73,13 @@ class Phasors:
     offset: int = 0
     step: int = 1
 
-    @property
-    def lengths(self) -> Vector:
-        """Return the lengths of the arrows; in a straight line they would reach their sum."""
-        return self.magnitude_1 * self.magnitude_2
+    def lengths(self, *, whiten: bool = False) -> Vector:
+        """Return the lengths of the arrows, (62,) float64; in a straight line they would reach their sum.
+
+        Whitened (PHAT), all are equal but those of empty frequencies, and their sum is 1.
+        """
+        products = self.magnitude_1 * self.magnitude_2
+        return (products > 0) / np.count_nonzero(products) if whiten else products
 
 
 def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0, step: int = 1) -> Phasors:
@@ -110,32 +116,19 @@ def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0,
     return Phasors(name, magnitudes[0], magnitudes[1], turns - np.rint(turns), offset, step)
 
 
-def arrow_lengths(phasors: Phasors, *, whiten: bool = False) -> Vector:
-    """Return the length of each arrow, (62,) float64; whitened (PHAT), all are equal but those of empty frequencies."""
-    heard = phasors.lengths > 0
-    return heard / heard.sum() if whiten else phasors.lengths
+def chains(phasors: Phasors, *, whiten: bool = False) -> npt.NDArray[np.complex128]:
+    """Return the arrows in a chain, head to tail, at each of `LAGS`: where each ends, (97, 62) complex128.
 
-
-def chains(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, npt.NDArray[np.complex128]]:
-    """Return the arrows in a chain, head to tail, at each lag.
-
-    Returns
-    -------
-    lags
-        (97,) float64: -12 to 12 samples in steps of a quarter.
-    tips
-        (97, 62) complex128: where each arrow ends. How far to the right the last one does is the correlation, -1..1.
+    How far to the right the last one ends is the correlation, -1..1.
     """
-    lags = np.linspace(-LONGEST_LAG, LONGEST_LAG, 8 * LONGEST_LAG + 1)
     frequencies = np.arange(1, phasors.turns.size + 1) / SIZE
-    turned = np.outer(lags, frequencies) - phasors.turns
-    return lags, np.cumsum(arrow_lengths(phasors, whiten=whiten) * np.exp(2j * np.pi * turned), axis=1)
+    turned = np.outer(LAGS, frequencies) - phasors.turns
+    return np.cumsum(phasors.lengths(whiten=whiten) * np.exp(2j * np.pi * turned), axis=1)
 
 
 def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vector]:
-    """Return the lags of :func:`chains`, and the correlation at each."""
-    lags, tips = chains(phasors, whiten=whiten)
-    return lags, tips[:, -1].real
+    """Return `LAGS`, and the correlation at each."""
+    return LAGS, chains(phasors, whiten=whiten)[:, -1].real
 
 
 def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> Phasors | None:
@@ -156,7 +149,7 @@ def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> P
     part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
     loudest = _loudest_block(signal_1[part_1], signal_2[part_2])
     stretches = _stretches(name, signal_1[part_1][loudest], signal_2[part_2][loudest], lag)
-    return max(stretches, key=lambda one: participating(one.lengths), default=None)
+    return max(stretches, key=lambda one: participating(one.lengths()), default=None)
 
 
 def _loudest_block(common_1: Vector, common_2: Vector) -> slice:

@@ -81,7 +81,7 @@ CHAIN_ARROWS = "({ chained }, [example, lengths, lags]) => lags.map((lag) => cha
 def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, whiten: bool) -> None:
     example = described_phasors(ARROWS[name](), **{"try": ""})
     measured = example["measured"]["whitened" if whiten else "plain"]
-    lags, tips = phasors.chains(ARROWS[name](), whiten=whiten)
+    lags, tips = phasors.LAGS, phasors.chains(ARROWS[name](), whiten=whiten)
     found = np.array(node.call("phasors/phasors.js", CHAIN_ARROWS, [example, measured["lengths"], lags.tolist()]))
     np.testing.assert_allclose(found[:, 1:] @ [1, 1j], tips, atol=2e-5)
     np.testing.assert_allclose(found[:, -1, 0], measured["values"], atol=2e-5)

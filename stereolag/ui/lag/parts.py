@@ -400,6 +400,10 @@ def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     )
 
 
+MOST_AGREEMENT: Final = 100
+"""Standard deviations at the end of the agreement's scale, which is logarithmic and begins at 1."""
+
+
 @lru_cache(maxsize=64)
 def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
     """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
@@ -416,7 +420,12 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
         "peak": result.lag,
         "rivals": result.rivals,
         "verdict": result.verdict,
-        **{name: getattr(result.judgement, name) for name in ("evidence", "chance", "needed")},
+        "evidence": result.judgement.evidence,
+        "needed": result.judgement.needed,
+        "agreement": [
+            float(np.log(np.clip(getattr(result.judgement, name), 1, MOST_AGREEMENT)) / np.log(MOST_AGREEMENT))
+            for name in ("chance", "needed", "evidence")
+        ],
     }
 
 
@@ -479,9 +488,9 @@ def _measured(found: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
 
     In line, the arrows would reach `perfect`; `peaks` are indices of lags, the smallest lag first.
     """
-    lags, tips = phasors.chains(found, whiten=whiten)
+    tips = phasors.chains(found, whiten=whiten)
     heights = tips[:, -1].real
-    lengths = phasors.arrow_lengths(found, whiten=whiten)
+    lengths = found.lengths(whiten=whiten)
     before, after = np.append(-np.inf, heights[:-1]), np.append(heights[1:], -np.inf)
     peaks = np.flatnonzero((heights > heights.max() - 1e-3) & (heights >= before) & (heights >= after))
     ends = np.append(tips, [0, lengths.sum()])
@@ -489,7 +498,7 @@ def _measured(found: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
         "lengths": _significant(lengths),
         "values": _significant(heights),
         "perfect": float(lengths.sum()),
-        "peaks": sorted(peaks.tolist(), key=lambda place: abs(lags[place])),
+        "peaks": sorted(peaks.tolist(), key=lambda place: abs(phasors.LAGS[place])),
         "bounds": [ends.real.min(), ends.real.max(), ends.imag.min(), ends.imag.max()],
     }
 

@@ -68,10 +68,7 @@ export default class BrushPanel extends DrawingPanel {
     const [[row, col], [toRow, toCol]] = [from, this.at].map((place) => place.map(along));
     context.globalCompositeOperation = this.mode === "Erase" ? "destination-out" : "source-over";
     Object.assign(context, { strokeStyle: `rgb(${INK})`, lineWidth: size, lineCap: "round" });
-    context.beginPath();
-    context.moveTo(col, row);
-    context.lineTo(toCol + DOT, toRow);
-    context.stroke();
+    context.stroke(new Path2D(`M${col} ${row}L${toCol + DOT} ${toRow}`));
   }
 
   actions(event) {

@@ -1,6 +1,6 @@
 // Sliders that disturb two recordings, and the curve of their lag; Python mixes them, measures the lag and judges it.
 
-import { axis, line, plotted, stacked } from "../shared/dom.js";
+import { axis, plotted, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { ExamplesPanel } from "../shared/visiting.js";
 
@@ -14,7 +14,6 @@ const NAME = 20; // px for the name above each strip
 const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
 const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
 const CLOSE = 60; // lags to either side of the peak
-const MOST_AGREEMENT = 100;
 
 export default class DisturbancesPanel extends ExamplesPanel {
   setUp() {
@@ -75,7 +74,7 @@ export default class DisturbancesPanel extends ExamplesPanel {
       height, boxes, left: LEFT, right,
       recordings: data.recordings.map((part) => ({ d: plotted(part), count: part.length, loudest: Math.max(...part.map(Math.abs)) })),
       curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
-      agreement: agreementAt(right, data),
+      agreement: data.agreement.map((share) => LEFT + share * (right - LEFT)),
     };
   }
 }
@@ -93,16 +92,10 @@ function curveIn({ height, bottom }, right, { first, last, low, high }, { curve,
     zero: y(0),
     ribbon: ribbon?.map(y) ?? "",
     middle: y(ribbon ? (ribbon[0] + ribbon[1]) / 2 : 0),
-    d: line(lags.map((lag) => [x(lag), y(valueAt(lag))])),
+    d: `M${lags.map((lag) => [x(lag), y(valueAt(lag))]).join("L")}`,
     stroke: last - first > right ? 1 : 2,
     marks: marks.filter(({ lag }) => lag >= first && lag <= last).map((mark) => ({ ...mark, x: x(mark.lag), y: y(valueAt(mark.lag)) })),
     peak: { y: y(valueAt(peak)), value: valueAt(peak) },
     axis: axis({ first, last, left: LEFT, right, y: bottom, x }, label),
   };
-}
-
-// Standard deviations on a logarithmic scale: the level of chance, the convincing level, and what there is.
-function agreementAt(right, { evidence, chance, needed }) {
-  const x = (deviations) => LEFT + (Math.log(clamp(deviations, 1, MOST_AGREEMENT)) / Math.log(MOST_AGREEMENT)) * (right - LEFT);
-  return { chance: x(chance), needed: x(needed), evidence: x(evidence) };
 }

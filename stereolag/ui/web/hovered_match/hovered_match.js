@@ -1,6 +1,6 @@
 // Follows the crosshair of the pictures and explains the window under it, without server requests.
 
-import { colourAt, cut, gapped, put } from "../shared/dom.js";
+import { cut, gapped, put } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
 import { clamp, shortened, ticks } from "../shared/numbers.js";
 import { codesOf, pixelsOf } from "../shared/packing.js";
@@ -172,8 +172,9 @@ function scoreRange(scores, score) {
 function drawFromAbove(canvas, seen, settings) {
   const data = new Uint8ClampedArray(4 * seen.scores.length);
   const [low, high] = scoreRange(seen.scores, settings.score);
+  const last = settings.palette.length - 1;
   seen.scores.forEach((score, at) => {
-    if (!Number.isNaN(score)) data.set([...colourAt((score - low) / (high - low || 1), settings.palette), 255], 4 * at);
+    if (!Number.isNaN(score)) data.set([...settings.palette[Math.round(((score - low) / (high - low || 1)) * last)], 255], 4 * at);
   });
   put(canvas, { data, rows: seen.rows, cols: seen.cols });
 }

@@ -1,6 +1,5 @@
 // Two microphones heard live: how loud they are, their waveforms, the lag that the server finds, and where it points.
 
-import { line } from "../shared/dom.js";
 import { branch, SENSORS } from "../shared/hyperbola.js";
 import { LivePanel } from "../shared/live.js";
 import { clamp, total } from "../shared/numbers.js";
@@ -124,7 +123,7 @@ export default class Listening extends LivePanel {
     /** @type {(place: number[]) => number[]} */
     const at = ([x, y]) => [(width * (2 + x)) / 4, FLOOR - (width * y) / 4];
     return {
-      same: line(branch(difference / apart).filter(([, y]) => y >= 0).map(at)),
+      same: `M${branch(difference / apart).filter(([, y]) => y >= 0).map(at).join("L")}`,
       turn: (-180 * Math.asin(difference / apart)) / Math.PI,
       sensors: SENSORS.map(at),
     };

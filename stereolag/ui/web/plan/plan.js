@@ -1,6 +1,6 @@
 // A plan of both sensors and a draggable source, which shows the places that give the same lag.
 
-import { line, shareOf } from "../shared/dom.js";
+import { shareOf } from "../shared/dom.js";
 import { branch, pathDifference, pathTo, SENSORS } from "../shared/hyperbola.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, Panel } from "../shared/panel.js";
@@ -66,7 +66,7 @@ export default class Plan extends Panel {
     const farther = SENSORS[difference > 0 ? 1 : 0];
     const share = Math.abs(difference) / (pathTo(source, farther) || 1);
     const turn = farther.map((each, axis) => each + (source[axis] - each) * share);
-    const drawn = (name, points) => ({ name, d: line(points.map(at)) });
+    const drawn = (name, points) => ({ name, d: `M${points.map(at).join("L")}` });
     return {
       lines: [
         ...(data.difference === null ? [] : [drawn("measured", branch(data.difference / apart))]),

@@ -1,18 +1,13 @@
 // Paths and axes of SVG drawings, and canvases.
 
 import { svg } from "./lit_html.js";
-import { clamp, shortened, ticks } from "./numbers.js";
+import { shortened, ticks } from "./numbers.js";
 
 const TICK_PX = 65;
 
-// The path through some points.
-export const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}`;
-
 // The path through some points, as text, with a gap for each that is missing; one alone is a dot.
-export function gapped(points) {
-  const runs = runsOf(points).map((run) => run.map((at) => points[at]));
-  return runs.map((run) => `M${run.join("L")}${run.length === 1 ? "h0" : ""}`).join("");
-}
+export const gapped = (points) =>
+  points.map((one, at) => (one ? `${points[at - 1] ? "L" : "M"}${one}${points[at - 1] || points[at + 1] ? "" : "h0"}` : "")).join("");
 
 // The path through values, one unit to the right each, upwards, and with a gap for each that is missing.
 export const plotted = (values, first = 0) =>
@@ -76,9 +71,6 @@ export function cut(canvas, image, x = 0, y = 0, width = image.width, height = i
   Object.assign(canvas, { width, height });
   canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
 }
-
-// The colour of a share of the way through a palette.
-export const colourAt = (share, palette) => palette[Math.round(clamp(share, 0, 1) * (palette.length - 1))];
 
 // Draws RGBA bytes on a canvas of their size.
 export function put(canvas, { data, rows, cols }) {

@@ -29,8 +29,9 @@ function giveBack(find, end) {
 export function keepFocus() {
   if (watched) return;
   watched = true;
-  document.addEventListener("pointerdown", () => { pressed = true; }, true);
-  for (const type of ["pointerup", "pointercancel"]) document.addEventListener(type, () => { pressed = false; }, true);
+  for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
+    document.addEventListener(type, () => { pressed = type === "pointerdown"; }, true);
+  }
   document.addEventListener("focusout", ({ target, relatedTarget }) => {
     if (pressed || relatedTarget || !(target instanceof Element) || !document.hasFocus()) return;
     const find = finder(target);
