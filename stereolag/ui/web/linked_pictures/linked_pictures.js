@@ -161,12 +161,15 @@ export default class LinkedPictures extends Panel {
     if (this.width !== before) this.render();
   }
 
-  // Zooms about the point (u, v) of the view, each 0..1, which stays fixed; a factor of 0 shows the whole picture.
-  zoomBy(factor, u = 0.5, v = 0.5) {
+  // Zooms about a place, which stays fixed: the crosshair or else the middle, unless one is named. A factor of 0 shows the
+  // whole picture.
+  zoomBy(factor, place) {
     const { rows, cols } = this.data;
     const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));
-    this.x += u * cols * (1 / this.zoom - 1 / zoom);
-    this.y += v * rows * (1 / this.zoom - 1 / zoom);
+    const x = place?.x ?? this.at?.col ?? this.x + cols / this.zoom / 2;
+    const y = place?.y ?? this.at?.row ?? this.y + rows / this.zoom / 2;
+    this.x = x - ((x - this.x) * this.zoom) / zoom;
+    this.y = y - ((y - this.y) * this.zoom) / zoom;
     this.zoom = zoom;
     this.draw();
   }
@@ -178,13 +181,12 @@ export default class LinkedPictures extends Panel {
     return target.closest(".viewport");
   }
 
-  // The pixel under the pointer, and the pointer's position in the view, 0..1.
+  // The pixel under the pointer, the pointer's place in the picture, px, and how far it is across the view, 0..1.
   place(event, cell) {
     const [u, v] = shareOf(event, cell).map((share) => clamp(share, 0, 1));
     const { rows, cols } = this.data;
-    const col = clamp(Math.floor(this.x + (u * cols) / this.zoom), 0, cols - 1);
-    const row = clamp(Math.floor(this.y + (v * rows) / this.zoom), 0, rows - 1);
-    return { row, col, u, v };
+    const [x, y] = [this.x + (u * cols) / this.zoom, this.y + (v * rows) / this.zoom];
+    return { row: clamp(Math.floor(y), 0, rows - 1), col: clamp(Math.floor(x), 0, cols - 1), x, y, u };
   }
 
   press(event) {
@@ -208,12 +210,12 @@ export default class LinkedPictures extends Panel {
     const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
     if (!this.held.moved && Math.hypot(dx, dy) < DRAG_PX) return;
     this.held.moved = true;
-    const { u, v } = this.place(event, this.held.cell);
-    if (this.held.onSplit) this.split = clamp(u * 100, 0, 100);
+    const place = this.place(event, this.held.cell);
+    if (this.held.onSplit) this.split = clamp(place.u * 100, 0, 100);
     else if (this.pointers.size === 2) {
       const other = [...this.pointers.values()].find((one) => one.pointerId !== event.pointerId);
       const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
-      this.zoomBy(apart(event) / Math.max(1, apart(last)), u, v);
+      this.zoomBy(apart(event) / Math.max(1, apart(last)), place);
     } else {
       const pixel = this.data.cols / this.zoom / this.width;
       this.x -= dx * pixel;
@@ -249,14 +251,13 @@ export default class LinkedPictures extends Panel {
     const meant = event.ctrlKey || event.metaKey || this.stage.getRootNode().activeElement === this.stage;
     if (!cell || !meant || (event.deltaY > 0 && this.zoom === 1 && !event.ctrlKey)) return;
     event.preventDefault();
-    const { u, v } = this.place(event, cell);
-    this.zoomBy(Math.exp(-event.deltaY * (event.ctrlKey ? 0.01 : 0.002)), u, v);
+    this.zoomBy(Math.exp(-event.deltaY * (event.ctrlKey ? 0.01 : 0.002)), this.place(event, cell));
   }
 
   actions(event) {
     const { at } = this;
     const pick = at && this.isPickable ? () => this.pick(at) : undefined;
-    const zoom = event.key in ZOOMS && (() => this.zoomBy(ZOOMS[event.key], ...this.shareOfCross()));
+    const zoom = event.key in ZOOMS && (() => this.zoomBy(ZOOMS[event.key]));
     return { [event.key]: zoom, ...arrows(event, (down, right) => this.step(down, right)), Enter: pick, " ": pick };
   }
 
@@ -268,11 +269,5 @@ export default class LinkedPictures extends Panel {
     this.x = clamp(this.x, col + 1 - cols / this.zoom, col);
     this.y = clamp(this.y, row + 1 - rows / this.zoom, row);
     this.set({ at: { row, col } });
-  }
-
-  shareOfCross() {
-    if (!this.at) return [0.5, 0.5];
-    const { rows, cols } = this.data;
-    return [((this.at.col - this.x) * this.zoom) / cols, ((this.at.row - this.y) * this.zoom) / rows];
   }
 }

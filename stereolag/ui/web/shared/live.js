@@ -43,11 +43,6 @@ class Run {
     return video;
   }
 
-  // Whether a device was unplugged.
-  get isCut() {
-    return this.tracks.some(({ readyState }) => readyState === "ended");
-  }
-
   end() {
     this.tracks.forEach((track) => track.stop());
     for (const end of this.ends.splice(0)) end();
@@ -234,7 +229,7 @@ export class LivePanel extends Panel {
   async send(run) {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
-      if (run.isCut) return this.stop("unplugged");
+      if (run.tracks.some(({ readyState }) => readyState === "ended")) return this.stop("unplugged");
       const message = document.hidden || this.sent.length >= (socket.most ?? IN_FLIGHT) ? null : await this.grab();
       if (message && this.running === run && socket.readyState === WebSocket.OPEN) {
         this.sent.push({ at: performance.now(), ...message });

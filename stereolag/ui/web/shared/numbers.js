@@ -19,7 +19,6 @@ export const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => 
 export function ticks(first, last, least) {
   const power = 10 ** Math.floor(Math.log10(Math.max(least, 1)));
   const step = [1, 2, 5, 10].map((times) => times * power).find((each) => each >= least);
-  const found = [];
-  for (let tick = Math.ceil(first / step) * step; tick <= last; tick += step) found.push(tick);
-  return found;
+  const begin = Math.ceil(first / step);
+  return Array.from({ length: Math.floor(last / step) - begin + 1 }, (_, at) => (begin + at) * step);
 }

@@ -44,7 +44,7 @@ export class StereoPanel extends LivePanel {
     const videos = [];
     for (const name of this.chosen.slice(0, this.isTwo ? 2 : 1)) videos.push(await run.camera(name));
     await this.listDevices(); // they have names only now
-    const used = videos.map(deviceOf);
+    const used = run.tracks.map((track) => track.getSettings().deviceId);
     if (new Set(used).size < videos.length) throw Object.assign(new Error(), { name: "oneCamera" });
     used.forEach((device, at) => (this.chosen[at] = device));
     videos.forEach((one) => watch(one, () => this.wake()));
@@ -77,8 +77,6 @@ export class StereoPanel extends LivePanel {
 
 // The JPEGs of some pictures that are kept as files.
 export const jpegs = (pictures) => Promise.all(pictures.map((one) => jpeg(one, KEPT_QUALITY)));
-
-const deviceOf = ({ srcObject }) => srcObject.getVideoTracks()[0].getSettings().deviceId;
 
 // Notes of every new frame of a video when it was captured.
 function watch(video, told) {

@@ -25,13 +25,10 @@ export default class TemplatePanel extends Panel {
     this.col = Math.round((map.cols - 1) * 0.2);
     this.revealed = false;
     this.render();
+    this.painting = this.find(".map canvas").getContext("2d");
     this.clear();
     put(this.find(".picture"), picture);
     for (const name of [".held canvas", ".template canvas"]) put(this.find(name), template);
-  }
-
-  get painting() {
-    return this.find(".map canvas").getContext("2d");
   }
 
   clear() {
