@@ -34,7 +34,7 @@ WEB = Path(__file__).parent / "web"
 IMPORT = re.compile(r'^import \{([^}]*)\} from "(\.[^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
 UNKNOWN = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE)
-STYLES = re.compile(r'^@import "(\.[^"]+)";\n', re.MULTILINE)
+WITHIN = re.compile(r'^ *@import "(\.[^"]+)";\n', re.MULTILINE)
 
 
 VIEW = """
@@ -54,7 +54,7 @@ def component(name: str) -> ComponentRenderer:
     return st.components.v2.component(
         f"stereolag.{name}",
         html='<div class="view"></div>' if (folder / f"{name}.html").exists() else None,
-        css=styles(sheet) if sheet.exists() else None,
+        css=whole(sheet) if sheet.exists() else None,
         js=script(folder),
     )
 
@@ -67,13 +67,13 @@ def script(folder: Path) -> str:
     text.
     """
     markup = folder / f"{folder.name}.html"
-    view = VIEW.format(markup.read_text(encoding="utf-8").strip()) if markup.exists() else ""
+    view = VIEW.format(whole(markup).strip()) if markup.exists() else ""
     return joined(folder / f"{folder.name}.js").replace("export default class", "const Shown = class") + view
 
 
-def styles(path: Path) -> str:
-    """Return a style sheet, with those it imports in place of the imports."""
-    return STYLES.sub(lambda found: styles(path.parent / found[1]), path.read_text(encoding="utf-8"))
+def whole(path: Path) -> str:
+    """Return a style sheet or a markup, with those it imports in place of the imports."""
+    return WITHIN.sub(lambda found: whole(path.parent / found[1]), path.read_text(encoding="utf-8"))
 
 
 @cache

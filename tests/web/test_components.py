@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stereolag.ui.components import WEB, joined, script, styles
+from stereolag.ui.components import WEB, joined, script, whole
 from tests.web.node import node_path
 
 
@@ -53,13 +53,18 @@ def test_what_cannot_be_joined_is_refused(tmp_path: Path, modules: dict[str, str
         joined(written(tmp_path, **modules))
 
 
-def test_a_style_sheet_has_those_it_imports() -> None:
-    legends = (WEB / "shared" / "legend.css").read_text(encoding="utf-8")
-    assert legends in styles(WEB / "player" / "player.css")
-    assert all("@import" not in styles(path) for path in WEB.glob("*/*.css"))
+@pytest.mark.parametrize(("ending", "shared"), [("css", "legend.css"), ("html", "legends.html")])
+def test_style_sheets_and_markup_have_those_they_import(ending: str, shared: str) -> None:
+    legends = (WEB / "shared" / shared).read_text(encoding="utf-8")
+    assert legends in whole(WEB / "player" / f"player.{ending}")
+    assert all("@import" not in whole(path) for path in WEB.glob(f"*/*.{ending}"))
 
 
-@pytest.mark.parametrize("markup", sorted(WEB.glob("*/*.html")), ids=lambda markup: markup.stem)
+@pytest.mark.parametrize(
+    "markup",
+    sorted(path for path in WEB.glob("*/*.html") if path.stem == path.parent.name),
+    ids=lambda markup: markup.stem,
+)
 def test_the_expressions_of_a_markup_are_code(tmp_path: Path, markup: Path) -> None:
     module = tmp_path / "module.mjs"
     module.write_text(script(markup.parent), encoding="utf-8")

@@ -187,6 +187,10 @@ PLAN_INTRODUCTION: Final = (
 )
 
 SLIDING_WORDS: Final[dict[str, Any]] = {
+    "choice": "Examples",
+    "each": "place",
+    "option": "Normalise",
+    "meaning": "Divide by how loud both are: only the shape counts, and 1 is a perfect match",
     "recording": "Recording 2, with the cut laid over it",
     "cut": "Cut from recording 1: drag it",
     "axis": "lag, samples: where the cut begins",
@@ -315,6 +319,7 @@ DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
 )
 
 DISTURBANCE_WORDS: Final[dict[str, str]] = {
+    "choice": "Begin with",
     "recordings": "240 samples of both, shifted by the lag found",
     "curve": "Correlation, weighted by overlap, at every lag",
     "close": "The peak, up close",
@@ -414,6 +419,10 @@ PHASOR_INTRODUCTION: Final = (
 )
 
 PHASOR_WORDS: Final[dict[str, Any]] = {
+    "choice": "Examples",
+    "each": "lag",
+    "option": "Whiten",
+    "meaning": "Divide every arrow by its length: PHAT, the phase transform",
     "captions": {
         "magnitudes": ["Magnitudes", "how much of each frequency the recordings contain"],
         "phases": [

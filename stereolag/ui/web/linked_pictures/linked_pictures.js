@@ -3,7 +3,6 @@
 
 import { shareOf } from "../shared/dom.js";
 import { eventOf, received, tell } from "../shared/exchange.js";
-import { legend } from "../shared/legend.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, Panel } from "../shared/panel.js";
 import { contentOf, forget, paint, picture, shapeOf, surface, textsAt } from "./drawing.js";
@@ -32,7 +31,6 @@ export default class LinkedPictures extends Panel {
 
   constructor(parent) {
     super(parent);
-    this.legend = legend;
     this.surface = surface;
     const on = (kind, react) => this.listen(eventOf(kind), ({ detail }) => detail.name === this.name && react(detail));
     on("marks", ({ item }) => this.set({ marks: item.marks }));

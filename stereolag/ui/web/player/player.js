@@ -3,7 +3,6 @@
 
 import { cut, plotted, shareOf } from "../shared/dom.js";
 import { eventOf, received } from "../shared/exchange.js";
-import { legend } from "../shared/legend.js";
 import { html } from "../shared/lit_html.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { arrows, Panel } from "../shared/panel.js";
@@ -12,7 +11,6 @@ export default class Player extends Panel {
   frame = 0;
   awaited = null; // the frame sought but not shown yet
   charts = [];
-  legend = legend;
   sample = sample;
 
   setUp() {

@@ -153,16 +153,7 @@ export class LivePanel extends Panel {
     this.connect(run);
   }
 
-  // The markup that all have: start or stop, how the run is going, and a choice of the device at a place.
-  starter() {
-    const [told, act] = this.running ? ["stop", () => this.stop()] : ["start", () => this.start()];
-    return html`<button type="button" @click=${act}>${this.data.words[told]}</button>`;
-  }
-
-  lights() {
-    return html`<span class="light"></span><span class="state" role="status">${this.told}</span>`;
-  }
-
+  // The markup of a choice of the device at a place.
   chooser(at, name, hidden, first) {
     return html`
       <select aria-label=${name} ?hidden=${hidden} @change=${({ target }) => this.choose(at, target.value)}>

@@ -4,7 +4,7 @@
 // lesson of its own: the "plain" one, and the `other` one, which the panel offers as an option.
 
 import { gapped } from "./dom.js";
-import { html, live, svg } from "./lit_html.js";
+import { svg } from "./lit_html.js";
 import { clamp } from "./numbers.js";
 import { Panel } from "./panel.js";
 
@@ -21,16 +21,6 @@ export class ExamplesPanel extends Panel {
 
   isChosen(example) {
     return example === this.example;
-  }
-
-  // The markup of the choice, and what to try with the example.
-  choice(name = "Examples") {
-    return html`
-      <div class="examples" role="group" aria-label=${name}>
-        ${this.data.examples.map((one) => html`
-          <button type="button" aria-pressed=${this.isChosen(one)} @click=${() => this.choose(one)}>${one.title}</button>`)}
-      </div>
-      <p class="try">${this.example.try}</p>`;
   }
 }
 
@@ -116,24 +106,6 @@ export class VisitingPanel extends ExamplesPanel {
     cancelAnimationFrame(this.playing);
     this.playing = undefined;
     this.schedule();
-  }
-
-  // The markup of Play and Clear, of the option and of the current place.
-  visits(each, option, meaning) {
-    return html`
-      <div class="bar">
-        <button type="button" class="play" title="Try every ${each} (space)" @click=${() => this.toggle()}>
-          ${this.playing ? "❚❚ Pause" : "▶ Play"}</button>
-        <button type="button" class="clear" title="Wipe the curve" @click=${() => this.clear()}>Clear</button>
-        <label title=${meaning}><input type="checkbox" .checked=${live(this.option)} @change=${({ target }) => this.turn(target.checked)} />
-          ${option}</label>
-        <span class="where">${this.where}</span>
-      </div>`;
-  }
-
-  // The current place, in words.
-  get where() {
-    return "";
   }
 
   // The example's lesson, once every place has been visited.
