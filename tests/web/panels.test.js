@@ -32,7 +32,7 @@ test("silence has no correlation, and the highest place is found", () => {
 
 test("a curve has gaps, and a point alone is a dot", () => {
   assert.deepEqual(runsOf([true, true, false, true]), [[0, 1], [3]]);
-  assert.equal(gapped(["0 0", "1 0", false, "3 0"]), "M0 0L1 0M3 0h0");
+  assert.equal(gapped(["0 0", "1 0", false, "3 0"]), "M0 0h0L1 0M3 0h0");
 });
 
 test("an item stays as long as somebody holds it, and each change is told", () => {

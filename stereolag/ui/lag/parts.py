@@ -414,7 +414,7 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
     return {
         "settings": settings.model_dump(),
         "said": disturbed_in_words(settings, result),
-        "recordings": [part.round(3).tolist() for part in (first[SHOWN], second[of_second])],
+        "recordings": [(part / np.abs(part).max()).round(4).tolist() for part in (first[SHOWN], second[of_second])],
         "curve": result.correlation.round(5).tolist(),
         "ribbon": figures.band_of_chance(result),
         "peak": result.lag,

@@ -168,7 +168,8 @@ def drift_in_words(over_time: LagOverTime) -> str:
 
 # Panels
 
-COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
+COLOURS: Final = f"--sensor-1: {SENSOR_1}; --sensor-2: {SENSOR_2}; --curve: {CORRELATION}; --peak: {PEAK}"
+"""The colours of all panels of the page, as custom properties of their styles."""
 
 IN_A_SENTENCE = """
 Slide one recording along the other, multiply, add up: where the sum peaks, the two agree. That is their **lag**.

@@ -10,7 +10,6 @@ const EVERY_MS = 80; // while a slider is dragged
 
 const LEFT = 6;
 const RIGHT = 46;
-const NAME = 20; // px for the name above each strip
 const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
 const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
 const CLOSE = 60; // lags to either side of the peak
@@ -28,13 +27,8 @@ export default class DisturbancesPanel extends ExamplesPanel {
   }
 
   choose(example) {
-    super.choose(example);
     this.change({ ...this.data.start, ...example.settings });
-    this.chosen = example.title;
-  }
-
-  isChosen({ title }) {
-    return title === this.chosen;
+    super.choose(example);
   }
 
   change(settings) {
@@ -62,7 +56,7 @@ export default class DisturbancesPanel extends ExamplesPanel {
     const { data } = this;
     const { curve, ribbon, peak, words } = data;
     const right = width - RIGHT;
-    const { boxes, height } = stacked(HEIGHTS, NAME, (name) => BELOW[name]);
+    const { boxes, height } = stacked(HEIGHTS, (name) => BELOW[name]);
     const reach = (curve.length - 1) / 2;
     const whole = { first: -reach, last: reach, low: Math.min(-0.12, ...curve), high: 1.05 };
     const first = clamp(peak - CLOSE, -reach, reach - 2 * CLOSE);
@@ -72,7 +66,7 @@ export default class DisturbancesPanel extends ExamplesPanel {
     const close = { first, last: first + 2 * CLOSE, low, high };
     return {
       height, boxes, left: LEFT, right,
-      recordings: data.recordings.map((part) => ({ d: plotted(part), count: part.length, loudest: Math.max(...part.map(Math.abs)) })),
+      recordings: data.recordings.map((part) => plotted(part)),
       curves: [curveIn(boxes.curve, right, whole, data, words.axis), curveIn(boxes.close, right, close, data)],
       agreement: data.agreement.map((share) => LEFT + share * (right - LEFT)),
     };

@@ -4,10 +4,11 @@ import { svg } from "./lit_html.js";
 import { shortened, ticks } from "./numbers.js";
 
 const TICK_PX = 65;
+const NAME = 20; // px for the name above each strip
 
 // The path through some points, as text, with a gap for each that is missing; one alone is a dot.
 export const gapped = (points) =>
-  points.map((one, at) => (one ? `${points[at - 1] ? "L" : "M"}${one}${points[at - 1] || points[at + 1] ? "" : "h0"}` : "")).join("");
+  points.map((one, at) => (one ? (points[at - 1] ? `L${one}` : `M${one}h0`) : "")).join("");
 
 // The path through values, one unit to the right each, upwards, and with a gap for each that is missing.
 export const plotted = (values, first = 0) =>
@@ -38,12 +39,12 @@ export function axis({ first, last, left, right, y, x }, label = "") {
 }
 
 // The boxes of strips that lie below each other, each under its name, and the height of all.
-export function stacked(heights, nameHeight, gapBelow) {
+export function stacked(heights, gapBelow) {
   const boxes = {};
   let y = 0;
   for (const [name, height] of Object.entries(heights)) {
-    boxes[name] = { top: y + nameHeight, height, bottom: y + nameHeight + height };
-    y += nameHeight + height + gapBelow(name);
+    boxes[name] = { top: y + NAME, height, bottom: y + NAME + height };
+    y += NAME + height + gapBelow(name);
   }
   return { boxes, height: y };
 }

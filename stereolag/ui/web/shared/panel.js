@@ -11,7 +11,6 @@ export class Panel {
   /** @type {any} */
   layout = { width: 0, height: 0 }; // of its drawing, if it has one
   data;
-  /** @type {(panel: any, data: any, words: any, tools: any) => unknown} */
   view; // the markup
   /** @type {(name: string, value: any) => void} */
   trigger; // tells Python once
@@ -73,11 +72,6 @@ export class Panel {
 
   // What can be done only once there is markup.
   setUp() {}
-
-  // Colours as custom properties of the same names.
-  colours() {
-    return Object.entries(this.data.colours).map(([name, colour]) => `--${name}: ${colour}`).join("; ");
-  }
 
   // Changes its state, and shows that.
   set(state) {

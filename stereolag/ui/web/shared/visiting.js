@@ -1,7 +1,7 @@
-// Panels with examples to choose from. `VisitingPanel` also has places to visit one after the other, and Play, which visits
-// them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a `perfect` match, and
-// the places of the `peaks`, several if the highest value repeats. There are two measurements, of which each example has a
-// lesson of its own: the "plain" one, and the `other` one, which the panel offers as an option.
+// Panels with examples to choose from. `VisitingPanel` also has places to visit one after the other, and Play, which
+// visits them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a
+// `perfect` match, and the places of the `peaks`, several if the highest value repeats. There are two measurements, each
+// with a lesson of its own in every example: the "plain" one, and the `other` one, which the panel offers.
 
 import { gapped } from "./dom.js";
 import { svg } from "./lit_html.js";
@@ -17,10 +17,7 @@ export class ExamplesPanel extends Panel {
 
   choose(example) {
     this.example = example;
-  }
-
-  isChosen(example) {
-    return example === this.example;
+    this.chosen = example.title;
   }
 }
 

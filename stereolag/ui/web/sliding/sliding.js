@@ -11,7 +11,6 @@ const PAGE = 10;
 
 const LEFT = 6;
 const RIGHT = 58;
-const NAME = 20; // px for the name above each strip
 const STRIPS = { recording: 72, cut: 48, products: 60, curve: 110 };
 const SMALL = { recording: 44, cut: 28, products: 36, curve: 68 };
 const GAP = 8;
@@ -65,8 +64,9 @@ export default class SlidingPanel extends VisitingPanel {
     const { example, all, data, place } = this;
     const { recording, cut, lag, step } = example;
     const right = width - RIGHT;
+    const sides = { left: LEFT, right };
     const pitch = (right - LEFT) / recording.length;
-    const { boxes, height } = stacked(data.small ? SMALL : STRIPS, NAME, () => GAP);
+    const { boxes, height } = stacked(data.small ? SMALL : STRIPS, () => GAP);
     const x = (sample) => LEFT + (sample + 0.5) * pitch;
     const written = example.whole && pitch >= 14; // each number is written below its stem
     const around = ({ top, height }, reach) => {
@@ -93,7 +93,7 @@ export default class SlidingPanel extends VisitingPanel {
     const numbers = (samples, values, { bottom }) => samples.map((sample, index) => [sample, bottom - 1, values[index]]);
     const lags = { first: lag, last: lag + (recording.length - 1) * step, x: (tick) => x((tick - lag) / step) };
     return {
-      left: LEFT, right, pitch, boxes, x,
+      ...sides, pitch, boxes, x,
       height: height - GAP + AXIS,
       zeros: { recording: ofRecording(0), cut: ofCut(0), products: ofProducts(0), curve: ofSum(0) },
       hold: { x: x(place) - pitch / 2, width: pitch * cut.length },
@@ -110,8 +110,8 @@ export default class SlidingPanel extends VisitingPanel {
         ...(products.every(Number.isInteger) ? numbers(covered, products, boxes.products) : []),
       ] : [],
       level: ofSum(all.values[place]),
-      lags: axis({ left: LEFT, right, y: boxes.curve.bottom, ...lags }, data.words.axis),
-      curve: visitedCurve({ left: LEFT, right, x, y: ofSum, stroke: clamp(pitch, 1.5, 2.5) }, this, data.words.perfect, 13),
+      lags: axis({ ...sides, y: boxes.curve.bottom, ...lags }, data.words.axis),
+      curve: visitedCurve({ ...sides, x, y: ofSum, stroke: clamp(pitch, 1.5, 2.5) }, this, data.words.perfect, 13),
     };
   }
 }
