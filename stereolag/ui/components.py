@@ -62,9 +62,9 @@ def component(name: str) -> ComponentRenderer:
 def script(folder: Path) -> str:
     """Return the module of a component, with its markup if it has any.
 
-    It is read and declared where it is first shown. Its markup is a template that `Panel` of ``web/shared/panel.js``
-    draws, with expressions in ``${…}``; it becomes a part of the script, since a page may forbid to make code from
-    text.
+    It is read and declared where it is first shown. Its default export is the class of its panel, which gets its
+    markup: a template that `Panel` of ``web/shared/panel.js`` draws, with expressions in ``${…}``; it becomes a part of
+    the script, since a page may forbid to make code from text.
     """
     markup = folder / f"{folder.name}.html"
     view = VIEW.format(whole(markup).strip()) if markup.exists() else ""

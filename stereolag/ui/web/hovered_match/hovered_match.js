@@ -174,7 +174,8 @@ function drawFromAbove(canvas, seen, settings) {
   const [low, high] = scoreRange(seen.scores, settings.score);
   const last = settings.palette.length - 1;
   seen.scores.forEach((score, at) => {
-    if (!Number.isNaN(score)) data.set([...settings.palette[Math.round(((score - low) / (high - low || 1)) * last)], 255], 4 * at);
+    const share = (score - low) / (high - low || 1);
+    if (!Number.isNaN(score)) data.set([...settings.palette[Math.round(share * last)], 255], 4 * at);
   });
   put(canvas, { data, rows: seen.rows, cols: seen.cols });
 }

@@ -159,8 +159,8 @@ export default class LinkedPictures extends Panel {
     if (this.width !== before) this.render();
   }
 
-  // Zooms about a place, which stays fixed: the crosshair or else the middle, unless one is named. A factor of 0 shows the
-  // whole picture.
+  // Zooms about a place, which stays fixed: the crosshair or else the middle, unless one is named. A factor of 0 shows
+  // the whole picture.
   zoomBy(factor, place) {
     const { rows, cols } = this.data;
     const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));

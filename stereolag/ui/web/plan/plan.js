@@ -37,7 +37,6 @@ export default class Plan extends Panel {
     this.move([this.sign * x, y]);
   }
 
-  /** @param {number[]} place */
   move([x, y]) {
     const half = WIDE / 2;
     const high = this.layout.width ? (half * HIGH) / this.layout.width : half;

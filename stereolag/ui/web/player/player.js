@@ -16,10 +16,7 @@ export default class Player extends Panel {
   setUp() {
     this.video = this.find("video");
     this.listen(eventOf("video"), () => this.append());
-    this.atEnd(() => {
-      this.video.pause();
-      this.forget();
-    });
+    this.atEnd(() => this.forget());
     const draw = (_, { mediaTime }) => {
       this.showPicture(mediaTime);
       this.video.requestVideoFrameCallback(draw);
@@ -28,6 +25,7 @@ export default class Player extends Panel {
   }
 
   forget() {
+    this.video.pause();
     if (this.address) URL.revokeObjectURL(this.address);
     this.video.removeAttribute("src");
     this.address = this.buffer = null;

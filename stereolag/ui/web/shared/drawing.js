@@ -4,11 +4,9 @@ import { placeIn } from "./dom.js";
 import { eventOf, received } from "./exchange.js";
 import { Panel } from "./panel.js";
 
-const KIND = "drawn-on";
-
 export class DrawingPanel extends Panel {
   setUp() {
-    this.listen(eventOf(KIND), () => this.takePicture());
+    this.listen(eventOf("drawn-on"), () => this.takePicture());
     this.atEnd(() => URL.revokeObjectURL(this.source));
   }
 
@@ -18,7 +16,7 @@ export class DrawingPanel extends Panel {
 
   // Shows the picture, now or as soon as it has arrived.
   takePicture() {
-    const picture = received(KIND, this.data.name);
+    const picture = received("drawn-on", this.data.name);
     if (!picture || picture === this.picture) return;
     this.picture = picture;
     URL.revokeObjectURL(this.source);
