@@ -13,6 +13,7 @@ import pytest
 from sprites import SPRITE_PLACE, sprite_scene
 
 from stereolag import samples
+from stereolag.figures.templates import relief
 from stereolag.io.images import read_image
 from stereolag.templates import exact_pixels, match_template
 from stereolag.templates.by_hand import (
@@ -153,6 +154,14 @@ def test_the_browser_gets_the_pixels_and_scores_without_loss() -> None:
     assert np.isnan(scores[0, 0])
     np.testing.assert_allclose(scores, search.score_map, atol=1 / SCORE_STEPS)
     assert header["leaders"][0]["row"] == PLACE[0] and header["words"] == {"said": "so"}
+
+
+def test_a_relief_is_as_high_as_its_scores() -> None:
+    search = reduced_search(*scene(200, 400), None)
+    reliefs = [relief(search, row, col)[..., 3].any(axis=1) for row, col in (PLACE, (0, 0))]
+    side = len(reliefs[0])
+    peak, corner = (side - np.flatnonzero(shown)[0] for shown in reliefs)
+    assert peak - corner > 0.2 * side and all(np.flatnonzero(shown)[-1] > 0.9 * side for shown in reliefs)
 
 
 @pytest.mark.parametrize("factor", [1, 3, 4])
