@@ -34,11 +34,15 @@ STEPS = 8
 
 TRUSTING = 3
 
-CURVE = 3
-"""Power up to which the curve of tones goes."""
+CURVE, FLATTEST = 3, 0.1
+"""Power up to which the curve of tones goes, and its least slope beside its steepest.
 
-FARTHEST = np.array([1.2, 1.2, 0.05, 0.05])
-"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment."""
+Measured: from 0.18 under gammas of 0.55 to 1.8; 0.04 where it made one round spot of another, half as wide.
+"""
+
+FARTHEST, STILL = np.array([1.2, 1.2, 0.05, 0.05]), 1e-4
+"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment; and what a
+template varies less along, beside the other way, cannot tell how far it is moved: stripes along themselves."""
 
 SETTLED, NONE = 0.002, 1e-6
 """The alignment ends once a step moves no corner by so many px, unless told otherwise, and changes the colours by no
@@ -57,6 +61,13 @@ a part of a pixel explains.
 
 Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is. Over how steep a block is: up to
 0.3 in the median block where the template is, 1.1 where most blocks show something else.
+"""
+
+FAINT, SHIFTED, EXACT = 0.02, 0.25, 10.0
+"""Least difference of a faint block that disagrees where all others fit exactly, and share of how steep it is, as if it
+was moved by half a pixel; beside so many times the noise.
+
+Measured: a word in faint letters beside clear ones has 0.03 to 0.06, and a suit for another one of 13 px 0.05 to 0.17.
 """
 
 THROUGH = 2.0
@@ -130,10 +141,8 @@ class Fit:
         # But for the rim of one that was resized.
         self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
-        blur = _Blur(self.own_weights)
+        blur = _Blur(self.weights)
         self.template = blur(self._deviations)
-        if not np.array_equal(self.weights, self.own_weights):
-            blur = _Blur(self.weights)
         self._counts = self._flat(self.weights)
         self._given = self._flat(self.template)
         covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
@@ -278,7 +287,7 @@ class Fit:
         return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._on])
 
     def _tones(self, trust: Matrix) -> list[tuple[float, Matrix] | None]:
-        """Return for each channel a curve of the predicted tones over their spread, if it rises throughout; and that.
+        """Return for each channel a curve of the predicted tones over their spread, if it rises steadily; and that.
 
         A screen's or camera's gamma is one. What a sibling has elsewhere is none.
         """
@@ -294,7 +303,8 @@ class Fit:
             ridge = 1e-6 * trust.sum() * np.eye(CURVE + 1)
             curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen[:, channel])
             ends = np.linspace(tones.min(), tones.max(), 17) / spread
-            if (np.diff(np.polyval(curve, ends)) > 0).all():
+            rises = np.diff(np.polyval(curve, ends))
+            if rises.min() > FLATTEST * rises.max():
                 curves[-1] = float(spread), curve
         return curves
 
@@ -351,6 +361,9 @@ class Fit:
         most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
         if not disagrees.any():
+            most = np.minimum(most, np.maximum(FAINT, SHIFTED * steep) + EXACT * noise + behind)
+            disagrees = np.asarray((left > most) & counts)
+        if not disagrees.any():
             return disagrees
         # Most cannot: what a pixel's move changes is bounded by how steep a block is, and to try all moves takes long.
         least = np.sqrt(left[disagrees]) - MOVES_AT_MOST * np.sqrt(steep[disagrees])
@@ -377,14 +390,14 @@ class Fit:
 
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""
-        weights = self.own_weights[:, :, np.newaxis]
+        whole, weights = _Blur(self.own_weights)(self._deviations), self.own_weights[:, :, np.newaxis]
         share = averaged(self.own_weights, blocks_of(self.shape))
         means, squares = (
             [
                 averaged(one, blocks_of(self.shape)) / np.maximum(share, 1e-6)
                 for one in np.moveaxis(weights * power, 2, 0)
             ]
-            for power in (self.template, np.square(self.template))
+            for power in (whole, np.square(whole))
         )
         energy = np.sum(squares, axis=0) - np.square(means).sum(axis=0)
         return np.asarray(np.where(share > COUNTED, np.maximum(energy, 0) * share, 0))
@@ -500,7 +513,8 @@ class _Motions:
             terms += [-(self._rows * down + self._cols * right), self._rows * right - self._cols * down]
         weighted = np.stack(terms)
         products = (weighted @ weighted.T).astype(np.float64)
-        products[np.diag_indices(len(products))] += 1e-9 + 1e-6 * products.diagonal()
+        energies = np.repeat(products.diagonal().reshape(-1, 2).max(axis=1), 2)
+        products[np.diag_indices(len(products))] += 1e-9 + STILL * energies
         moved = np.zeros(4)
         moved[: len(terms)] = np.linalg.solve(products, weighted @ (residual.ravel() * roots))
         return moved

@@ -174,6 +174,50 @@ def test_a_bar_that_is_full_to_another_part_is_not_partly_covered(full: float, m
     assert place(match_template(image, bar(full))) == (20, 100)
 
 
+def faint_word(other: bool) -> Array:
+    """Return a label, a clear word over a faint one."""
+    label = np.full((64, 110, 3), (40, 110, 160), np.uint8)
+    cv2.putText(label, "Vivo", (16, 25), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (0, 0, 0), 2, cv2.LINE_AA)
+    word = "Apple" if other else "Peach"
+    cv2.putText(label, word, (16, 54), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (60, 135, 120), 1, cv2.LINE_AA)
+    return label
+
+
+def round_spot(other: bool) -> Array:
+    away = np.square(np.arange(36) - 17.5)
+    spot = np.exp(-(away[:, np.newaxis] + away) / (2 * (4 if other else 6) ** 2))
+    return np.rint(50 + 120 * spot).astype(np.uint8)
+
+
+@pytest.mark.parametrize("drawn", [faint_word, round_spot])
+@pytest.mark.parametrize("other", [False, True])
+def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
+    drawn: Callable[[bool], Array], other: bool
+) -> None:
+    template, seen = drawn(other), drawn(not other)
+    picture = np.full((160, 240, *template.shape[2:]), GROUND[0], np.uint8)
+    around = picture[60 : 60 + template.shape[0], 80 : 80 + template.shape[1]]
+    around[:] = seen
+    search = match_template(picture, template)
+    assert not search.found, (search.reason, search.best)
+    around[:] = template
+    search = match_template(picture, template)
+    assert search.found and search.reason == "clear" and place(search) == (60, 80)
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_stripes_are_found_where_they_are_and_not_moved_along_themselves(upright: bool) -> None:
+    flag = np.zeros((44, 66, 3), np.uint8)
+    for number, colour in enumerate([(255, 205, 0), (200, 20, 40), (0, 130, 70)]):
+        flag[:, 22 * number : 22 * (number + 1)] = colour
+    flag = flag if upright else np.ascontiguousarray(flag[:, :44].transpose(1, 0, 2))
+    picture = np.full((160, 240, 3), (150, 170, 190), np.float64)
+    picture[60 : 60 + flag.shape[0], 80 : 80 + flag.shape[1]] = flag
+    noisy = np.clip(np.rint(picture + np.random.default_rng(0).normal(scale=5, size=picture.shape)), 0, 255)
+    search = match_template(noisy.astype(np.uint8), flag)
+    assert search.found and search.reason == "clear" and place(search) == (60, 80), search.best
+
+
 @pytest.mark.parametrize("wanted", [5, 6, 20, 1000])
 def test_copies_are_counted_without_their_sibling_however_many_are_wanted(wanted: int) -> None:
     template = icon("minus")
