@@ -30,8 +30,9 @@ THICKEST, OF_SIDE, OF_TEMPLATE = 4, 0.4, 0.4
 ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (11.5, 11.5)])
 """The corners of the arrow of the mouse, x and y, at 100 % of a screen, px."""
 
-ARROW_SIZES, LIKE_ARROW, BESIDE_ARROW = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 8
-"""Its sizes, the least share that it and what differs have in common, and how many times its size a template has."""
+ARROW_SIZES, LIKE_ARROW, BESIDE = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 8
+"""Its sizes, the least share that it and what differs have in common, and how many times its size, or that of a badge
+within it, a template has: what fills more of it is a part of it."""
 
 BAR, OF_BAR = 24, 0.75
 """Greatest width of a bar along a side, px, and least share of it that differs."""
@@ -100,7 +101,7 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
     over = (
         (alone and (_is_cursor(thing, seen, noise) or _is_arrow(thing)))
         or (alone and _is_bar(differ, seen, noise))
-        or (alone and _is_badge(thing, image, row, col, noise))
+        or (alone and _is_over_edges(thing, template, noise) and _is_badge(thing, image, row, col, noise))
         or _is_ring(differ, seen, noise)
         or _is_tint(differ, template, seen)
         or _is_shadow(differ, template, seen)
@@ -184,6 +185,13 @@ def _is_bar(differ: Mask, seen: Plane, noise: float) -> bool:
     return bool(first.mean() >= ONE) or (bool(first.mean() >= 1 / 3) and _is_uniform(values[~first], noise))
 
 
+def _is_over_edges(thing: Mask, template: Plane, noise: float) -> bool:
+    """Return whether a thing that is small beside the template is over edges of it: a mark on its ground is its own."""
+    rim = np.concatenate([thing[[0, -1]].ravel(), thing[:, [0, -1]].ravel()])
+    small = thing.sum() * BESIDE <= thing.size
+    return bool(small and (rim.any() or not _is_uniform(template[thing], noise)))
+
+
 def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bool:
     """Return whether what differs is of a disc or a pill of one colour, with something in it, seen in the image."""
     rows, cols = (at + corner for at, corner in zip(np.nonzero(thing), (row, col), strict=True))
@@ -213,7 +221,7 @@ def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bo
 def _is_arrow(differ: Mask) -> bool:
     rows, cols = _box(differ)
     height, width = rows.stop - rows.start, cols.stop - cols.start
-    if height * width * BESIDE_ARROW > differ.size:
+    if height * width * BESIDE > differ.size:
         return False
     found, _ = cv2.findContours(differ[rows, cols].astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     filled = cv2.drawContours(np.zeros((height, width), np.uint8), found, -1, 1, -1) > 0

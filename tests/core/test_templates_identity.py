@@ -183,13 +183,38 @@ def faint_word(other: bool) -> Array:
     return label
 
 
+def bars_of_a_code(other: bool) -> Array:
+    bars = np.random.default_rng(0).random(40) < 0.5
+    if other:
+        bars[20:28] = np.random.default_rng(100).random(8) < 0.5
+    code = np.full((48, 96, 3), 250, np.uint8)
+    code[4:-4, 8:-8] = np.where(bars.repeat(2), 10, 250)[:, np.newaxis]
+    return code
+
+
 def round_spot(other: bool) -> Array:
     away = np.square(np.arange(36) - 17.5)
     spot = np.exp(-(away[:, np.newaxis] + away) / (2 * (4 if other else 6) ** 2))
     return np.rint(50 + 120 * spot).astype(np.uint8)
 
 
-@pytest.mark.parametrize("drawn", [faint_word, round_spot])
+def battery(other: bool) -> Array:
+    shown = np.full((26, 48, 3), GROUND, np.uint8)
+    cv2.rectangle(shown, (0, 0), (47, 25), (30, 30, 30), 1)
+    if not other:
+        cv2.line(shown, (13, 13), (24, 13), (40, 170, 70), 13, cv2.LINE_AA)
+    return shown
+
+
+def choice(other: bool) -> Array:
+    fine = np.full((31 * FINER, 55 * FINER, 3), GROUND, np.uint8)
+    cv2.circle(fine, (24 * FINER, 24 * FINER), 11 * FINER, (60, 60, 60), FINER)
+    if not other:
+        cv2.circle(fine, (24 * FINER, 24 * FINER), 6 * FINER, BLUE, -1)
+    return np.asarray(cv2.resize(fine[::-1], (55, 31), interpolation=cv2.INTER_AREA))
+
+
+@pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice])
 @pytest.mark.parametrize("other", [False, True])
 def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
     drawn: Callable[[bool], Array], other: bool
