@@ -41,7 +41,7 @@ result = matcher.compute(left, right)
 
 np.save(FOLDER / "disparity.npy", result.disparity)
 sl.write_disparity(FOLDER / "disparity.pfm", result.disparity)
-print(f"{{100 * result.coverage:.1f}} % of the pixels are measured; it took {{result.elapsed_s:.2f}} s")
+print(f"{{result.coverage:.1%}} of the pixels are measured; it took {{result.elapsed_s:.2f}} s")
 """
 
 _RECTIFIED = """
@@ -53,7 +53,7 @@ _DEPTH = """
 depth = camera.depth(result.disparity)  # of the {of} image's pixels, metres; NaN where there is none
 sl.write_depth(FOLDER / "depth.tif", depth)
 sl.write_depth(FOLDER / "depth_mm.png", depth)  # millimetres; 0 where there is none, and beyond 65.535 m
-print(f"{{100 * np.isfinite(depth).mean():.1f}} % of the pixels have a depth")
+print(f"{{np.isfinite(depth).mean():.1%}} of the pixels have a depth")
 """
 
 _OPENCV = """
@@ -80,7 +80,7 @@ raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity
 disparity = np.where(raw > {none}, raw.astype(np.float32) / {subpixel}, np.float32(np.nan))
 
 np.save(FOLDER / "disparity.npy", disparity)
-print(f"{{100 * np.isfinite(disparity).mean():.1f}} % of the pixels are measured")
+print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels are measured")
 """
 
 _LAG = """
