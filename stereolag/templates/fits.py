@@ -361,7 +361,7 @@ class Fit:
         most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
         disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
         if not disagrees.any():
-            most = np.minimum(most, np.maximum(FAINT, SHIFTED * steep) + EXACT * noise + behind)
+            most = np.maximum(FAINT, SHIFTED * steep) + EXACT * noise + behind
             disagrees = np.asarray((left > most) & counts)
         if not disagrees.any():
             return disagrees

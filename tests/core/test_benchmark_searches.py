@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks import rocketman
 from benchmarks.rocketman import our_answer, outcome
-from benchmarks.searches import KINDS, Place, Trial, trial
+from benchmarks.searches import KINDS, Place, Trial, cut, screen_piece, trial
+from stereolag import match_template
 
 
 @pytest.mark.parametrize(
@@ -82,3 +83,19 @@ def test_a_template_is_found_wherever_it_is_and_nowhere_else(kind: str) -> None:
         answer = our_answer(given)
         expected = "missed" if (kind, seed) in MISSED else "right"
         assert outcome(given, answer, posed=True) == expected, (seed, answer)
+
+
+@pytest.mark.usefixtures("data_dir")
+@pytest.mark.parametrize("seed", [16, 34, 48])
+def test_a_strong_gamma_leaves_a_piece_of_a_screen_the_template(seed: int) -> None:
+    random = np.random.default_rng([seed, 9])
+    picture, there = screen_piece(random)
+    gamma = np.exp(random.choice([-1, 1]) * random.uniform(0.6, 0.85))
+    search = match_template(np.rint(255 * (picture / 255) ** gamma).astype(np.uint8), cut(picture, there))
+    assert (
+        search.found
+        and search.best is not None
+        and there.is_near(
+            Place(search.best.row, search.best.col, search.best.height, search.best.width), picture.shape[:2]
+        )
+    )
