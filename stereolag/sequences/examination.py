@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.assess.diagnosis import Diagnosis, diagnose, range_for
+from stereolag.assess.diagnosis import Diagnosis, diagnose
 from stereolag.assess.features import FEWEST_MATCHES
 from stereolag.assess.findings import Finding, FindingCode
 from stereolag.assess.layout import find_views
 from stereolag.assess.orientation import find_correspondences
+from stereolag.assess.search_range import range_for
 from stereolag.core.inputs import Image
 from stereolag.sequences.sources import StereoSequence
 
