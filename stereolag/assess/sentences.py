@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stereolag.assess.findings import Finding, FindingCode
+from stereolag.core.typography import counted
 
 SENTENCES: Mapping[FindingCode, tuple[str, str]] = {
     FindingCode.MATCHES: (
@@ -123,7 +124,7 @@ def _words(finding: Finding) -> dict[str, str | float]:
 
 def _fitting(late: float) -> str:
     """Return which frame of the right camera fits, if one does that is so much later."""
-    frames = f"{abs(late):.0f} {'frame' if abs(late) == 1 else 'frames'} {'later' if late > 0 else 'earlier'}"
+    frames = f"{counted(round(abs(late)), 'frame')} {'later' if late > 0 else 'earlier'}"
     return f" The right picture {frames} fits." if late else ""
 
 

@@ -26,8 +26,8 @@ ReasonMap: TypeAlias = npt.NDArray[np.uint8]
 Vector: TypeAlias = npt.NDArray[np.float64]
 """(N,) float64."""
 
-Indices: TypeAlias = npt.NDArray[np.int64]
-"""(N,) int64, places in an array."""
+Indices: TypeAlias = npt.NDArray[np.intp]
+"""(N,) places in an array."""
 
 Rgb: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) uint8."""

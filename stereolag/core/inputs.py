@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, Mask
+from stereolag.core.typography import counted
 
 Image: TypeAlias = npt.NDArray[Any]
 """(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
@@ -55,11 +56,11 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     if signal.ndim != 1:
         raise ValueError(f"{name} has shape {signal.shape}; a recording is one-dimensional, one channel at a time.")
     if signal.size < 2:
-        raise ValueError(f"{name} holds {signal.size} sample{'' if signal.size == 1 else 's'}; at least 2 are needed.")
+        raise ValueError(f"{name} holds {counted(signal.size, 'sample')}; at least 2 are needed.")
     bad = signal.size - int(np.isfinite(signal).sum())
     if bad:
         raise ValueError(
-            f"{name} holds {bad} NaN or infinite sample{'' if bad == 1 else 's'}; every sample must be a finite number."
+            f"{name} holds {counted(bad, 'NaN or infinite sample')}; every sample must be a finite number."
         )
     if signal.min() == signal.max():
         raise ValueError(f"{name} is constant ({signal[0]:g} throughout); a correlation needs something that varies.")

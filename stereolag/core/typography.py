@@ -36,6 +36,11 @@ def four_digits(number: float) -> str:
     return f"{number:,.4g}" if number < 9999.5 else f"{number:,.0f}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number of things: "1 sample", "1,024 samples"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def together(words: Sequence[str]) -> str:
     """Return words as in a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))

@@ -18,6 +18,7 @@ from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
 from stereolag.signals.correlation import overlap_length, overlap_slices
 from stereolag.signals.over_time import LagOverTime
+from stereolag.signals.verdict import LagJudgement
 
 POINTS = 2_000
 """Most points drawn per line, however long: about two for every pixel of its width."""
@@ -189,6 +190,16 @@ def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vect
     if sizes is None:
         return np.ones(lags.size)
     return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
+
+
+MOST_AGREEMENT = 100
+"""Standard deviations at the end of the agreement's scale, which is logarithmic and begins at 1."""
+
+
+def agreement_on_scale(judgement: LagJudgement) -> list[float]:
+    """Return where chance, what is needed and the evidence are on the scale of the agreement, 0..1."""
+    levels = np.clip([judgement.chance, judgement.needed, judgement.evidence], 1, MOST_AGREEMENT)
+    return [float(one) for one in np.log(levels) / np.log(MOST_AGREEMENT)]
 
 
 def band_of_chance(result: SignalLag) -> tuple[float, float] | None:

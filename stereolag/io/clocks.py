@@ -20,7 +20,7 @@ import scipy  # loads scipy.signal on first use only, since that takes a second
 
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import Estimate, check_memory, limits
-from stereolag.core.typography import four_digits
+from stereolag.core.typography import counted, four_digits
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
 
@@ -243,7 +243,7 @@ def check_size(channels: int, samples: int) -> None:
     if not 1 <= channels <= MAX_CHANNELS:
         raise ValueError(f"The {WHAT} has {channels} channels; allowed are 1 to {MAX_CHANNELS}.")
     if samples < 2:
-        raise ValueError(f"The {WHAT} holds {samples} sample{'' if samples == 1 else 's'}; at least 2 are needed.")
+        raise ValueError(f"The {WHAT} holds {counted(samples, 'sample')}; at least 2 are needed.")
     if channels * samples > limits().max_samples:
         raise ValueError(
             f"The {WHAT} holds {channels} × {samples} samples; at most {limits().max_samples:,} in all are accepted."

@@ -36,9 +36,9 @@ LARGEST_UINT16 = 65535
 
 _PNG_BEGINS = b"\x89PNG\r\n\x1a\n"
 
-_OF_PHONES = {
-    b"ftyp" + brand: "a HEIC image, which is not read" for brand in (b"heic", b"heix", b"heim", b"heis", b"mif1")
-} | {b"ftypavif": "AVIF"}
+_OF_PHONES = {b"ftypavif": "an AVIF image, which is not read"} | dict.fromkeys(
+    (b"ftypheic", b"ftypheix", b"ftypheim", b"ftypheis", b"ftypmif1"), "a HEIC image, which is not read"
+)
 """Bytes 4 to 12 of the images that phones take and nothing here decodes."""
 
 _DECODERS: dict[str, tuple[tuple[bytes, ...], type[ImageFile]]] = {

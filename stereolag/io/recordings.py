@@ -18,6 +18,7 @@ import scipy  # loads scipy.io on first use only
 import soundfile
 
 from stereolag.core.arrays import Vector
+from stereolag.core.typography import counted
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type, read_stamps
 from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
 from stereolag.io.columns import LEAST_STATED, MOST_STATED, read_columns
@@ -110,8 +111,7 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
         bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in recording.channels)
         if bad:
             raise ValueError(
-                f"The {WHAT} holds {bad} NaN or infinite sample{'' if bad == 1 else 's'}; every sample must be "
-                "a finite number."
+                f"The {WHAT} holds {counted(bad, 'NaN or infinite sample')}; every sample must be a finite number."
             )
         return recording
     if data.startswith(NPY_MAGIC):
@@ -210,9 +210,7 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
         channels = np.array(channels, dtype=float_type(channels.size), order="C")
     bad = sum(int(np.isinf(channel).sum()) for channel in channels)
     if bad:
-        raise ValueError(
-            f"The {WHAT} holds {bad} infinite sample{'' if bad == 1 else 's'}; every sample must be a finite number."
-        )
+        raise ValueError(f"The {WHAT} holds {counted(bad, 'infinite sample')}; every sample must be a finite number.")
     names, columns = ("",) * len(channels), range(1, len(channels) + 1)
     clock = next(
         (

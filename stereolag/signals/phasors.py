@@ -131,6 +131,15 @@ def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vect
     return LAGS, chains(phasors, whiten=whiten)[:, -1].real
 
 
+EQUAL = 1e-6
+"""Heights that differ by less are equal: a tone reaches its highest once a period."""
+
+
+def peaks(heights: Vector) -> list[int]:
+    """Return the indices in `LAGS` of the highest of these heights, that of the smallest lag first."""
+    return sorted(np.flatnonzero(heights > heights.max() - EQUAL).tolist(), key=lambda place: abs(LAGS[place]))
+
+
 def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> Phasors | None:
     """Return the loudest stretch common to both recordings, 4 samples apart; None if they share too little.
 

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Mask, Rgb
+from stereolag.core.arrays import Indices, Mask, Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 from stereolag.templates.places import peaks
-from stereolag.templates.score_maps import Indices, best_position
+from stereolag.templates.score_maps import best_position
 from stereolag.templates.search import match_template
 
 ScoreMap = npt.NDArray[np.float32]
@@ -71,6 +72,7 @@ class ReducedSearch:
     part: bool
     at_full_size: bool = False
 
+    @cached_property
     def leaders(self) -> list[tuple[int, int, float]]:
         """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
         places = peaks(self.score_map, (self.opaque.shape[0], self.opaque.shape[1]))

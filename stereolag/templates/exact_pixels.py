@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import Indices
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Estimate, Progress, check_memory
 from stereolag.templates.patterns import Pattern
 from stereolag.templates.places import Places
-from stereolag.templates.score_maps import Indices, scores_at
+from stereolag.templates.score_maps import scores_at
 
 ATTEMPTS = 8
 """Anchors tried, each of another colour, before giving up: some may be covered in the image."""

@@ -11,13 +11,13 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Array
+from stereolag.core.arrays import Array, Indices
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import silent
 from stereolag.loops.bands import in_threads
 from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern, warped_shape
-from stereolag.templates.score_maps import Indices, Plane, ScoreMap, fft_score_map
+from stereolag.templates.score_maps import Plane, ScoreMap, fft_score_map
 
 PLACES_AT_ONCE = 2**19
 """Places of a score map searched for peaks at a time: enough to be worth a thread, and the copies stay small."""

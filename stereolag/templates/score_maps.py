@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Array, Mask
+from stereolag.core.arrays import Array, Indices, Mask
 from stereolag.core.inputs import FLAT_WHOLE, Image
 from stereolag.core.jobs import Progress
 from stereolag.loops.bands import in_threads
@@ -27,7 +27,6 @@ from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
 
 Plane = npt.NDArray[np.floating[Any]]
-Indices = npt.NDArray[np.intp]
 ScoreMap = npt.NDArray[np.float32]
 
 STRIP = 28_000

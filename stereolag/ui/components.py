@@ -207,7 +207,7 @@ def packed_search(
         "places": list(places),
         "leaders": [
             {"row": row, "col": col, "score": score, "relief": data_url(png(relief(search, row, col)))}
-            for row, col, score in search.leaders()
+            for row, col, score in search.leaders
         ],
         "words": dict(words),
     }

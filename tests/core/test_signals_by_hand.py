@@ -176,7 +176,7 @@ def at_whole_lags(found: phasors.Phasors, *, whiten: bool = False) -> np.ndarray
 
 def peaks(found: phasors.Phasors, *, whiten: bool = False) -> list[float]:
     lags, heights = phasors.correlation(found, whiten=whiten)
-    return [float(lag) for lag in lags[heights > heights.max() - 1e-6]]
+    return sorted(lags[phasors.peaks(heights)].tolist())
 
 
 def stretches(seed: int, length_1: int = LENGTH, length_2: int = LENGTH) -> tuple[np.ndarray, np.ndarray]:

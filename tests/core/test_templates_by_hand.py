@@ -64,7 +64,7 @@ def test_the_place_falls_on_a_pixel_and_scores_as_before_it_was_reduced(dtype: A
     picture, template = scene(dtype=dtype)
     search = reduced_search(picture, template, None, near=PLACE, pixels=70_000)
     assert search.factor == 3
-    row, col, score = search.leaders()[0]
+    row, col, score = search.leaders[0]
     assert (search.row + 3 * row, search.col + 3 * col) == PLACE
     assert score > 0.995
     if dtype == np.uint8:
@@ -76,7 +76,7 @@ def test_the_scores_are_those_of_the_reduced_pixels_and_leaders_are_a_template_a
     search = reduced_search(*scene(), None, pixels=70_000)
     for row, col in [(0, 0), (40, 100), (52, 97), (search.score_map.shape[0] - 1, search.score_map.shape[1] - 1)]:
         assert search.score_map[row, col] == pytest.approx(pearson(search, row, col), abs=1e-5)
-    leaders = search.leaders()
+    leaders = search.leaders
     assert len(leaders) == 4
     assert [score for _, _, score in leaders] == sorted((score for _, _, score in leaders), reverse=True)
     for number, (row, col, _) in enumerate(leaders):
@@ -90,7 +90,7 @@ def test_a_small_template_in_a_large_picture_is_shown_in_a_part_around_its_place
     search = reduced_search(picture, template, None, near=near, pixels=50_000)
     assert search.part and search.factor == 1
     assert search.picture.shape[0] * search.picture.shape[1] < 2 * 50_000
-    row, col, score = search.leaders()[0]
+    row, col, score = search.leaders[0]
     assert (search.row + row, search.col + col) == near and score > 0.999
 
 
@@ -117,7 +117,7 @@ def test_grey_beside_colour_is_compared_by_luminance() -> None:
     picture, template = scene(200, 400)
     search = reduced_search(picture[:, :, 1], template, None)
     assert (search.picture[..., 0] == search.picture[..., 2]).all()
-    assert search.leaders()[0][:2] == PLACE
+    assert search.leaders[0][:2] == PLACE
 
 
 def test_rocketman_stays_himself_when_he_is_reduced() -> None:
@@ -125,7 +125,7 @@ def test_rocketman_stays_himself_when_he_is_reduced() -> None:
     images = read_image(example.picture), read_image(example.template)
     found = reduced_search(*images, None, near=(example.row, example.col))
     assert found.picture.shape[0] * found.picture.shape[1] < PIXELS
-    best, rival, *_ = found.leaders()
+    best, rival, *_ = found.leaders
     assert (found.row + found.factor * best[0], found.col + found.factor * best[1]) == (example.row, example.col)
     assert best[2] > 0.999 and rival[2] < 0.6
 

@@ -115,7 +115,7 @@ def test_a_template_scores_as_in_the_library(node: Node, name: str) -> None:
     rows, cols = search.score_map.shape
     random = np.random.default_rng(0)
     chosen = [(int(random.integers(rows)), int(random.integers(cols))) for _ in range(200)]
-    places = [(0, 0), (rows - 1, cols - 1), search.leaders()[0][:2], *chosen]
+    places = [(0, 0), (rows - 1, cols - 1), search.leaders[0][:2], *chosen]
     found = scored(node, search, places)
     expected = [search.score_map[place] for place in places]
     np.testing.assert_allclose([np.mean(products) for products in found], expected, atol=2e-6)

@@ -15,7 +15,7 @@ from stereolag.assess.suggestion import Outcome
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
-from stereolag.core.typography import typesets
+from stereolag.core.typography import counted, typesets
 from stereolag.figures.match import WindowGrid
 from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.stereo.evaluation import CoverageCurve
@@ -208,10 +208,10 @@ def overlap_in_words(grid: WindowGrid, asked: float) -> str:
     overlap = f"{percent(asked)} overlap"
     if percent(asked) != percent(grid.overlap):
         overlap += f" ({percent(grid.overlap)} in whole pixels)"
-    values = "1 value" if grid.values == 1 else f"{grid.values:,} values"
     said = (
-        f"{grid.middle.height} px windows, {overlap}: one every {grid.step} px, so {values} in this cut. "
-        "Each dot is the centre of a window and becomes one value of the map."
+        f"{grid.middle.height} px windows, {overlap}: one every {grid.step} px, so "
+        f"{counted(grid.values, 'value')} in this cut. Each dot is the centre of a window and becomes one value of the "
+        "map."
     )
     if grid.every > 1:
         said += f" Only every {ORDINALS.get(grid.every, f'{grid.every}th')} window and dot is drawn."

@@ -400,10 +400,6 @@ def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     )
 
 
-MOST_AGREEMENT: Final = 100
-"""Standard deviations at the end of the agreement's scale, which is logarithmic and begins at 1."""
-
-
 @lru_cache(maxsize=64)
 def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
     """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
@@ -422,10 +418,7 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
         "verdict": result.verdict,
         "evidence": result.judgement.evidence,
         "needed": result.judgement.needed,
-        "agreement": [
-            float(np.log(np.clip(getattr(result.judgement, name), 1, MOST_AGREEMENT)) / np.log(MOST_AGREEMENT))
-            for name in ("chance", "needed", "evidence")
-        ],
+        "agreement": figures.agreement_on_scale(result.judgement),
     }
 
 
@@ -491,14 +484,12 @@ def _measured(found: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
     tips = phasors.chains(found, whiten=whiten)
     heights = tips[:, -1].real
     lengths = found.lengths(whiten=whiten)
-    before, after = np.append(-np.inf, heights[:-1]), np.append(heights[1:], -np.inf)
-    peaks = np.flatnonzero((heights > heights.max() - 1e-3) & (heights >= before) & (heights >= after))
     ends = np.append(tips, [0, lengths.sum()])
     return {
         "lengths": _significant(lengths),
         "values": _significant(heights),
         "perfect": float(lengths.sum()),
-        "peaks": sorted(peaks.tolist(), key=lambda place: abs(phasors.LAGS[place])),
+        "peaks": phasors.peaks(heights),
         "bounds": [ends.real.min(), ends.real.max(), ends.imag.min(), ends.imag.max()],
     }
 

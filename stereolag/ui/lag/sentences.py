@@ -496,8 +496,6 @@ PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     },
 }
 
-_EQUAL = 1e-6
-
 
 def excerpt_in_words(found: phasors.Phasors) -> str:
     """Return where the stretches were cut from the two recordings, and the lag left between them."""
@@ -520,7 +518,7 @@ def own_in_words(found: phasors.Phasors) -> dict[str, Any]:
 
 def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
     lags, heights = phasors.correlation(found, whiten=whiten)
-    peak = min(lags[heights > heights.max() - _EQUAL], key=abs)
+    peak = lags[phasors.peaks(heights)[0]]
     at = typeset(f"{peak:g}")
     if abs(peak - phasors.LAG) <= 0.5:
         return f"The chain reaches furthest at lag {at}, as in the whole recordings."

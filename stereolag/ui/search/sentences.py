@@ -215,7 +215,7 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
         if at
         else f"The peak is at row {search.row + row * search.factor}, column {search.col + col * search.factor}: "
         f"{score:.3f}."
-        for at, (row, col, score) in enumerate(search.leaders()[:2])
+        for at, (row, col, score) in enumerate(search.leaders[:2])
     ]
     return {
         "frame": f"rgb{FRAME}",

@@ -116,7 +116,6 @@ export default class TemplatePanel extends Panel {
     cut(this.find(".window canvas"), picture.image, this.col, this.row, template.cols, template.rows);
     put(this.find(".products canvas"), inProductColours(template, compared(picture, template, this.row, this.col)));
   }
-
 }
 
 // Unpacks the data of stereolag.ui.components.packed_search.
