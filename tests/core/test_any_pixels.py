@@ -9,7 +9,7 @@ from pairs import shifted_pair
 from straight_and_raw import RIG, SIZE
 
 import stereolag as sl
-from stereolag.core.inputs import grey_level
+from stereolag.core.inputs import as_eight_bit, grey_level
 from stereolag.geometry.rectification import rectified_calibration, rectify
 from stereolag.stereo.methods import PRESETS, PresetName
 
@@ -47,6 +47,7 @@ def test_a_level_is_a_255th_of_the_range_in_use(kind: str, dtype: type) -> None:
     else:
         left[:20], right[:20] = 0, 0
     assert grey_level(left, right) == pytest.approx(2.7, rel=0.1)
+    assert np.unique(as_eight_bit(left, right)[0]).size > 200
     assert grey_level(*PAIR) == 1
     drawn = np.array([[0, 60000], [60000, 65535]], dtype)  # no mark, but a level
     assert grey_level(drawn, drawn) == pytest.approx(65535 / 255)

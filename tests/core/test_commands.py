@@ -16,28 +16,18 @@ import soundfile
 from commanded import Command, assert_refused
 from PIL import Image
 from scipy.signal import resample_poly
+from straight_and_raw import RIG, T
 
 import stereolag as sl
 from benchmarks.recording_bytes import filmed
 from stereolag.commands import MEASURING
 from stereolag.geometry.boards import Board
-from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.pairing import board_pictures
 
 PROJECT = Path(__file__).resolve().parents[2]
 SQUARE_M, PAIRS = 0.03, 11
-RIG = StereoRig(
-    left_matrix=np.array([[265, 0, 162], [0, 266, 118], [0, 0, 1.0]]),
-    left_distortion=np.zeros(5),
-    right_matrix=np.array([[266, 0, 157], [0, 267, 122], [0, 0, 1.0]]),
-    right_distortion=np.zeros(5),
-    rotation=cv2.Rodrigues(np.array([0.01, -0.02, 0.008]))[0],
-    translation=np.array([-0.1, 0.001, 0.002]),
-    width=320,
-    height=240,
-)
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +35,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with recordings, pictures and boards.
 
     Two recordings 123 samples apart, in several formats and rates. A picture, a template from its rows 20 to 40 and
-    columns 30 to 60, an unrelated one and a spoilt one with its mask. Pictures of a board in ``sides/left`` and
-    ``sides/right``, the same in ``flat``, and as ``pairs.zip``.
+    columns 30 to 60, and an unrelated one. Pictures of a board in ``sides/left`` and ``sides/right``, the same in
+    ``flat``, and as ``pairs.zip``.
     """
     folder = tmp_path_factory.mktemp("files")
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, 4123)
@@ -60,11 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     np.savetxt(folder / "second.txt", second)
 
     picture = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
-    cut, mask = picture[20:40, 30:60].copy(), np.full((20, 30), 255, np.uint8)
-    spoilt = cut.copy()
-    spoilt[:, :10], mask[:, :10] = 0, 0
     stranger = picture[::-1, ::-1][50:70, 50:80].copy()
-    images = {"image": picture, "template": cut, "stranger": stranger, "spoilt": spoilt, "mask": mask}
+    images = {"image": picture, "template": picture[20:40, 30:60].copy(), "stranger": stranger}
     for side in ("left", "right"):
         (folder / "sides" / side).mkdir(parents=True)
     (folder / "flat").mkdir()
@@ -90,13 +77,10 @@ def _in_the_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     "files",
     [("first.wav", "second.wav"), ("both.wav",), ("both.wav", "second.wav"), ("both.wav", "--channels", "1", "2")],
 )
-def test_lag_tells_heardseconds_and_metres(files: tuple[str, ...], ran: Command) -> None:
+def test_lag_tells_samples_and_metres(files: tuple[str, ...], ran: Command) -> None:
     figures = ran("lag", *files, "--speed", 340, "--json").figures
-    assert figures["lag_samples"] == 123
-    assert figures["time_s"] == pytest.approx(123 / 8000)
+    assert (figures["lag_samples"], figures["settings"]["sampling_rate"]) == (123, 8000)
     assert figures["distance_m"] == pytest.approx(123 / 8000 * 340)
-    assert figures["score"] > 0.99
-    assert figures["settings"]["sampling_rate"] == 8000
     said = ran("lag", *files).out
     assert said.startswith("lag       123 samples")
     assert "verdict   sure: a clear peak" in said
@@ -136,9 +120,7 @@ def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clo
     soundfile.write("lossy.wav", second, 8000)
     for name in ("out.wav", "out.CSV"):
         told = ran("lag", "whole.wav", "lossy.wav", "--aligned", name)
-        figures = ran("lag", "whole.wav", name, "--json").figures
-        assert (figures["lag_samples"], figures["reason"]) == (0, "clear")
-        assert figures["drift_ppm"] == pytest.approx(0, abs=2)
+        assert ran("lag", "whole.wav", name).out.startswith("lag       0 samples")
     assert "over time 300 samples later until 2.5 s, then 100 earlier: 0.05 s are missing in recording 2" in told.out
     assert re.search(r"^arrivals  -100 \(\d+\.\d σ\), 400 \(\d+\.\d σ\)", told.out, re.MULTILINE)
     for name in ("none/out.wav", "none/out.csv"):
@@ -208,14 +190,6 @@ def test_a_ratio_without_end_is_null(tmp_path: Path, ran: Command) -> None:
     assert told.figures["peak_ratio"] is None
 
 
-def test_find_tells_the_place(ran: Command) -> None:
-    told = ran("find", "image.png", "template.png", "--json")
-    (match,) = told.figures["matches"]
-    assert (told.code, match["row"], match["col"], match["height"], match["width"]) == (0, 20, 30, 20, 30)
-    assert match["score"] == pytest.approx(1)
-    assert ran("find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
-
-
 def test_a_frame_of_an_animation_can_be_searched_and_its_number_is_told(ran: Command, tmp_path: Path) -> None:
     scene, other = (Image.open(name).convert("RGB") for name in ("image.png", "stranger.png"))
     other.resize(scene.size).save(tmp_path / "scenes.tif", save_all=True, append_images=[scene])
@@ -239,12 +213,9 @@ def test_find_tells_how_many_places_hold_missing_values(ran: Command, tmp_path: 
 
 def test_find_ends_with_three_where_there_is_nothing(ran: Command) -> None:
     arguments = "find", "image.png", "stranger.png", "--min-score", "0.9"
-    told, figures = ran(*arguments), ran(*arguments, "--json")
-    assert (told.code, figures.code) == (3, 3)
+    told = ran(*arguments)
+    assert (told.code, ran(*arguments, "--json").code) == (3, 3)
     assert told.out.startswith("Not found: no place scores 0.9 or more. The best: row ")
-    found = figures.figures
-    assert (found["found"], found["reason"], found["matches"]) == (False, "low_score", [])
-    assert found["best"]["score"] < 0.9
     assert "3 nothing is found" in ran("find", "--help").out.replace("\n", " ")
 
 
@@ -281,19 +252,13 @@ def test_find_prints_no_place_that_cannot_be_relied_on(ran: Command, tmp_path: P
     assert (told.code, told.out) == (0, "row 40, column 70, score 1.000\n")
 
 
-def test_find_leaves_out_what_the_mask_leaves_out(ran: Command) -> None:
-    assert ran("find", "image.png", "spoilt.png", "--min-score", "0.99").code == 3
-    told = ran("find", "image.png", "spoilt.png", "--min-score", "0.99", "--mask", "mask.png", "--json")
-    assert [(match["row"], match["col"]) for match in told.figures["matches"]] == [(20, 30)]
-
-
 def test_calibrate_finds_the_camera_and_writes_what_others_read(tmp_path: Path, ran: Command) -> None:
     arguments = ("--square", SQUARE_M, "--out", tmp_path, "--json")
     figures = ran("calibrate", "pairs.zip", *arguments).figures
     assert (figures["pairs"], figures["board"]) == (PAIRS, [6, 4])
     assert figures["pairs_used"] >= PAIRS - 1
     assert figures["rms_px"] < 0.5
-    assert figures["baseline_m"] == pytest.approx(0.1, rel=0.02)
+    assert figures["baseline_m"] == pytest.approx(np.linalg.norm(T), rel=0.02)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(figures["files"])
     for files in (["stereo.yml"], ["calibration.json"], ["left.yaml", "right.yaml"]):
         read = sl.read_calibration(*(tmp_path / name for name in files))
@@ -328,7 +293,6 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
             2,
             "The search for a lag has no setting '--maxlag'; did you mean --max-lag?",
         ),
-        ("lag first.wav second.wav --max-lag 4000", 4, "max_lag is 4000; allowed are whole samples from 0"),
         ("find template.png image.png", 4, "template is 120 × 100 pixels"),
         ("find image.png template.png --min-score 2", 2, "--min-score is 2; allowed are numbers from 0 to 1."),
         ("find image.png template.png --mask image.png", 4, "mask"),
@@ -336,7 +300,6 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ("calibrate flat", 2, "--square"),
         ("calibrate flat --square 3cm", 2, "'3cm' is not a length; allowed are metres above 0"),
         ("calibrate flat --square 0", 2, "'0' is not a length"),
-        ("calibrate flat --square nan", 2, "'nan' is not a length"),
         ("calibrate flat --square 1 --board 6-4", 2, "'6-4' is not a board"),
         ("calibrate flat --square 1 --board 1x4", 2, "allowed are 2 to 50 inner corners"),
         ("calibrate flat/left1.png flat/right1.png --square 1 --board 6x4", 4, "pairs"),

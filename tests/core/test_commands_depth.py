@@ -215,7 +215,6 @@ def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
         (". right.png", 4, ".: Is a directory."),
         ("other.json right.png", 4, "other.json: This is not an image that can be read"),
         ("phone.heic right.png", 4, "phone.heic: This is a HEIC image, which is not read; accepted are PNG, JPEG"),
-        ("truth.pfm right.png", 4, "left holds float32 and right uint8 pixels"),
         ("left.png right.png --truth left.png", 4, "left.png: The disparity map has shape (60, 120, 3)"),
         ("left.png right.png --calibration left.png", 4, "left.png: The calibration"),
         ("left.png right.png --calibration other.json", 4, "The calibration is for 50 × 50 pixels"),

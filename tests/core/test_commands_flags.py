@@ -88,11 +88,6 @@ def test_every_setting_of_every_method_can_be_changed_in_one_of_the_starts() -> 
     assert {kind for kind, *_ in every} == set(METHODS)
 
 
-def test_no_flags_change_nothing() -> None:
-    for start in STARTS:
-        assert flagged(start) == start
-
-
 def test_a_stage_is_switched_on_by_its_flag_or_any_of_its_own_and_off_by_none() -> None:
     bare = SemiGlobalMatcher()
     assert flagged(bare, "--median") == changed(bare, {"median": {}})

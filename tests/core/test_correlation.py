@@ -18,7 +18,6 @@ from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.signals import signal_lag
-from stereolag.stereo import opencv as matchers
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
@@ -30,9 +29,6 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import match_template
-
-ENGINES = ("window_sums", "fft")
-
 
 def interior(result: DisparityMap, margin: int = 30) -> tuple[np.ndarray, np.ndarray]:
     inside = np.s_[margin:-margin, margin:-margin]
@@ -55,10 +51,9 @@ def test_known_shift_is_recovered(engine: str, window_size: int, dtype: type, dy
     assert np.mean(np.hypot(found_dy - dy, found_dx - dx) < 0.1) > 0.95
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_map_holds_minus_dx_and_a_reason_for_every_blank_pixel(engine: str) -> None:
+def test_a_map_holds_minus_dx_and_a_reason_for_every_blank_pixel() -> None:
     left, right = shifted_pair(80, 160, 0, -11.5)
-    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(24), engine=engine)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(24))
     result = matcher.compute(left, right)
     valid = result.valid
     np.testing.assert_array_equal(valid, result.reason == Reason.MEASURED)
@@ -93,10 +88,9 @@ def test_unpadded_search_is_circular(score: str, window_size: int) -> None:
     np.testing.assert_allclose(result.dx[result.valid], -7, atol=0.05)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_shift_beyond_the_search_is_not_invented(engine: str) -> None:
+def test_a_shift_beyond_the_search_is_not_invented() -> None:
     gradient = np.add.outer(np.arange(60.0), np.arange(90.0) ** 1.5)
-    matcher = CorrelationMatcher(window_size=9, search=SearchArea.centred(15), engine=engine)
+    matcher = CorrelationMatcher(window_size=9, search=SearchArea.centred(15))
     result = matcher.compute(gradient, np.roll(gradient, -6, axis=1))
     assert np.mean(result.reason[10:-10, 15:-15] == Reason.AT_SEARCH_EDGE) > 0.5
 
@@ -190,18 +184,10 @@ GREY = np.zeros((40, 50), np.uint8)
     ("left", "right", "says"),
     [
         (GREY, np.zeros((40, 52), np.uint8), "50 × 40 .* 52 × 40"),
-        (GREY, np.zeros((40, 50), np.float32), "uint8 .* float32"),
-        (np.zeros((0, 50), np.uint8), np.zeros((0, 50), np.uint8), "no pixels"),
         (np.full((40, 50), np.nan), np.zeros((40, 50)), "2000 NaN"),
         (np.zeros((4, 5), np.uint8), np.zeros((4, 5), np.uint8), "5 × 4"),
-        (np.zeros((4, 5, 7, 2)), np.zeros((4, 5, 7, 2)), "shape"),
-        (np.zeros((40, 50), np.complex128), np.zeros((40, 50), np.complex128), "complex"),
         ("left.png", GREY, r"left is a \w+; give an array, such as sl\.read_image\(left\)"),
-        (
-            GREY,
-            Path("a.png"),
-            r"right is a \w+; give an array, such as sl\.read_image\(right\)",
-        ),
+        (GREY, Path("a.png"), r"right is a \w+; give an array"),
     ],
 )
 def test_bad_images_are_refused_with_the_value(matcher: StereoMatcher, left: Any, right: Any, says: str) -> None:
@@ -413,19 +399,6 @@ def test_minus_one_really_switches_the_left_right_check_off() -> None:
         return StereoSGBM(num_disparities=32, **settings).compute(left, right).coverage
 
     assert coverage(-1) == coverage(64) > coverage(1)
-
-
-@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
-def test_one_hot_pixel_leaves_the_other_grey_levels_apart(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scaling from minimum to maximum used to leave StereoBM 14 grey levels in a picture with one bright pixel."""
-    left, right = (image.astype(dtype) * 12 for image in shifted_pair(90, 160, 0, -9))
-    left[40, 80] = 65535
-    seen: list[np.ndarray] = []
-    eight_bit = matchers.as_eight_bit
-    monkeypatch.setattr(matchers, "as_eight_bit", lambda *pair: seen.extend(eight_bit(*pair)) or tuple(seen))
-    result = StereoBM(num_disparities=16).compute(left, right)
-    assert np.unique(seen[0]).size > 100
-    assert abs(np.nanmedian(result.disparity) - 9) < 0.1
 
 
 @pytest.mark.parametrize("name", PRESETS)
