@@ -30,6 +30,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import match_template
 
+
 def interior(result: DisparityMap, margin: int = 30) -> tuple[np.ndarray, np.ndarray]:
     inside = np.s_[margin:-margin, margin:-margin]
     return result.dy[inside], result.dx[inside]
