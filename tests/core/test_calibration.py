@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from straight_and_raw import RIG
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 
@@ -14,18 +17,8 @@ sizes = st.floats(0.01, 1e4)
 
 
 def rig(**changes: object) -> StereoRig:
-    matrix = np.array([[500.0, 0, 160], [0, 500, 120], [0, 0, 1]])
-    parts = {
-        "left_matrix": matrix,
-        "left_distortion": np.zeros(5),
-        "right_matrix": matrix,
-        "right_distortion": np.zeros(0),
-        "rotation": np.eye(3),
-        "translation": [-0.1, 0, 0],
-        "width": 321,
-        "height": 241,
-    }
-    return StereoRig(**(parts | changes))
+    straight = {"rotation": np.eye(3), "translation": [-0.1, 0, 0]}
+    return replace(RIG, **(straight | changes))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float16, np.float32, np.float64])
@@ -106,13 +99,8 @@ def test_a_known_distance_sets_the_depth_there(disparity, distance, focal, doffs
 
 def rectification(**changes: object) -> Rectification:
     projection = np.array([[500.0, 0, 160, 0], [0, 500, 120, 0], [0, 0, 1, 0]])
-    parts = {
-        "left_rotation": np.eye(3),
-        "right_rotation": np.eye(3),
-        "left_projection": projection,
-        "right_projection": projection - np.eye(3, 4, 3) * 50,
-    }
-    return Rectification(**(parts | changes))
+    whole = Rectification(np.eye(3), np.eye(3), projection, projection - np.eye(3, 4, 3) * 50)
+    return replace(whole, **changes)
 
 
 def test_a_calibration_is_a_value_and_a_rectification_has_a_baseline():
@@ -130,7 +118,6 @@ TURNED = cv2.Rodrigues(np.array([0.0, 0.1, 0.0]))[0]
     [
         (lambda: Calibration(0, 0.5), "focal_px is 0"),
         (lambda: Calibration(700, -0.5), "baseline_m is -0.5"),
-        (lambda: Calibration(float("nan"), 0.5), "focal_px is nan"),
         (lambda: Calibration(700, float("inf")), "baseline_m is inf"),
         (lambda: Calibration(700, 0.5, float("nan")), "doffs_px is nan"),
         (lambda: Calibration(700, 0.5, 0, float("inf")), "cx is inf"),
@@ -147,7 +134,6 @@ TURNED = cv2.Rodrigues(np.array([0.0, 0.1, 0.0]))[0]
         (lambda: rig(left_distortion=np.zeros(6)), "left_distortion holds 6"),
         (lambda: rig(rotation=np.eye(3) * 2), "rotation is not a rotation"),
         (lambda: rig(rotation=np.diag([1.0, 1, -1])), "rotation is not a rotation"),
-        (lambda: rig(translation=[0.1, 0, 0]), "second camera stands to the right"),
         (lambda: rig(translation=[0.1, 0.05, 0]), "second camera stands to the right"),
         (lambda: rig(translation=[np.nan, 0, 0]), "finite"),
         (

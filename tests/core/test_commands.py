@@ -110,9 +110,7 @@ def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
         assert " m " not in said and said.startswith("highest   at ")
 
 
-def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clock_of_the_first(
-    folder: Path, ran: Command
-) -> None:
+def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clock_of_the_first(ran: Command) -> None:
     noise = np.random.default_rng(2).uniform(-0.3, 0.3, 40_000)
     second = np.delete(noise, slice(20_000, 20_400))
     second[500:] += 0.5 * second[:-500]
@@ -127,7 +125,7 @@ def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clo
         missing = ran("lag", "whole.wav", "lossy.wav", "--aligned", name)
         assert missing.err == f"stereolag lag: {name}: No such file or directory.\n"
     refused = ran("lag", "whole.wav", "other.wav", "--aligned", "none.wav")
-    assert (refused.code, (folder / "none.wav").exists()) == (4, False)
+    assert (refused.code, Path("none.wav").exists()) == (4, False)
     assert "The lag is 'nothing' (chance), and only one that is sure is undone" in refused.err
 
 

@@ -87,20 +87,10 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
     ("name", "damage", "code", "expected"),
     [
         ("road", lambda view: np.roll(view, -5, axis=0), FindingCode.ROWS, {"offset_px": (-5, 0.3)}),
-        # getRotationMatrix2D takes anticlockwise as positive, but rows grow downwards.
-        (
-            "road",
-            lambda view: turned(view, -2.0),
-            FindingCode.ROTATION,
-            # Turned, the near road also moves down, since it is far to the side in the right picture.
-            {"rotation_deg": (2, 0.15), "scale": (1, 0.007)},
-        ),
-        (
-            "cube",
-            lambda view: turned(view, 0, 1.02),
-            FindingCode.ROTATION,
-            {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)},
-        ),
+        # getRotationMatrix2D takes anticlockwise as positive, but rows grow downwards. Turned, the near road also moves
+        # down, since it is far to the side in the right picture.
+        ("road", lambda view: turned(view, -2.0), ROTATION, {"rotation_deg": (2, 0.15), "scale": (1, 0.007)}),
+        ("cube", lambda view: turned(view, 0, 1.02), ROTATION, {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)}),
         # Its rims, which only one picture shows, are of other greys.
         ("square", darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.01)}),
     ],
@@ -162,9 +152,7 @@ def test_a_mirrored_picture_is_told_and_mirrored_back() -> None:
 def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_help() -> None:
     left, right, _ = bundled("square")
     turned = diagnose(left, ILLS[FindingCode.ROTATION](left, right)[1])
-    assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {
-        FindingCode.ROTATION: Remedy.LEVEL,
-    }
+    assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {ROTATION: Remedy.LEVEL}
     blank = diagnose(*(np.concatenate([view[:160], np.full_like(view[160:], 60 + 9 * place)])
                        for place, view in enumerate(bundled("cube", 1.0)[:2])))  # fmt: skip
     assert amber(blank) >= {FindingCode.TEXTURE}

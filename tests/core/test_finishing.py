@@ -119,9 +119,7 @@ def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
     difference=st.sampled_from([0.06, 0.5, 2.0]),
     smooth=st.integers(0, 2),
 )
-def test_speckles_are_those_of_opencv(
-    seed: int, rows: int, cols: int, size: int, difference: float, smooth: int
-) -> None:
+def test_speckles_are_opencvs(seed: int, rows: int, cols: int, size: int, difference: float, smooth: int) -> None:
     rng = np.random.default_rng(seed)
     disparity = (ndimage.gaussian_filter(rng.normal(size=(rows, cols)), smooth) * 9).astype(np.float32)
     disparity[rng.random((rows, cols)) < 0.2] = np.nan
