@@ -124,8 +124,3 @@ def test_lines_of_methods_differ_in_more_than_colour() -> None:
 @pytest.mark.parametrize("name", LINES_AND_FRAMES)
 def test_lines_are_seen_on_both_pages(name: str) -> None:
     assert min(contrast(LINES_AND_FRAMES[name], page) for page in PAGES) >= LEAST_CONTRAST
-
-
-def test_the_simulation_takes_red_and_green_for_one_and_not_blue_and_yellow() -> None:
-    red_green = closest({"red": "#c0504d", "green": "#7f8f2f"})[0]
-    assert red_green < LEAST < closest({"blue": "#2060c0", "yellow": "#e0c040"})[0]

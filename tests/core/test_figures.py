@@ -155,9 +155,7 @@ def grid_at(row: int, col: int, size: int, overlap: float) -> WindowGrid:
 
 
 @given(size=st.integers(3, 255), overlap=st.floats(0, 0.99), row=st.integers(0, 299), col=st.integers(0, 399))
-def test_every_window_is_of_the_map_and_the_figure_is_legible(
-    size: int, overlap: float, row: int, col: int
-) -> None:
+def test_every_window_is_of_the_map_and_the_figure_is_legible(size: int, overlap: float, row: int, col: int) -> None:
     grid = grid_at(row, col, size, overlap)
     every_row, every_col = (set(range(0, side - size + 1, grid.step)) for side in SHAPE)
     cut, half = grid.cut, (size - 1) / 2

@@ -226,17 +226,6 @@ def painted(shape: tuple[int, int], seed: int = 0) -> npt.NDArray[np.uint8]:
     return np.random.default_rng(seed).integers(90, 110, (*shape, 3), dtype=np.uint8)
 
 
-def test_samples_are_spread_evenly_over_a_patch() -> None:
-    labels = np.repeat([[0, 1]], 40, axis=0).astype(np.int32)
-    values = np.arange(80, dtype=np.float32).reshape(40, 2)
-    values[5:, 1] = np.nan
-    points, kept, counts = surfaces.sampled(labels, values, 3, 8)
-    np.testing.assert_array_equal(counts, [40, 5, 0])
-    np.testing.assert_array_equal(kept, [8, 5, 0])
-    np.testing.assert_array_equal(points[0], [[0] * 8, np.arange(0, 40, 5), np.arange(0, 80, 10)])
-    np.testing.assert_array_equal(points[1, 2, :5], [1, 3, 5, 7, 9])
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -257,17 +246,6 @@ def test_planes_are_fitted_as_by_the_formula(seed: int) -> None:
     np.testing.assert_allclose(
         again, surfaces.refitted_reference(planes, measured, guessed, joins, near, at), rtol=1e-3, atol=2e-4
     )
-
-
-def test_a_trial_plane_ignores_what_lies_elsewhere() -> None:
-    rng = np.random.default_rng(0)
-    x, y = rng.uniform(0, 30, (2, 1, 60)).astype(np.float32)
-    z = 10 + 0.2 * x - 0.1 * y
-    z[0, ::5] += 25
-    found = surfaces.best_of_trials(
-        np.stack([x, y, z], axis=1), np.array([60], np.int32), np.array([[15, 15]], np.float32), surfaces.trials()
-    )
-    np.testing.assert_allclose(found, [[0.2, -0.1, 11.5]], atol=0.01)
 
 
 @pytest.mark.parametrize(
