@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from pairs import shifted_pair
@@ -36,7 +36,6 @@ def test_counts_by_hand() -> None:
     assert np.isnan([nothing.epe, nothing.bad_measured[1.0]]).all()
 
 
-@settings(max_examples=40)
 @given(arrays.arrays(np.float32, (4, 2, 2), elements=st.one_of(st.just(NAN), st.floats(0, 6, width=16))))
 def test_agreement_equals_the_count_around_each_answer_in_any_order(maps: np.ndarray) -> None:
     found = consensus(list(maps))
@@ -73,7 +72,6 @@ def test_the_surest_pixels_come_first_equals_together_and_those_without_a_score_
     np.testing.assert_allclose(curve.bad, bad)
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(0, 1), st.floats(0.1, 5))
 def test_the_last_point_is_the_evaluation(seed: int, missing: float, threshold: float) -> None:
     rng = np.random.default_rng(seed)

@@ -110,7 +110,6 @@ def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
     assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
 
 
-@settings(max_examples=40)
 @given(
     seed=st.integers(0, 99),
     rows=st.integers(1, 40),
@@ -148,7 +147,6 @@ def test_a_gap_takes_the_farther_end_and_an_empty_row_the_nearest_that_is_not() 
         )
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 999), st.floats(0, 0.9), st.integers(1, 9))
 def test_rows_are_filled_as_by_the_formula(seed: int, gaps: float, length: int) -> None:
     rng = np.random.default_rng(seed)
@@ -174,7 +172,7 @@ def test_a_wall_goes_on_beyond_what_the_right_camera_sees_level_if_ragged_and_no
     assert (np.abs(level - 18.05) < 0.2).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 999), st.sampled_from([1, 3]), st.integers(1, 30), st.integers(1, 40), st.integers(3, 12))
 def test_pixels_choose_as_by_the_formula(seed: int, channels: int, height: int, width: int, side: int) -> None:
     rng = np.random.default_rng(seed)

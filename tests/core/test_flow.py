@@ -129,15 +129,6 @@ def test_every_pixel_without_motion_has_a_reason_and_filling_leaves_none():
     assert np.abs(filled.dx[:, -8:] - 12).mean() < 1
 
 
-def test_a_flat_part_has_low_texture():
-    first, second = (image.copy() for image in shifted_pair(120, 160, 0, 0))
-    for image in (first, second):
-        image[30:80, 50:110] = 90
-    flow = optical_flow(first, second, search=10)
-    assert (flow.reason[34:76, 54:106] == Reason.LOW_TEXTURE).all()
-    assert not (flow.reason[:, :40] == Reason.LOW_TEXTURE).any()
-
-
 def test_what_is_covered_in_the_second_frame_is_not_measured():
     first = texture(140, 200, seed=3, blur=1.5)
     second, patch = first.copy(), texture(80, 80, seed=8, blur=1.5)
@@ -180,7 +171,7 @@ def test_agrees_with_openpiv_on_particles():
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_every_loop_equals_its_formula(spacing, seed):
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(spacing + 1, 30, 2))
@@ -253,11 +244,14 @@ def test_a_blank_frame_has_no_flow_on_either_side_with_or_without_noise(level: i
 
 
 @pytest.mark.parametrize("frame", [screen(1), as_frame(texture(ROWS, COLS))])
-def test_identical_frames_do_not_move_at_all(frame: Frame) -> None:
+def test_identical_frames_do_not_move_at_all_and_a_flat_part_has_low_texture(frame: Frame) -> None:
+    frame = frame.copy()
+    frame[30:80, 50:110] = 90
     flow = optical_flow(frame, frame.copy(), search=32)
     assert flow.verdict == "identical" and flow.valid.mean() > 0.2
     assert not np.hypot(flow.dy, flow.dx)[flow.valid].any()
     assert set(np.unique(flow.reason)) <= {Reason.MEASURED, Reason.LOW_TEXTURE}
+    assert (flow.reason[34:76, 54:106] == Reason.LOW_TEXTURE).all()
 
 
 def test_around_a_small_window_that_moves_a_screen_stands_still_to_the_last_bit() -> None:

@@ -98,14 +98,14 @@ def test_the_originals_are_valid(reader: str, kind: str) -> None:
 
 
 @CASES
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(draws=st.data())
 def test_mutated_files(reader: str, kind: str, draws: st.DataObject) -> None:
     survives(reader, draws.draw(mutated(VALID[kind])))
 
 
 @CASES
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.one_of(st.binary(max_size=200), st.text(WRITTEN, max_size=100).map(str.encode)))
 def test_random_bytes(reader: str, kind: str, data: bytes) -> None:
     survives(reader, data)
