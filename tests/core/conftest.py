@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commanded import Command, Ran
-from straight_and_raw import DISPARITY, ENTRIES, raw_pair, straight_pair
+from straight_and_raw import DISPARITY, ENTRIES, SIZE, raw_pair, straight_pair
 
 import stereolag as sl
 from stereolag.commands import main
@@ -36,10 +36,11 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     entries = {name: np.asarray(one).tolist() for name, one in ENTRIES.items()}
     (folder / "rig.json").write_text(json.dumps(entries))
     (folder / "truth").mkdir()
+    for number in range(2):
+        sl.write_disparity(folder / "truth" / f"{number}.png", np.full(SIZE[::-1], DISPARITY, np.float32))
     for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
         for side, image in zip(("left", "right"), pair, strict=True):
             (folder / kind / side).mkdir(parents=True)
             for number in range(2):
                 (folder / kind / side / f"{number}.png").write_bytes(image_png(image))
-                sl.write_disparity(folder / "truth" / f"{number}.png", np.full(image.shape, DISPARITY, np.float32))
     return folder

@@ -177,9 +177,7 @@ def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(rig: Path, tmp_path: 
 
 
 @pytest.mark.parametrize(("focal_px", "beyond"), [(100.0, False), (1e4, True)])
-def test_the_depth_in_millimetres_says_how_much_is_beyond_it(
-    focal_px: float, beyond: bool, tmp_path: Path, ran: Command
-) -> None:
+def test_depth_in_millimetres_tells_what_is_beyond(focal_px: float, beyond: bool, tmp_path: Path, ran: Command) -> None:
     calibration, depth = tmp_path / "calibration.json", tmp_path / "depth.png"
     calibration.write_text(calibration_json(sl.Calibration(focal_px, 0.2)))
     command = (*TRUSTED, "--method", "bm", "--calibration", calibration, "--depth", depth)
