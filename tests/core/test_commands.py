@@ -363,4 +363,3 @@ def test_the_list_of_commands_is_in_the_help(ran: Command) -> None:
     for name, gives in MEASURING.items():
         assert name in said
         assert gives in " ".join(said.split())
-        assert "exit codes: 0 done" in ran(name, "--help").out

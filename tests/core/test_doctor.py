@@ -21,7 +21,6 @@ from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_
 from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
-from stereolag.assess.sentences import finding_in_words
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
 from stereolag.pair import DIVISORS, likely_divisor
@@ -161,12 +160,10 @@ def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_
 
 def test_both_views_in_each_picture_are_told() -> None:
     left, right, _ = bundled("cube")
-    for axis, where in enumerate(("above", "beside")):
+    for axis in range(2):
         both = np.concatenate([left, right], axis=axis)
         diagnosis = diagnose(both, both)
-        finding = diagnosis.finding(FindingCode.LAYOUT)
-        assert finding.numbers == {"beside": axis, "half": 0}
-        assert f"one {where} the other" in finding_in_words(finding)
+        assert diagnosis.finding(FindingCode.LAYOUT).numbers == {"beside": axis, "half": 0}
         assert diagnosis.suggested_range is None and all(one.remedy is None for one in diagnosis.ill)
     assert diagnose(left, left).finding(FindingCode.LAYOUT).healthy
 
@@ -236,7 +233,6 @@ def test_a_remedy_that_cannot_be_applied_is_refused() -> None:
     with pytest.raises(ValueError, match="hardly better than moving, rotating and scaling"):
         apply_remedy(left, right, Remedy.RECTIFY)
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
-    assert FindingCode.MATCHES in amber(diagnose(*noise))
     with pytest.raises(ValueError, match="features were matched"):
         apply_remedy(*noise, Remedy.LEVEL)
 
