@@ -109,20 +109,6 @@ def test_a_fault_is_measured_and_fixed(name: str, damage: Any, code: FindingCode
     assert (mended[1].shape, mended[1].dtype) == (right.shape, right.dtype)
 
 
-def seen_from_ahead(name: str) -> Pair:
-    """Return a pair whose right picture was taken from farther ahead: points move away from its middle, near ones more.
-
-    The nearest move by a twelfth of their distance from it.
-    """
-    left, right, truth = bundled(name)
-    near = cv2.blur(np.nan_to_num(truth, nan=float(np.nanmedian(truth))), (31, 31)) / np.nanmax(truth)
-    rows, cols = np.indices(truth.shape, dtype=np.float32)
-    middle = (np.array(truth.shape) - 1) / 2
-    grown = (1 + near / 12).astype(np.float32)
-    sources = [(place - at) / grown + at for place, at in zip((cols, rows), middle[::-1], strict=True)]
-    return left, cv2.remap(right, *(one.astype(np.float32) for one in sources), cv2.INTER_LINEAR)
-
-
 @pytest.mark.parametrize("upper_first", [True, False])
 def test_cameras_above_each_other_are_told_and_turned(upper_first: bool) -> None:
     left, right, _ = bundled("road")
@@ -189,9 +175,15 @@ def test_a_wall_of_equal_windows_in_two_lights_is_not_taken_for_both_views() -> 
     assert first <= 9 < first + count
 
 
-def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered() -> None:
-    diagnosis = diagnose(*seen_from_ahead("road"))
-    assert FindingCode.NOT_SAME_MOMENT in amber(diagnosis) and diagnosis.suggested_range is None
+MOVING = {"right": {FindingCode.NOT_SAME_MOMENT}}
+MOVING["left"] = {FindingCode.ONE_MOVING_CAMERA, FindingCode.NOT_SAME_MOMENT}
+
+
+@pytest.mark.parametrize("side", MOVING)
+def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered(side: str) -> None:
+    (drive,) = drives().values()
+    diagnosis = diagnose(read_image(drive.left[1]), read_image(getattr(drive, side)[2]))
+    assert amber(diagnosis) == MOVING[side] and diagnosis.suggested_range is None
     assert all(finding.remedy is None for finding in diagnosis.ill)
 
 
