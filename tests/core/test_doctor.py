@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from ailing_pairs import ILLS, REMEDIES, barrel, darkened, through_barrel, turned, turned_camera, turning
 
+from benchmarks.doctor import covered, true_matches
 from stereolag import read_disparity, read_image
 from stereolag.assess import diagnosis as examining
 from stereolag.assess import orientation
@@ -48,11 +49,6 @@ def healthy(name: str = "cube") -> Diagnosis:
 
 def amber(diagnosis: Diagnosis) -> set[FindingCode]:
     return {finding.code for finding in diagnosis.findings if not finding.healthy}
-
-
-def covered(diagnosis: Diagnosis, disparities: np.ndarray) -> float:
-    first, count = diagnosis.suggested_range
-    return float(np.mean((disparities >= first) & (disparities < first + count)))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -319,14 +315,6 @@ def scattered_points() -> Pair:
     return left, left - np.column_stack([rng.uniform(5, 60, 400), np.zeros(400)])
 
 
-def truth_points(disparity: np.ndarray, count: int = 4000) -> Pair:
-    """Return matching points of a rectified pair, (n, 2) (x, y) each, px, sampled uniformly from its ground truth."""
-    rows, cols = np.nonzero(np.isfinite(disparity))
-    drawn = np.random.default_rng(0).choice(len(rows), min(count, len(rows)), replace=False)
-    left = np.column_stack([cols[drawn], rows[drawn]]).astype(float)
-    return left, left - np.column_stack([disparity[rows[drawn], cols[drawn]], np.zeros(len(drawn))])
-
-
 def moved(points: np.ndarray, homography: np.ndarray) -> np.ndarray:
     return cv2.perspectiveTransform(points[:, None], homography)[:, 0]
 
@@ -358,8 +346,7 @@ def test_a_fit_is_not_led_by_outliers() -> None:
 @pytest.mark.parametrize(("name", "k1"), [("cube", -0.05), ("road", -0.3)])
 def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1: float) -> None:
     left, right, disparity = bundled(name)
-    views, shape = (barrel(left, k1), barrel(right, k1)), left.shape[:2]
-    true = matched(*(through_barrel(points, shape, k1) for points in truth_points(disparity)), shape)
+    views, true = (barrel(left, k1), barrel(right, k1)), true_matches(disparity, k1)
     diagnosis = diagnose(*views)
     bent = diagnosis.finding(FindingCode.BENT_ROWS)
     assert covered(diagnosis, -true.dx) > 0.998
