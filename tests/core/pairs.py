@@ -1,10 +1,17 @@
-"""Stereo pairs made for the tests, with exactly known displacement: shifted, or of surfaces at several depths."""
+"""Stereo pairs of known displacement: made for the tests, shifted or of surfaces at several depths, and bundled."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
+
+from stereolag.geometry.rectification import scaled_disparity, scaled_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
+from stereolag.samples import stereo_pairs
 
 DoubleImage = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
@@ -55,3 +62,11 @@ def steps_pair(*, noise: float = 8.0) -> tuple[Picture, Picture, npt.NDArray[np.
         truth[top:bottom, first:last] = disparity
     both = [np.clip(np.rint(image + rng.normal(0, noise, image.shape)), 0, 255) for image in (left, right)]
     return both[0].astype(np.uint8), both[1].astype(np.uint8), truth
+
+
+@cache
+def bundled(name: str, size: float = 1.0) -> tuple[Picture, Picture, DoubleImage]:
+    """Return a bundled pair and its disparities at a share of its size."""
+    example = stereo_pairs()[name]
+    left, right = (scaled_image(read_image(side), size) for side in (example.left, example.right))
+    return left, right, np.asarray(scaled_disparity(read_disparity(example.disparity), size), float)

@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 from commanded import Command, assert_refused
+from pairs import bundled
 from ply_reader import read_ply
 from straight_and_raw import DISPARITY, P1, RIG, SIZE, T, raw_pair
 
 import stereolag as sl
 from benchmarks import camera_files
-from stereolag import samples
 from stereolag.core.inputs import Image
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
@@ -234,11 +234,7 @@ def test_a_wall_before_cameras_one_above_the_other_is_as_far_as_it_is(tmp_path: 
     assert np.nanmedian(sl.read_calibration(tmp_path / "calibration.json").depth(disparity)) == distance
 
 
-def seen(name: str) -> tuple[Image, Image]:
-    """Return a bundled pair at half its size."""
-    example = samples.stereo_pairs()[name]
-    left, right = (cv2.resize(sl.read_image(side), None, fx=0.5, fy=0.5) for side in (example.left, example.right))
-    return left, right
+CUBE = bundled("cube", 0.5)[:2]
 
 
 @pytest.mark.parametrize(("unit", "code"), [((), 3), (("--unit", "mm"), 0)])
@@ -249,7 +245,7 @@ def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(
     shift = np.zeros((3, 4))
     shift[0, 3] = -450 * 17.0  # mm
     (tmp_path / "camera").write_bytes(camera_files.npz(P1=left, P2=left + shift))
-    told = ran("depth", *written(tmp_path, *seen("cube")), "--calibration", tmp_path / "camera", *unit)
+    told = ran("depth", *written(tmp_path, *CUBE), "--calibration", tmp_path / "camera", *unit)
     assert told.code == code, told.err
     assert ("metres are assumed" in told.out) == ("No stereo camera is like that" in told.out) == (code == 3)
 
@@ -265,13 +261,13 @@ def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(
 def test_an_ill_pair_is_told_and_the_range_is_that_of_the_pair(
     change: Change, code: str | None, tmp_path: Path, ran: Command
 ) -> None:
-    command = ("depth", *written(tmp_path, *change(*seen("cube"))), "--method", "bm")
+    command = ("depth", *written(tmp_path, *change(*CUBE)), "--method", "bm")
     told = ran(*command, "--out", tmp_path / "out", "--json")
     codes = [finding["code"] for finding in told.figures["findings"]]
     assert (told.code, codes) == ((0, []) if code is None else (3, [code]))
     assert (tmp_path / "out" / "disparity.pfm").exists()
     if code is None:
-        assert tuple(told.figures["range_px"]) == sl.diagnose(*seen("cube")).suggested_range
+        assert tuple(told.figures["range_px"]) == sl.diagnose(*CUBE).suggested_range
     if code == "swapped":
         sentence = told.figures["findings"][0]["sentence"]
         assert f"doubtful: {sentence}" in ran(*command).out.splitlines()

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from pairs import FAR, shifted_pair, steps_pair, texture
+from pairs import FAR, bundled, shifted_pair, steps_pair, texture
 from pydantic import ValidationError
 
 from stereolag.core.settings import Applies, Settings, SettingsError, marker
@@ -284,9 +284,8 @@ def test_speckles_are_dropped_and_the_median_smooths() -> None:
 
 @pytest.mark.parametrize("name", ["cube", "square", "road"])
 def test_accurate_beats_opencv_on_the_bundled_pairs(name: str) -> None:
-    example = stereo_pairs()[name]
-    pair = read_image(example.left), read_image(example.right)
-    truth, count = read_disparity(example.disparity), example.num_disparities
+    *pair, truth = bundled(name)
+    count = stereo_pairs()[name].num_disparities
 
     def bad(matcher: StereoMatcher) -> float:
         return evaluate(matcher.compute(*pair).disparity, truth).bad[1.0]

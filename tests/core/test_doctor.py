@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import pickle
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import pairs
 import pytest
 from ailing_pairs import ILLS, REMEDIES, barrel, darkened, through_barrel, turned, turned_camera, turning
 
@@ -34,12 +35,8 @@ ROTATION = FindingCode.ROTATION
 GEOMETRY = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
 
 
-@cache
-def bundled(name: str, size: float = 0.5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a bundled pair and its disparities, at half its size, which is fast, unless another is given."""
-    example = stereo_pairs()[name]
-    left, right = (scaled_image(read_image(side), size) for side in (example.left, example.right))
-    return left, right, np.asarray(scaled_disparity(read_disparity(example.disparity), size), float)
+bundled = partial(pairs.bundled, size=0.5)
+"""Half their size, which is fast."""
 
 
 @cache
@@ -135,7 +132,7 @@ def test_a_rotation_is_mended_as_a_whole_and_no_remedy_is_offered_that_does_not_
     turned = diagnose(left, ILLS[FindingCode.ROTATION](left, right)[1])
     assert {one.code: one.remedy for one in turned.doubts if one.code != FindingCode.RANGE} == {ROTATION: Remedy.LEVEL}
     blank = diagnose(*(np.concatenate([view[:160], np.full_like(view[160:], 60 + 9 * place)])
-                       for place, view in enumerate(bundled("cube", 1.0)[:2])))  # fmt: skip
+                       for place, view in enumerate(bundled("cube", size=1.0)[:2])))  # fmt: skip
     assert amber(blank) >= {FindingCode.TEXTURE}
     assert all(one.remedy is None for one in blank.doubts)
 
@@ -237,7 +234,7 @@ def test_low_texture_is_found_and_images_too_small_for_features_are_examined_all
 
 @pytest.mark.parametrize("quality", [None, 70])
 def test_one_picture_twice_is_told_and_nothing_else_of_its_geometry(quality: int | None) -> None:
-    again = left = bundled("cube", 1.0)[0]
+    again = left = bundled("cube", size=1.0)[0]
     if quality is not None:
         again = cv2.imdecode(cv2.imencode(".jpg", left, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], -1)
     diagnosis = diagnose(left, again)

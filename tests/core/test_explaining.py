@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from pairs import shifted_pair, texture
+from pairs import bundled, shifted_pair, texture
 
 from stereolag.assess.explaining import (
     Box,
@@ -21,19 +20,10 @@ from stereolag.assess.explaining import (
     passes,
     with_rows_around,
 )
-from stereolag.io.disparities import read_disparity
-from stereolag.io.images import read_image
-from stereolag.samples import stereo_pairs
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-
-
-@cache
-def fence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    pair = stereo_pairs()["fence"]
-    return read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
 
 
 def test_window_and_search_lie_where_they_should_and_near_the_border_the_nearest_stands_in() -> None:
@@ -73,7 +63,7 @@ def test_the_flank_of_a_broad_peak_is_no_runner_up(search: SearchArea) -> None:
 
 
 def test_on_the_fence_a_wrong_match_is_called_a_repetition() -> None:
-    left, right, truth = fence()
+    left, right, truth = bundled("fence")
     matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
     seen = [explain_match(matcher, left, right, row, col) for row in (310, 330) for col in range(190, 380, 3)]
     pickets = [truth[row, col] for row in (310, 330) for col in range(190, 380, 3)]
@@ -147,8 +137,7 @@ STRIP, SQUARE = SearchArea.rectified(64), SearchArea.centred(40)
     ids=str,
 )
 def test_disparity_and_score_are_those_of_the_map(settings: dict[str, Any]) -> None:
-    pair = stereo_pairs()["road"]
-    left, right = (read_image(side)[160:340, 100:420] for side in (pair.left, pair.right))
+    left, right = (side[160:340, 100:420] for side in bundled("road")[:2])
     matcher = CorrelationMatcher(**settings)
     result = matcher.compute(left, right)
     disparity = result.disparity
@@ -229,7 +218,7 @@ def test_a_clear_match_the_fence_the_wall_and_the_hidden_strip_are_found() -> No
 
 
 def test_a_bare_wall_is_no_smooth_sky() -> None:
-    left, right, truth = fence()
+    left, right, truth = bundled("fence")
     matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
     pixel = example_pixel(ExampleKind.BARE, matcher, left, right)
     assert truth[pixel] == pytest.approx(15.1, abs=0.3)
