@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -10,22 +12,29 @@ from stereolag.core.inputs import as_grey, as_image, as_signal, as_stereo_pair
 
 
 @pytest.mark.parametrize(
-    ("value", "says"),
+    ("check", "value", "says"),
     [
-        ([], "0 samples"),
-        ([1.0], "1 sample;"),
-        ([1.0, np.nan], "1 NaN or infinite sample;"),
-        (np.zeros((3, 3)), "one-dimensional"),
-        ([1.0, np.nan, np.inf], "2 NaN"),
-        (np.ma.masked_equal([1.0, -9999.0, 2.0], -9999.0), "1 NaN"),
-        ([2.5, 2.5, 2.5], "constant"),
-        ([1 + 2j, 3.0], "complex"),
-        (["a", "b"], "numbers only"),
+        (as_signal, [], "0 samples"),
+        (as_signal, [1.0], "1 sample;"),
+        (as_signal, [1.0, np.nan], "1 NaN or infinite sample;"),
+        (as_signal, np.zeros((3, 3)), "one-dimensional"),
+        (as_signal, [1.0, np.nan, np.inf], "2 NaN"),
+        (as_signal, np.ma.masked_equal([1.0, -9999.0, 2.0], -9999.0), "1 NaN"),
+        (as_signal, [2.5, 2.5, 2.5], "constant"),
+        (as_signal, [1 + 2j, 3.0], "complex"),
+        (as_signal, ["a", "b"], "numbers only"),
+        (as_image, np.zeros(4), r"shape \(4,\)"),
+        (as_image, np.zeros((2, 2, 5)), "shape"),
+        (as_image, np.zeros((0, 4)), "no pixels"),
+        (as_image, np.array([[-1, 2]]), "from -1 to 2"),
+        (as_image, np.array([[0, 70000]]), "70000"),
+        (as_image, np.array([[np.nan, 1.0]]), "1 NaN"),
+        (as_image, np.array([["a", "b"]]), "type"),
     ],
 )
-def test_refused_signals(value: object, says: str) -> None:
-    with pytest.raises(ValueError, match=f"signal_1.*{says}"):
-        as_signal(value, "signal_1")
+def test_what_is_no_signal_or_image_is_refused(check: Callable[..., object], value: object, says: str) -> None:
+    with pytest.raises(ValueError, match=f"this one.*{says}"):
+        check(value, "this one")
 
 
 @pytest.mark.parametrize(
@@ -47,23 +56,6 @@ def test_types(given: type, becomes: type) -> None:
     np.testing.assert_array_equal(as_image(grey_alpha, "left"), as_image(grey_alpha[:, :, [0, 0, 0, 1]], "left"))
     signal = as_signal(np.array([0, 1, 1, 0], dtype=given), "signal_1")
     assert signal.dtype == np.float64 and signal.tolist() == [0, 1, 1, 0]
-
-
-@pytest.mark.parametrize(
-    ("value", "says"),
-    [
-        (np.zeros(4), r"shape \(4,\)"),
-        (np.zeros((2, 2, 5)), "shape"),
-        (np.zeros((0, 4)), "no pixels"),
-        (np.array([[-1, 2]]), "from -1 to 2"),
-        (np.array([[0, 70000]]), "70000"),
-        (np.array([[np.nan, 1.0]]), "1 NaN"),
-        (np.array([["a", "b"]]), "type"),
-    ],
-)
-def test_refused_images(value: np.ndarray, says: str) -> None:
-    with pytest.raises(ValueError, match=f"left.*{says}"):
-        as_image(value, "left")
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])

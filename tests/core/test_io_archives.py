@@ -106,10 +106,7 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "a bomb of overlapping files": (overlapping, "320 MB unpacked; at most 256 MB"),
     "4 GB stated": (lambda: liar(2**32 - 2), "4,096 MB unpacked"),
     "3,000 files": (lambda: zipped({f"{number}.png": b"" for number in range(3000)}), "3,000 files; at most 2,000"),
-    "a directory of 2 MB": (
-        lambda: bytes(2 * MB) + end_of_archive(9, 2 * MB),
-        "a directory of 2 MB",
-    ),
+    "a directory of 2 MB": (lambda: bytes(2 * MB) + end_of_archive(9, 2 * MB), "a directory of 2 MB"),
     "ZIP64": (lambda: b"PK\x06\x07" + bytes(16) + end_of_archive(), "more than 4 GB"),
     "encrypted": (lambda: changed(zipped({"left.png": b"1"}), 8, "<H", 1), "is encrypted"),
     "LZMA": (lambda: zipped({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "a method other than “deflate”"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 import tracemalloc
 from pathlib import Path
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 import soundfile
 from scipy import signal
-from scipy.io import wavfile
 
 from benchmarks.recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
 from stereolag.core.jobs import Limits
@@ -26,37 +24,18 @@ VOICE = 0.07 * signal.lfilter([1], [1, -0.9], np.random.default_rng(0).normal(si
 CODED = np.rint(VOICE * 32_768).clip(-32_768, 32_767).astype(np.int16)
 
 
-@pytest.mark.parametrize(
-    ("kind", "subtype"),
-    [
-        ("WAV", "DOUBLE"),
-        ("WAV", "PCM_16"),
-        ("FLAC", "PCM_24"),
-        ("AIFF", None),
-        ("AU", None),
-        ("CAF", None),
-        ("W64", None),
-        ("RF64", None),
-        ("WAVEX", "PCM_32"),
-    ],
-)
+LOSSLESS = ["WAV DOUBLE", "WAV FLOAT", "WAV PCM_16", "WAV PCM_U8", "FLAC PCM_24", "WAVEX PCM_32"]
+
+
+@pytest.mark.parametrize("kind", [*LOSSLESS, "AIFF", "AU", "CAF", "W64", "RF64"])
 @pytest.mark.parametrize("channels", [1, 2])
-def test_lossless_audio_comes_back(kind: str, subtype: str | None, channels: int) -> None:
-    recording = read_signal(sound(kind, subtype, samples=STEREO[:, :channels], rate=16_000))
+def test_lossless_audio_comes_back(kind: str, channels: int) -> None:
+    form, _, subtype = kind.partition(" ")
+    recording = read_signal(sound(form, subtype or None, samples=STEREO[:, :channels], rate=16_000))
     assert recording.sampling_rate == 16_000
     assert recording.channels.dtype == np.float64
-    np.testing.assert_allclose(recording.channels, STEREO.T[:channels], atol=1e-4)
+    np.testing.assert_allclose(recording.channels, STEREO.T[:channels], atol=2**-7 if subtype == "PCM_U8" else 1e-4)
     assert recording.notes == ()
-
-
-@pytest.mark.parametrize("kind", ["<i2", "<i4", "<f4", "u1"])
-def test_what_scipy_writes_is_read(kind: str) -> None:
-    dtype, stream = np.dtype(kind), io.BytesIO()
-    half = 1.0 if dtype.kind == "f" else 2.0 ** (8 * dtype.itemsize - 1)
-    wavfile.write(stream, 16_000, (STEREO * half + half * (kind == "u1")).astype(dtype))
-    recording = read_signal(stream)
-    assert recording.sampling_rate == 16_000
-    np.testing.assert_allclose(recording.channels, STEREO.T, atol=1.1 / half if dtype.kind != "f" else 1e-7)
 
 
 # (name of the format, FFmpeg's name of the container, codec, rate, samples that its codec adds unsaid)
@@ -89,9 +68,7 @@ WRITTEN_BY_FFMPEG = [
 
 
 @pytest.mark.parametrize(("name", "kind", "codec", "rate", "delay"), WRITTEN_BY_FFMPEG)
-def test_what_ffmpeg_writes_is_read_in_its_place_in_time(
-    name: str, kind: str, codec: str, rate: int, delay: int
-) -> None:
+def test_what_ffmpeg_writes_is_read_in_its_place(name: str, kind: str, codec: str, rate: int, delay: int) -> None:
     data = filmed(kind, codec, VOICE, rate=rate)
     form = sound_format(data)
     assert form.name == name
@@ -287,7 +264,7 @@ def test_long_audio_is_held_as_float32(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [False, True])
-def test_audio_on_disk_is_streamed_whatever_its_bytes(
+def test_audio_on_disk_is_streamed_whatever_its_size(
     cut: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "sound.wav"

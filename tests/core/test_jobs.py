@@ -76,20 +76,19 @@ def test_a_bad_variable_is_named(monkeypatch: pytest.MonkeyPatch, variable: str,
         limits()
 
 
+MB_256 = "268435456"
+
+
 @pytest.mark.parametrize(
     ("joined", "files", "megabytes"),
     [
-        ("0::/\n", {"memory.max": "268435456\n"}, 256),  # a container
-        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": "268435456\n"}, 256),  # cgroup version 1
-        ("0::/system.slice/app.service\n", {"system.slice/app.service/memory.max": "268435456\n"}, 256),
-        (
-            "0::/system.slice/app.service\n",
-            {"system.slice/app.service/memory.max": "max\n", "system.slice/memory.max": "134217728\n"},
-            128,
-        ),
-        ("0::/app.service\n", {"app.service/memory.max": "max\n", "other.service/memory.max": "1\n"}, None),
-        ("1:name=systemd:/app.service\n", {"app.service/memory.max": "1\n"}, None),
-        (None, {"memory.max": "1\n"}, None),  # not Linux
+        ("0::/\n", {"memory.max": MB_256}, 256),  # a container
+        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": MB_256}, 256),  # cgroup version 1
+        ("0::/apps/app.service\n", {"apps/app.service/memory.max": MB_256}, 256),
+        ("0::/apps/app.service\n", {"apps/app.service/memory.max": "max", "apps/memory.max": MB_256}, 256),
+        ("0::/app.service\n", {"app.service/memory.max": "max", "other.service/memory.max": "1"}, None),
+        ("1:name=systemd:/app.service\n", {"app.service/memory.max": "1"}, None),
+        (None, {"memory.max": "1"}, None),  # not Linux
     ],
 )
 def test_a_container_and_a_service_have_the_memory_of_their_groups(
@@ -98,7 +97,7 @@ def test_a_container_and_a_service_have_the_memory_of_their_groups(
     for name, limit in files.items():
         file = tmp_path / "groups" / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(limit)
+        file.write_text(f"{limit}\n")
     if joined is not None:
         (tmp_path / "joined").write_text(joined)
     monkeypatch.setattr(jobs, "_MOUNTED", tmp_path / "groups")

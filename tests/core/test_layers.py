@@ -15,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from commanded import Command
 
 PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 
@@ -145,17 +146,19 @@ def test_importing_the_library_brings_in_nothing_before_it_is_used_and_never_a_s
     subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent)
 
 
-def test_the_search_command_loads_what_it_searches_with_and_no_more(tmp_path: Path) -> None:
+def test_the_search_command_loads_what_it_searches_with_and_no_more(tmp_path: Path, ran: Command) -> None:
     """Importing the compiler takes longer than a whole search in a script with OpenCV; machine code has its loader."""
     image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8)
     files = {"image.png": image, "template.png": image[20:35, 30:50]}
     for name, pixels in files.items():
         cv2.imwrite(str(tmp_path / name), pixels)
+    find = ["find", *(str(tmp_path / name) for name in files), "--json"]
+    assert ran(*find).code == 0  # so that no loop has to be compiled by the other process
     code = "import sys; from stereolag.commands import main; assert main(sys.argv[1:]) == 0; print(*sys.modules)"
-    command = [sys.executable, "-c", code, "find", *(str(tmp_path / name) for name in files), "--json"]
-    for _ in range(2):  # the first time, a loop may have to be compiled
-        ran = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
-    loaded = ran.stdout.splitlines()[-1].split()
+    done = subprocess.run(
+        [sys.executable, "-c", code, *find], cwd=PACKAGE.parent, capture_output=True, text=True, check=True
+    )
+    loaded = done.stdout.splitlines()[-1].split()
     assert not {name.split(".")[0] for name in loaded} & {*SCREENS, "scipy", "soundfile", "av"}
     assert "numba" not in loaded
     ours = {name.split(".")[1] for name in loaded if name.startswith("stereolag.")}

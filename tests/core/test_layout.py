@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
-
 import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.picture_bytes import by_pillow
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
 from stereolag.pair import OneView, read_views
 
@@ -28,10 +27,8 @@ LEFT, RIGHT = scene()
 
 
 def file(picture: np.ndarray, kind: str = "PNG", *more: np.ndarray) -> bytes:
-    stream = io.BytesIO()
     others = [Image.fromarray(one) for one in more]
-    Image.fromarray(picture).save(stream, kind, **({"save_all": True, "append_images": others} if more else {}))
-    return stream.getvalue()
+    return by_pillow(kind, picture, **({"save_all": True, "append_images": others} if more else {}))
 
 
 @pytest.mark.parametrize(("layout", "crossed"), [(layout, crossed) for layout in Layout for crossed in (False, True)])
