@@ -23,7 +23,7 @@ from stereolag import samples
 from stereolag.assess.diagnosis import Diagnosis
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
-from stereolag.ui import calibrate, streamlit_inside, uploads
+from stereolag.ui import background_jobs, calibrate, streamlit_inside, uploads
 from stereolag.ui.driving import inputs
 from tests.app import uploads as uploaded
 
@@ -62,6 +62,8 @@ def without_a_browser() -> Iterator[None]:
         # Nobody has to draw a map first, and no second file is on its way.
         patch.setattr(streamlit_inside, "HEAD_START_S", 0)
         patch.setattr(uploads, "ARRIVAL_S", 0.1)
+        # Without a server there are no ended sessions to forget, and the thread that does so would fail at times.
+        patch.setattr(background_jobs, "_give_memory_back_after", lambda departures: None)
         yield
 
 

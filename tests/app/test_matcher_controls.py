@@ -13,7 +13,6 @@ from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import SMALLEST, Bounds, Settings, SettingsError
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
-from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
 from stereolag.ui.controls import class_of
 from stereolag.ui.depth.inputs import choose_pair
@@ -152,21 +151,6 @@ def test_sliders_move_in_whole_steps_through_the_default_within_bounds_that_are_
     assert bounds_of("perhaps") == Bounds(0, None, 1)
     assert bounds_of("odd").narrowed(5, 20) == Bounds(5, 12, 2)
     assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(SMALLEST, 9.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("kind", "bad", "said"),
-    [
-        (Example, {"odd": 13}, "odd is 13; allowed are whole numbers from 2 to 12."),
-        (Example, {"sixteens": 15}, "sixteens is 15; allowed are multiples of 16 from 1 to 100."),
-        (Example, {"share": "much"}, "share is 'much'; allowed are numbers from 0 below 1."),
-        (StereoBM, {"block_size": 20}, "block_size is 20; OpenCV allows odd sizes only."),
-    ],
-)
-def test_a_refusal_is_one_sentence(kind: type[Settings], bad: dict[str, Any], said: str) -> None:
-    with pytest.raises(SettingsError) as refusal:
-        kind(**bad)
-    assert str(refusal.value) == said
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,8 @@ def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_
         assert app.header[0].value == "Found at row 200, column 200"
         scored.append(int(numbers(app)["Candidates scored"].replace(",", "")))
     assert scored[1] < scored[0]
+    assert app.slider(key="template.max_rotation").disabled
+    assert any("no score map" in caption.value for caption in app.caption)
     moved(app, {"pictures": "maze_dulled"})
     assert app.header[0].value == "Not found"
     assert "FFT" in app.warning[0].value

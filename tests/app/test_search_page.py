@@ -70,15 +70,6 @@ def test_a_look_alike_is_framed_in_dashes_beside_the_template() -> None:
     assert any(caption.startswith("row 200, column 200, score 0.7") for caption in captions)
 
 
-def test_he_is_found_among_other_sizes_and_angles() -> None:
-    app = moved(open_page(FIND), {"template.max_rotation": 2.0})
-    assert app.header[0].value == "Found at row 200, column 200"
-    assert any("no score map" in caption.value for caption in app.caption)
-    moved(app, {"template.method": "sampled"})
-    assert app.header[0].value == "Found at row 200, column 200"
-    assert app.slider(key="template.max_rotation").disabled
-
-
 # Cut and painted
 
 
