@@ -58,18 +58,17 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
 
 
 @pytest.mark.usefixtures("healthy_frames")
-def test_a_drive_is_computed_played_and_told_of() -> None:
-    app = finished(opened(drive()))
+def test_a_drive_with_a_damaged_frame_is_computed_played_and_told_of() -> None:
+    app = finished(opened(drive(damaged=2)))
     assert not app.error
     shown = player(app)
     assert (shown["frames"], shown["computed"], shown["done"]) == (COUNT, COUNT, True)
+    assert [bool(problem) for problem in shown["problems"]] == [number == 2 for number in range(COUNT)]
     assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM"]
     charts = {chart["name"]: chart["series"] for chart in shown["charts"]}
     assert charts.keys() >= {"Coverage", "Computing time", "Nearest obstacle", "Flicker"}
-    fast, bm = (np.array(one["values"], float) for one in charts["Coverage"])
-    assert (fast > bm).all()
     assert shown["legends"][0]["words"] == ["FAR", "NEAR"]
-    assert any(f"{COUNT} of {COUNT} frames" in one.value for one in app.caption)
+    assert f"{COUNT} of {COUNT} frames" in captions(app) and "1 of them damaged" in captions(app)
     assert len(table(app)) == 2 * COUNT
     assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
 
@@ -121,15 +120,6 @@ def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
     computed_anew()
     moved(app, {"driving.methods": []})
     assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
-
-
-@pytest.mark.usefixtures("healthy_frames")
-def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
-    app = finished(opened(drive(damaged=2, count=4)))
-    shown = player(app)
-    assert [bool(problem) for problem in shown["problems"]] == [number == 2 for number in range(4)]
-    assert shown["computed"] == 4
-    assert any("1 of them damaged" in one.value for one in app.caption)
 
 
 CANCELLED = 16
