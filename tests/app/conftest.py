@@ -123,17 +123,17 @@ def healthy_frames(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.StereoExample]:
-    """Return a crop of each bundled pair, a sixth of its area, with its ground truth and calibration."""
+    """Return a crop of each bundled pair, a tenth of its area, with its ground truth and calibration."""
     parts = {}
     for name, whole in samples.stereo_pairs().items():
         folder = tmp_path_factory.mktemp(f"{name}-part")
         images = {one: read_image(getattr(whole, one)) for one in ("left", "right", "disparity", "occlusion")}
         height, width = images["left"].shape[:2]
-        row, col = PART_OF_PAIR.get(name, ((height - 160) // 2, (width - 320) // 2))
+        row, col = PART_OF_PAIR.get(name, ((height - 120) // 2, (width - 240) // 2))
         for one, image in images.items():
-            (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 160, col : col + 320], compress_level=1))
+            (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 120, col : col + 240], compress_level=1))
         paths = {one: folder / f"{one}.png" for one in images}
-        calibration = with_camera_of_part(whole.calibration, folder, row, col, 160, 320)
+        calibration = with_camera_of_part(whole.calibration, folder, row, col, 120, 240)
         parts[name] = replace(whole, calibration=calibration, **paths)
     return parts
 
