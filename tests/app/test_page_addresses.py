@@ -1,15 +1,17 @@
-"""A page opens from an address with its settings in it, and keeps it; presets and reset set what stands in it."""
+"""A page opens from an address and keeps its settings in it, also through steps back; presets set what it holds."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
-from streamlit.testing.v1 import AppTest
+from streamlit.testing.v1 import AppTest, local_script_runner
 
 from stereolag.core.searches import LagSearch, TemplateQuery
 from tests.app import keys, uploads
-from tests.app.pages import DEPTH, FIND, LAG, linked, moved, open_page, open_unfolded
+from tests.app.pages import DEPTH, FIND, LAG, arrive, linked, moved, open_page, open_unfolded, uploaded
 from tests.app.reading import address, controls, figures, ignored, lag_found, viewers
 
 COAST, HARBOUR = "recordings coast", "recordings harbour"
@@ -104,15 +106,15 @@ def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_pa
     assert address(app) == {}
 
 
+SOUND = uploads.noise(4100)
+OWN_SOUNDS = {"file_1": ("1.wav", uploads.wav(SOUND[100:])), "file_2": ("2.wav", uploads.wav(SOUND[:4000]))}
+
+
 def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the_files() -> None:
     app = linked(LAG, recordings="own", method="phat", speed="1500")
     assert not app.error and not app.header
     assert app.warning[0].value.startswith("The files of this page are gone")
-    sound = uploads.noise(4_000)
-    for number, part in enumerate((sound[100:], sound[:-100]), start=1):
-        wav = uploads.wav(part, 8_000)
-        app.file_uploader(key=f"recordings.file_{number}").upload(f"{number}.wav", wav, "application/octet-stream")
-    app.run()
+    uploaded(app, "recordings", **OWN_SOUNDS)
     assert lag_found(app) == 100
     assert app.button_group(key="lag.method").value == "phat"
     assert address(app) == {"recordings": "own", "method": "phat", "speed": "1500.0"}
@@ -195,3 +197,144 @@ def test_settings_within_settings_that_do_not_fit_together_are_refused_with_a_se
         "penalty_small is 200, penalty_at_edges 80 and penalty_large 400; each must be at least as large as the one "
         "before."
     ]
+
+
+# Steps through the history of the browser: the page is as it was there, with all files and settings
+
+Step = Callable[..., None]
+
+
+@pytest.fixture
+def step() -> Step:
+    """Return a function that steps through the browser's history to an address of the current or another page."""
+
+    def stepped(app: AppTest, *, path: str | None = None, **parameters: str) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            flagged = partial(local_script_runner.RerunData, is_history_navigation=True)
+            patch.setattr(local_script_runner, "RerunData", flagged)
+            arrive(app, path, **parameters)
+
+    return stepped
+
+
+def set_on_lag_page(app: AppTest) -> dict[str, str]:
+    """Return the recordings and the method chosen on the lag page."""
+    return {"recordings": app.button_group(key="recordings").value, "method": app.button_group(key="lag.method").value}
+
+
+def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> None:
+    app = linked(LAG, recordings="harbour", method="phat")
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    assert address(app) == {"recordings": "harbour"}
+    step(app, recordings="harbour", method="phat")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+    step(app, method="phat")
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "phat"}
+    assert address(app) == {"method": "phat"}
+
+
+def test_a_step_back_undoes_the_last_move() -> None:
+    app = linked(LAG, recordings="harbour", method="phat", max_lag="4000")
+    assert app.number_input(key=MAX_LAG).value == 4_000
+    arrive(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    assert app.number_input(key=MAX_LAG).value is None
+
+
+def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: Step) -> None:
+    app = linked(LAG)
+    moved(app, {"recordings": "harbour"})
+    moved(app, {"lag.method": "phat"})
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    step(app)
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "fft"}
+    assert address(app) == {}
+    step(app, recordings="harbour", method="phat")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+
+    app = moved(linked(FIND), {"pictures": "maze_dulled", "template.min_score": 0.7})
+    step(app)
+    assert app.button_group(key="pictures").value == "maze"
+    assert app.slider(key="template.min_score").value == 0.5
+    assert address(app) == {}
+
+
+def test_the_browser_that_does_not_know_the_new_address_yet_takes_nothing_back() -> None:
+    app = moved(linked(LAG, method="phat"), {"recordings": "harbour"})
+    chosen = {"recordings": "harbour", "method": "phat"}
+    arrive(app, method="phat")
+    assert set_on_lag_page(app) == chosen
+    arrive(app)
+    assert set_on_lag_page(app) == chosen
+    assert address(app) == chosen
+
+
+def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_over_them(step: Step) -> None:
+    app = linked(LAG, recordings="harbour", method="phat")
+    chosen = set_on_lag_page(app)
+    arrive(app, FIND)
+    arrive(app, LAG)
+    assert set_on_lag_page(app) == chosen
+    step(app)  # to the link's own address, which the page replaced at once
+    assert set_on_lag_page(app) == chosen
+    assert address(app) == chosen
+    step(app, path=FIND)
+    step(app, path=LAG, **chosen)
+    step(app)
+    assert set_on_lag_page(app) == chosen
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+
+
+def test_a_page_that_was_all_as_at_first_when_a_link_led_to_it_goes_back_to_that(step: Step) -> None:
+    app = linked("app.py")
+    moved(arrive(app, LAG), {"lag.method": "phat"})
+    step(app)
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "fft"}
+
+
+def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
+    app = moved(linked(LAG), {"recordings": "own"})
+    moved(uploaded(app, "recordings", **OWN_SOUNDS), {"lag.method": "phat"})
+    for settings in ({}, {"method": "phat"}, {"speed": "1500.0"}):
+        parameters = {"recordings": "own", **settings}
+        step(app, **parameters)
+        assert app.button_group(key="recordings").value == "own"
+        assert any(one.value.startswith("Your own recordings.") for one in app.caption)
+        assert app.button_group(key="lag.method").value == settings.get("method", "fft")
+        assert address(app) == parameters
+    step(app, recordings="harbour")
+    assert app.button_group(key="recordings").value == "harbour"
+    moved(app, {"recordings": "own"})
+    assert any(one.value.startswith("Your own recordings.") for one in app.caption)
+
+
+def test_settings_wait_while_files_are_refused(step: Step) -> None:
+    app = moved(linked(LAG), {"recordings": "own"})
+    assert uploaded(app, "recordings", file_1=("1.wav", b"no sound")).error
+    step(app, recordings="own", method="phat")
+    assert app.error
+    moved(app, {"recordings": "harbour"})
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+
+
+def test_a_step_back_on_the_depth_page(step: Step) -> None:
+    app = linked(DEPTH, pair="square", size="1/2", maps="bm", window_size="31", bm__block_size="9")
+    step(app, pair="square", size="1/2", window_size="31")
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
+    assert app.slider(key=keys.BLOCK).value == 21
+    moved(app, {keys.TAB: "correlation"})
+    assert app.slider(key=keys.WINDOW).value == 31
+    step(app, pair="square")
+    assert app.button_group(key="pairs.size").value == "Automatic"
+    assert app.slider(key=keys.WINDOW).value == 20
+    assert address(app) == {"pair": "square"}
+    step(app)
+    assert app.button_group(key="pairs").value != "square"
+    assert address(app) == {}
+    step(app, pair="square", maps="sgm")
+    step(app)
+    assert app.button_group(key=keys.TAB).value == "correlation"
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
