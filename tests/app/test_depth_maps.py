@@ -51,16 +51,6 @@ def pictures(app: AppTest) -> list[str]:
     return [picture["digest"] for picture in viewers(app)[0]["pictures"]]
 
 
-def test_changing_only_the_colours_computes_nothing(computed: list[Any]) -> None:
-    app = open_unfolded(DEPTH)
-    before = pictures(app)
-    computed.clear()
-    moved(app, {NEAR: 40.0})
-    assert computed == []
-    assert colours(app)["high"] == 40
-    assert pictures(app) == before
-
-
 def test_the_range_follows_the_search_until_another_is_set() -> None:
     app = open_unfolded(DEPTH)
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
@@ -73,18 +63,23 @@ def test_the_range_follows_the_search_until_another_is_set() -> None:
     assert (colours(app)["low"], colours(app)["high"]) == (0, 64)
 
 
-def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted() -> None:
+def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted_and_nothing_is_computed(computed: list[Any]) -> None:
     app = open_unfolded(DEPTH)
 
     def said() -> bool:
         return any("beyond the colour range" in markdown.value for markdown in app.markdown)
 
     assert not said()
+    before = pictures(app)
+    computed.clear()
     moved(app, {NEAR: 30.0})
     assert said()
+    assert colours(app)["high"] == 30
     app.button(key="depth.colours.fit_beyond").click().run()
     assert not said()
     assert colours(app)["high"] > 40
+    assert computed == []
+    assert pictures(app) == before
 
 
 def test_near_is_bright_and_the_reports_preset_turns_the_colours_round() -> None:

@@ -187,11 +187,7 @@ def test_the_panels_hold_the_recordings_measured_and_examples() -> None:
         assert [example["name"] for example in found] == names
         assert all(one["title"] and one["try"] and set(one["said"]) == said for one in found)
     slides, arrows = (examples(app, panel) for panel in EXAMPLES)
-    assert all(len(one["cut"]) < len(one["recording"]) for one in slides)
-    assert [one["name"] for one in slides if one["whole"]] == ["seven"]
     assert "The peak is at 50,082 samples, as over the whole recordings" in slides[0]["said"]["plain"]
-    parts = ("magnitude_1", "magnitude_2", "turns")
-    assert all(len(one[part]) == phasors.SIZE // 2 for one in arrows for part in parts)
     coast = arrows[1]
     assert coast["offset"] + phasors.LAG * coast["step"] == 50_082
     assert f"mean of {coast['step']} samples" in coast["try"] and f"{coast['offset']:,} samples later" in coast["try"]

@@ -6,6 +6,7 @@ import ast
 import json
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import pytest
@@ -95,13 +96,16 @@ def test_every_page_is_linked_and_described_and_has_an_icon() -> None:
     assert {icon.stem for icon in ICONS.glob("*.svg")} == {name.lower().replace(" ", "_") for name in names}
 
 
-def calls() -> Iterator[tuple[str, ast.Call, ast.Attribute]]:
-    """Yield the calls of methods and functions of modules in the code of the pages, with their places."""
+@cache
+def calls() -> list[tuple[str, ast.Call, ast.Attribute]]:
+    """Return the calls of methods and functions of modules in the code of the pages, with their places."""
     files = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag/ui").rglob("*.py")]
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-                yield f"{path.name}:{node.lineno}", node, node.func
+    return [
+        (f"{path.name}:{node.lineno}", node, node.func)
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    ]
 
 
 def test_text_goes_through_prose() -> None:

@@ -39,12 +39,6 @@ def test_results_used_longest_ago_are_forgotten_first_and_never_the_newest() -> 
     assert [store.get(name) is not None for name in ("a", "large")] == [False, True]
 
 
-def test_the_size_is_that_of_what_is_kept() -> None:
-    store = filled(results.RecentResults(max_bytes=300), a=100, b=150, c=20)
-    assert filled(store, b=50).size == 170
-    assert filled(store, d=200).size == 270  # without "a"
-
-
 def test_more_visitors_have_less_room_each_and_who_has_left_takes_none() -> None:
     room = results.SharedRoom(max_bytes=400, most_each=300)
     visitors = [room.results() for _ in range(4)]
@@ -243,17 +237,17 @@ def somebody_else(gate: threading.Event) -> Job[bool]:
     return job
 
 
-def test_who_comes_second_is_told_the_place_in_the_queue(gate: threading.Event, somebody_else: Job[bool]) -> None:
+def test_who_comes_second_is_told_the_place_in_the_queue_unless_the_job_is_light(
+    gate: threading.Event, somebody_else: Job[bool]
+) -> None:
+    assert opened(open_gate(), memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
+    st.cache_resource.clear()
     app = opened(gate).run()
+    assert somebody_else.running
     assert "number 2" in app.info[0].value
     gate.set()
     assert somebody_else.result()
     assert answer(app) == "result 1"
-
-
-def test_a_light_job_does_not_wait(gate: threading.Event, somebody_else: Job[bool]) -> None:
-    assert opened(open_gate(), memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
-    assert somebody_else.running
 
 
 def test_a_job_is_cancelled_and_computed_again(gate: threading.Event) -> None:
