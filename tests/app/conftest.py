@@ -165,9 +165,9 @@ def small_examples(
     The shared examples and results are cleared before and after: files run in any order. Tests in tests/core look at
     the whole examples.
     """
-    smaller, whole = np.diag([0.7, 0.7, 1.0]), calibrate.drawn_rig()
+    smaller, whole = np.diag([0.55, 0.55, 1.0]), calibrate.drawn_rig()
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
-    rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
+    rig = replace(whole, left_matrix=left, right_matrix=right, width=352, height=264)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(inputs, "drives", lambda: {part_of_drive.name: part_of_drive})
         patch.setattr(samples, "stereo_pairs", lambda: parts_of_pairs)

@@ -22,8 +22,9 @@ from tests.app.reading import controls, labelled, numbers
 
 ONE_VISITOR = True
 
-
 SQUARE, SQUARE_MM = "calibrate.square.own", 30.0
+OTHER = 12
+"""A number of columns that the board does not have."""
 
 
 @cache
@@ -44,6 +45,11 @@ def given(*contents: tuple[str, bytes]) -> AppTest:
     app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
     finished(app)
     return finished(moved(app, {SQUARE: SQUARE_MM})) if SQUARE in controls(app) else app
+
+
+def own() -> AppTest:
+    """Return the page with four pairs, whose board is the same to all tests, and two files that belong to none."""
+    return given(*files().items(), ("left99.png", files()["left01.png"]), ("a.pdf", b"%PDF"))
 
 
 def columns(app: AppTest) -> NumberInput:
@@ -73,7 +79,7 @@ def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it() -> None
 
 
 def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_click() -> None:
-    app = given(*files().items(), ("left99.png", files()["left01.png"]), ("a.pdf", b"%PDF"))
+    app = own()
     assert "4 pairs, matched by name. Not used, without a partner or no pictures: “a.pdf”, “left99.png”." in said(app)
     assert [box.value for box in app.number_input][:2] == [6, 4]
     assert "4 of 4" in app.header[0].value
@@ -87,24 +93,23 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     app.switch_page("app.py").run()
     app = finished(app.switch_page(CALIBRATE).run())
     assert "3 of 4" in app.header[0].value
-    columns(app).set_value(5).run()
+    columns(app).set_value(OTHER).run()
     app.switch_page("app.py").run()
     app.switch_page(CALIBRATE).run()
-    assert columns(app).value == 5
+    assert columns(app).value == OTHER
 
 
 def test_no_length_is_given_before_the_square_is_measured() -> None:
-    app = given(*files().items())
-    moved(app, {SQUARE: None})
+    app = moved(own(), {SQUARE: None})
     assert "every length follows from it" in said(app)
     assert not app.header
     assert len(app.get("image")) == 2
 
 
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
-    app = given(*[(name, files()[name]) for name in ("left01.png", "right01.png", "left02.png", "right02.png")])
-    finished(columns(app).set_value(12).run())
-    assert "0 of 2 pairs can be used" in app.error[0].value
+    app = own()
+    finished(columns(app).set_value(OTHER).run())
+    assert "0 of 4 pairs can be used" in app.error[0].value
     assert "is that its size?" in app.error[0].value
     assert not app.header
 
@@ -143,7 +148,7 @@ def test_pictures_in_folders_of_a_zip_without_a_board_ask_for_its_size() -> None
 
 
 def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> None:
-    app = given(*files().items())
+    app = own()
     app.session_state[HANDED] = "a frame of a drive, which the calibration must not lie behind"
     app.button(key="calibrate.use").click().run()
     assert HANDED not in app.session_state
