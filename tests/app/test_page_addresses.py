@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest, local_script_runner
 
 from stereolag.core.searches import LagSearch, TemplateQuery
 from tests.app import keys, uploads
-from tests.app.pages import DEPTH, FIND, LAG, arrive, linked, moved, open_page, open_unfolded, uploaded
+from tests.app.pages import DEPTH, FIND, LAG, arrive, linked, moved, open_unfolded, uploaded
 from tests.app.reading import address, controls, figures, ignored, lag_found, viewers
 
 COAST, HARBOUR = "recordings coast", "recordings harbour"
@@ -163,31 +163,24 @@ def test_what_does_not_apply_is_disabled_and_counts_for_nothing() -> None:
     assert app.toggle(key=keys.MEDIAN).value
 
 
-def test_the_maps_shown_stand_in_the_address() -> None:
+def test_the_maps_shown_stand_in_the_address_and_without_one_it_is_asked_for() -> None:
     app = linked(DEPTH, maps="sgm,sgbm")
     assert list(figures(app)) == ["StereoSGBM", "Semi-global"]
     assert address(app) == {"maps": "sgbm,sgm"}
     moved(app, {keys.SHOWN: ["bm"]})
     assert list(figures(app)) == ["StereoBM"]
     assert address(app) == {"maps": "bm"}
-    tab(app, "correlation")
-    assert list(figures(app)) == ["Convolution", "StereoBM"]
-
-
-def test_without_a_map_chosen_none_is_shown_and_one_is_asked_for() -> None:
-    app = moved(open_page(DEPTH), {keys.SHOWN: []})
-    assert not app.error
+    moved(app, {keys.SHOWN: []})
     assert "depth.bench" not in {viewer["name"] for viewer in viewers(app)}
     assert [info.value for info in app.info] == ["No map is chosen. Choose one above."]
     assert address(app) == {}
     moved(app, {keys.PART: "Compare"})
     assert [(viewer["colours"]["low"], viewer["colours"]["high"]) for viewer in viewers(app)] == [(0, 64)]
-    moved(app, {keys.SHOWN: ["sgbm"]})
-    assert list(figures(app)) == ["StereoSGBM"]
-    moved(app, {keys.SHOWN: []})
     tab(app, "bm")
     assert app.button_group(key=keys.SHOWN).value == ["bm"]
     assert list(figures(app)) == ["StereoBM"]
+    tab(app, "correlation")
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
     assert not app.info
 
 

@@ -27,6 +27,7 @@ from streamlit.runtime.memory_session_storage import MemorySessionStorage
 from streamlit.runtime.runtime import Runtime
 from streamlit.runtime.scriptrunner_utils.script_run_context import ScriptRunContext, get_script_run_ctx
 from streamlit.runtime.state.safe_session_state import SafeSessionState
+from streamlit.testing.v1 import AppTest
 from streamlit.web.server.starlette import starlette_app
 
 from stereolag.ui import streamlit_inside as inside
@@ -170,6 +171,32 @@ def test_a_file_made_on_demand_has_no_time_to_live() -> None:
 def test_no_option_of_the_theme_sets_what_the_styles_set() -> None:
     options = " ".join(config.get_config_options())
     assert not re.search(r"theme\.\S*(?:contentWidth|maxWidth|focus|toolbar|lineLength)", options, re.IGNORECASE)
+
+
+def bound_page() -> None:
+    import streamlit as st
+
+    if not st.session_state.get("folded"):
+        st.slider("Size", 3, 101, 11, step=2, key="correlation.size", bind="query-params", persist_state="session")
+
+
+def opened_with(**parameters: str) -> AppTest:
+    app = AppTest.from_function(bound_page)
+    for name, value in parameters.items():
+        app.query_params[name.replace("_", ".")] = value
+    return app.run()
+
+
+def test_controls_bound_to_the_address_fall_short_of_ours() -> None:
+    app = opened_with(correlation_size="20")
+    assert app.slider[0].value == 20  # between two steps
+    app.session_state["folded"] = True
+    app.run()
+    assert not app.query_params
+    app = opened_with(correlation_size="999")
+    assert app.slider[0].value == 11
+    assert not app.warning
+    assert opened_with(size="21").slider[0].value == 11
 
 
 @pytest.mark.parametrize("mark", sorted(set(re.findall(r'data-testid=\\?"?(\w+)', inspect.getsource(inside)))))
