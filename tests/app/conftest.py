@@ -19,7 +19,7 @@ from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.runtime.scriptrunner_utils import script_run_context
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
-from stereolag import samples
+from stereolag import read_signal, samples
 from stereolag.assess.diagnosis import Diagnosis
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
@@ -154,11 +154,33 @@ def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
     return parts
 
 
+@pytest.fixture(scope="session")
+def short_recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.RecordingExample]:
+    """Return both pairs of recordings with their lags, made of parts of the coast, which are compared much faster."""
+    folder, whole = tmp_path_factory.mktemp("recordings"), samples.recordings()
+    coast, harbour = whole["coast"], whole["harbour"]
+    first, second = (read_signal(path).channels[0] for path in (coast.signal_1, coast.signal_2))
+    parts = {coast: (first, second), harbour: (second[coast.lag + harbour.lag :], first)}
+    for example, signals in parts.items():
+        for side, signal in enumerate(signals, start=1):
+            wav = uploaded.wav(signal[:RECORDED], round(example.sampling_rate))
+            (folder / f"{example.name}{side}.wav").write_bytes(wav)
+    return {
+        one.name: replace(one, signal_1=folder / f"{one.name}1.wav", signal_2=folder / f"{one.name}2.wav")
+        for one in parts
+    }
+
+
+RECORDED = 100_000
+"""Samples of each recording of an example."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def small_examples(
     part_of_drive: samples.DriveExample,
     parts_of_pairs: dict[str, samples.StereoExample],
     parts_of_mazes: dict[str, samples.MazeExample],
+    short_recordings: dict[str, samples.RecordingExample],
 ) -> Iterator[None]:
     """Make the pages of a test file show parts of their examples, and few and small drawn boards.
 
@@ -172,6 +194,7 @@ def small_examples(
         patch.setattr(inputs, "drives", lambda: {part_of_drive.name: part_of_drive})
         patch.setattr(samples, "stereo_pairs", lambda: parts_of_pairs)
         patch.setattr(samples, "mazes", lambda: parts_of_mazes)
+        patch.setattr(samples, "recordings", lambda: short_recordings)
         patch.setattr(calibrate, "drawn_rig", lambda: rig)
         patch.setattr(calibrate, "PAIRS", 6)
         patch.setattr(calibrate, "WRONG_PAIR", 3)

@@ -82,7 +82,7 @@ BAD: list[tuple[str, dict[str, str], list[str]]] = [
         LAG,
         {"sampling_rate": "1e-12", "speed": "1e-300", "max_lag": "99999999"},
         [
-            "max_lag is 99999999; allowed are whole numbers from 0 to 176400 or None.",
+            "max_lag is 99999999; allowed are whole numbers from 0 to 99999 or None.",
             "sampling_rate is 1e-12; on this page allowed are numbers from 1e-09 to",
             "speed is 1e-300; on this page allowed are numbers from 1e-09 to",
         ],
