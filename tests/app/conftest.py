@@ -157,22 +157,15 @@ def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
 @pytest.fixture(scope="session")
 def short_recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.RecordingExample]:
     """Return both pairs of recordings with their lags, made of parts of the coast, which are compared much faster."""
-    folder, whole = tmp_path_factory.mktemp("recordings"), samples.recordings()
-    coast, harbour = whole["coast"], whole["harbour"]
+    folder, examples = tmp_path_factory.mktemp("recordings"), dict(samples.recordings())
+    coast, harbour = examples["coast"], examples["harbour"]
     first, second = (read_signal(path).channels[0] for path in (coast.signal_1, coast.signal_2))
-    parts = {coast: (first, second), harbour: (second[coast.lag + harbour.lag :], first)}
-    for example, signals in parts.items():
-        for side, signal in enumerate(signals, start=1):
-            wav = uploaded.wav(signal[:RECORDED], round(example.sampling_rate))
-            (folder / f"{example.name}{side}.wav").write_bytes(wav)
-    return {
-        one.name: replace(one, signal_1=folder / f"{one.name}1.wav", signal_2=folder / f"{one.name}2.wav")
-        for one in parts
-    }
-
-
-RECORDED = 100_000
-"""Samples of each recording of an example."""
+    for example, signals in ((coast, (first, second)), (harbour, (second[coast.lag + harbour.lag :], first))):
+        paths = {side: folder / f"{example.name}.{side}.wav" for side in ("signal_1", "signal_2")}
+        for path, signal in zip(paths.values(), signals, strict=True):
+            path.write_bytes(uploaded.wav(signal[:100_000], 44_100))
+        examples[example.name] = replace(example, **paths)
+    return examples
 
 
 @pytest.fixture(scope="module", autouse=True)

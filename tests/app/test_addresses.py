@@ -72,9 +72,7 @@ def test_what_is_as_at_first_is_left_out() -> None:
         (LagSearch(), "max_lag", "-1", "max_lag is '-1'; allowed are whole numbers from 0"),
         (LagSearch(), "sampling_rate", "inf", "sampling_rate is 'inf'; allowed are numbers above 0."),
         (LagSearch(), "sampling_rate", "1,2", "sampling_rate is a list of 2; allowed are numbers above 0."),
-        (LagSearch(), "speed", "nan", "speed is 'nan'; allowed are numbers above 0."),
         (TemplateQuery(), "min_score", "2", "min_score is '2'; allowed are numbers from 0 to 1."),
-        (TemplateQuery(), "max_matches", "0.5", "max_matches is '0.5'; allowed are whole numbers from 1."),
     ],
 )
 def test_a_bad_value_is_ignored_with_a_sentence_and_the_others_hold(

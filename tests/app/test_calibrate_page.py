@@ -114,15 +114,6 @@ def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
     assert not app.header
 
 
-def test_pairs_that_contradict_each_other_give_no_calibration_and_are_shown() -> None:
-    rights = [files()[f"right{number:02}.png"] for number in range(1, 5)]
-    mixed = files() | {f"right{number:02}.png": rights[number % 4] for number in range(1, 5)}
-    app = given(*mixed.items())
-    assert "contradict each other" in app.error[0].value
-    assert not app.header
-    assert len(app.get("image")) == 2
-
-
 TEXTURE = uploads.png(uploads.texture(40, 60))
 
 
@@ -131,7 +122,6 @@ TEXTURE = uploads.png(uploads.texture(40, 60))
     [
         ({"a.png": TEXTURE, "b.png": TEXTURE}, "No left and right pictures match by name"),
         ({"left1.png": b"no picture", "right1.png": b"none"}, "accepted are"),
-        ({"pairs.zip": b"PK\x03\x04 cut short"}, "damaged or cut short"),
     ],
 )
 def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[str, bytes], sentence: str) -> None:

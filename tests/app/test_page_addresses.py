@@ -55,7 +55,6 @@ LINKS: list[tuple[str, dict[str, str], dict[str, Any]]] = [
     (DEPTH, SQUARE_LINK, {"pairs": "square", keys.WINDOW: 31, SQUARE_DISPARITIES: 40}),
     (DEPTH, CENTRED_LINK, {keys.SEARCH: "centred", keys.SEARCH_SIZE: 60}),
     (DEPTH, {"maps": "bm", "bm.block_size": "9"}, {keys.BLOCK: 9}),
-    (DEPTH, {"maps": "sgm", "sgm.window_size": "15"}, {keys.setting("sgm", "window_size"): 15}),
 ]
 
 
@@ -88,7 +87,6 @@ BAD: list[tuple[str, dict[str, str], list[str]]] = [
         ],
     ),
     (LAG, {"max_lag": "9" * 400}, []),
-    (FIND, {"picture": "mine"}, ["picture = “mine” in the address is ignored: "]),
     (DEPTH, {"pair": "nowhere", "window_size": "1", "bm.block_size": "20"}, ["“nowhere”", "“1”", "“20”"]),
     (DEPTH, {"size": "3", "maps": "bm,x", "x": "1"}, ["“3”", "“bm,x”", "“1”"]),
 ]

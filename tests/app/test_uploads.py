@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
 from tests.app import keys, reading, uploads
 from tests.app.pages import DEPTH, FIND, LAG, moved, open_page, uploaded
@@ -119,30 +118,11 @@ def test_uploads_are_still_there_when_the_visitor_comes_back() -> None:
     assert "the page shows the example" in app.info[0].value
 
 
-def test_a_file_that_is_taken_out_is_no_longer_used() -> None:
-    app = open_own("recordings", file_1=("a.csv", uploads.csv(SOUND)), file_2=("b.csv", uploads.csv(SOUND)))
-    assert not app.info
-    app.file_uploader(key="recordings.file_2").set_value(None).run()
-    assert "the page shows the example" in app.info[0].value
-    assert not [button for button in app.button if button.key == "recordings.file_2.remove"]
-
-
 def test_one_picture_twice_is_said() -> None:
     scene = uploads.texture(120, 200)
     app = open_own("pairs", **pngs(left=scene, right=scene))
     assert not app.error
     assert "are the same image" in captions(app)
-
-
-def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", "256")
-    limits.cache_clear()
-    long = ("long.wav", uploads.wav(uploads.noise(2_000_000)))
-    app = open_own("recordings", file_1=long, file_2=long)
-    monkeypatch.undo()
-    limits.cache_clear()
-    assert_one_sentence(app, "one job may take 268 MB")
-    assert not app.header  # no lag
 
 
 def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit() -> None:
