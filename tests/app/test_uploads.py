@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
 from tests.app import keys, reading, uploads
 from tests.app.pages import DEPTH, FIND, LAG, moved, open_page, uploaded
@@ -123,6 +124,17 @@ def test_one_picture_twice_is_said() -> None:
     app = open_own("pairs", **pngs(left=scene, right=scene))
     assert not app.error
     assert "are the same image" in captions(app)
+
+
+def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", "256")
+    limits.cache_clear()
+    long = ("long.wav", uploads.wav(uploads.noise(2_000_000)))
+    app = open_own("recordings", file_1=long, file_2=long)
+    monkeypatch.undo()
+    limits.cache_clear()
+    assert_one_sentence(app, "one job may take 268 MB")
+    assert not app.header  # no lag
 
 
 def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit() -> None:
