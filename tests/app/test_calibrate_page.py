@@ -114,6 +114,15 @@ def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
     assert not app.header
 
 
+def test_pairs_that_contradict_each_other_give_no_calibration_and_are_shown() -> None:
+    rights = [files()[f"right{number:02}.png"] for number in range(1, 5)]
+    mixed = files() | {f"right{number:02}.png": rights[number % 4] for number in range(1, 5)}
+    app = given(*mixed.items())
+    assert "contradict each other" in app.error[0].value
+    assert not app.header
+    assert len(app.get("image")) == 2
+
+
 TEXTURE = uploads.png(uploads.texture(40, 60))
 
 

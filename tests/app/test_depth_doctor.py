@@ -21,7 +21,7 @@ from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
-from tests.app.pages import page_of
+from tests.app.pages import DEPTH, finished, open_page, page_of
 
 
 def panel() -> None:
@@ -103,3 +103,11 @@ def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
     app = opened(Pair(noise[0], noise[1], PairId("noise")), {"noise": ("align_rows",)})
     assert "features were matched" in app.error[0].value
+
+
+def test_the_reports_preset_says_what_lies_outside_its_reach() -> None:
+    app = open_page(DEPTH, {"pairs.size": "1/2"})
+    assert not app.warning
+    app.button(key=keys.preset_key("report")).click().run()
+    assert finished(app).warning[0].value.startswith("**Input doctor:**")
+    assert any("Search 32 disparities from 0" in button.label for button in app.button)

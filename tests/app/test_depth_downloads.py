@@ -190,6 +190,8 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
     np.testing.assert_allclose(sl.read_depth(tmp_path / f"depth{enlarged}.tif"), 800 * 0.1 / disparity, rtol=1e-6)
     expected = matcher.compute(full.left, full.right).disparity
     assert np.array_equal(disparity, expected, equal_nan=True) != heavy
+    storage = cv2.FileStorage(str(tmp_path / "opencv.yml"), cv2.FILE_STORAGE_READ)
+    assert storage.getFirstTopLevelNode().getNode("numDisparities").real() == 64
     points = points_of((tmp_path / "cloud.ply").read_bytes())
     assert np.median(points["position"][:, 2]) == pytest.approx(800 * 0.1 / 20, rel=0.02)
     for program in ("reproduce.py", "reproduce_opencv.py"):

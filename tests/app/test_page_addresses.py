@@ -23,6 +23,7 @@ STEPS: dict[str, list[tuple[dict[str, Any], dict[str, str]]]] = {
         ({MAX_LAG: 40_000, SPEED: 1500.0}, {"recordings": "harbour", "speed": "1500.0", "max_lag": "40000"}),
         ({MAX_LAG: None}, {"recordings": "harbour", "speed": "1500.0"}),
     ],
+    FIND: [({"pictures": "maze_dulled", "template.max_matches": 3}, {"picture": "maze_dulled", "max_matches": "3"})],
     DEPTH: [
         ({keys.WINDOW: 31, "pairs": "square", keys.TAB: "bm"}, SQUARE),
         ({keys.BLOCK: 9, keys.TAB: "correlation"}, SQUARE | {"bm.block_size": "9"}),
