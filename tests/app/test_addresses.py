@@ -67,6 +67,7 @@ def test_what_is_as_at_first_is_left_out() -> None:
         (FIRST, "left_right.tolerance", "-9", "“left_right.tolerance” = “-9” is ignored"),
         (FIRST, "numDisparities", "9", "has no setting 'numDisparities'; did you mean "),
         (FIRST, "window_size.a.b", "1", "“window_size.a.b” = “1” is ignored"),
+        (CorrelationMatcher(), "overlap", "1", "overlap is '1'; allowed are numbers from 0 below 1."),
         (StereoBM(), "num_disparities", "15", ": num_disparities is '15'; allowed are multiples of 16 from 16 to "),
         (LagSearch(), "method", "guess", "“method” = “guess” is ignored: method is 'guess'; allowed are 'fft'"),
         (LagSearch(), "max_lag", "-1", "max_lag is '-1'; allowed are whole numbers from 0"),
