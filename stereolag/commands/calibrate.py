@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.arguments import DONE, CommandParser, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, tell
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board
@@ -22,6 +22,7 @@ def run(arguments: Sequence[str]) -> int:
         "Calibrate a stereo camera from 8 to 40 pairs of pictures of a chessboard or ChArUco board. Pairs that "
         "contradict the others are left out.",
         "PICTURES [PICTURES ...] --square METRES [--board COLUMNSxROWS] [--out DIR] [--json]",
+        f"; {DOUBTFUL} done, but something speaks against the calibration: doubts say what",
     )
     parser.add_argument(
         "pictures",
@@ -60,7 +61,7 @@ def run(arguments: Sequence[str]) -> int:
     if options.out is not None:
         figures |= {"out": options.out, "files": _written(options.out, result)}
     tell(figures, _in_words(figures), as_json=options.json)
-    return DONE
+    return DOUBTFUL if result.doubts else DONE
 
 
 def _board(text: str) -> Board:
@@ -104,6 +105,9 @@ def _figures(result: StereoCalibration, names: Sequence[str]) -> dict[str, Any]:
         "pairs_used": len(result.used),
         "left_out": left_out,
         "coverage": min(result.left_coverage, result.right_coverage),
+        "focal_error": result.focal_error,
+        "off_grid_m": result.off_grid_m,
+        "doubts": result.doubts,
     }
 
 
@@ -126,10 +130,12 @@ def _written(folder: str, result: StereoCalibration) -> list[str]:
 def _in_words(figures: dict[str, Any]) -> str:
     columns, rows = figures["board"]
     lines = [
+        *(f"doubtful: {doubt}" for doubt in figures["doubts"]),
         f"board {columns} × {rows} in {figures['pairs_used']} of {figures['pairs']} pairs of {figures['width']} × "
         f"{figures['height']} px, over {100 * figures['coverage']:.0f} % of the picture",
         f"reprojection error {figures['rms_px']:.3f} px, rows {figures['row_error_px']:.3f} px apart",
         f"focal length {figures['focal_px']:.2f} px, baseline {1000 * figures['baseline_m']:.3f} mm",
+        f"corners up to {1000 * figures['off_grid_m']:.2g} mm off the board's grid, as measured here",
     ]
     lines += [f"pair {name} is left out: {why.replace('_', ' ')}" for name, why in figures["left_out"].items()]
     if "files" in figures:

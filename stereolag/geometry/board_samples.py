@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.geometry.boards import Board, Corners
-from stereolag.geometry.calibrating import covered_cells
+from stereolag.geometry.calibrating import ENOUGH_COVERAGE, covered_cells
 
 STILL = 0.015
 """Largest speed of the corners of a board held still, as a share of the width a second: 1 px of 640 in 0.1 s, which a
@@ -35,10 +35,6 @@ NEAR = 0.4
 
 TILTED = 0.34
 """Sine of a tilt that counts: 20°. Without tilt, any focal length would fit."""
-
-ENOUGH_COVERAGE = 0.5
-"""Share of each picture that boards should have covered, for its lens to be known everywhere. A board that has been in
-all nine parts of the pictures is enough: its own border keeps its corners away from those of the pictures."""
 
 FEWEST_SAMPLES, MOST_SAMPLES = 10, 40
 """Number of poses below which there are never enough, and from which there always are."""

@@ -13,17 +13,16 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.jobs import Progress
+from stereolag.geometry.board_shapes import BothCorners, measured_shape, sights_of
 from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
 from stereolag.geometry.camera_fits import (
     FEWEST_PAIRS,
     JointFit,
     SeenPair,
-    Sight,
     agreeing_fit,
-    calibrated_camera,
     rig_of,
-    suitable_lens,
+    separate_fits,
 )
 from stereolag.geometry.rectification import rectification, rectified_calibration
 
@@ -98,6 +97,9 @@ class StereoCalibration:
         Share of each picture that has been covered by a board, 0..1.
     focal_error
         Standard error of the focal lengths, as a share of them; the larger one of the two cameras.
+    points
+        (n, 3) where the corners of the board are, in squares: off their grid if the pictures show that it is bent, or
+        printed unevenly.
     """
 
     calibration: Calibration
@@ -109,6 +111,47 @@ class StereoCalibration:
     left_coverage: float
     right_coverage: float
     focal_error: float
+    points: DoubleMap
+
+    @property
+    def off_grid_m(self) -> float:
+        """Return how far the corner of the board that is farthest off its place is from it, metres."""
+        return self.square_m * float(np.linalg.norm(self.points - self.board.points(), axis=1).max())
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Return what speaks against the calibration, in sentences that say how to mend it."""
+        used, least = len(self.used), min(self.left_coverage, self.right_coverage)
+        squares = self.points.reshape(self.board.rows, self.board.columns, 3)
+        width, height = (np.linalg.norm(np.diff(squares, axis=axis), axis=2).mean() for axis in (1, 0))
+        judged = (
+            (used < ENOUGH_PAIRS, f"{used} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result."),
+            (
+                least < ENOUGH_COVERAGE,
+                f"The board has covered {100 * least:.0f} % of the picture: hold it in the corners too, where the lens "
+                "distorts most.",
+            ),
+            (
+                self.focal_error > SURE_FOCAL,
+                f"The focal length is uncertain by {100 * self.focal_error:.1f} %: tilt the board more, to all sides.",
+            ),
+            (
+                self.row_error > GOOD_ROWS_PX,
+                f"Rows are {self.row_error:.2f} px apart on average, enough to disturb matching: are the pictures "
+                "sharp, and both taken at the same moment?",
+            ),
+            (
+                self.rms > GOOD_RMS_PX,
+                f"Corners are {self.rms:.2f} px off their places: is the board stiff, and were all pictures taken with "
+                "one focus and zoom, while it was still?",
+            ),
+            (
+                abs(height / width - 1) > SQUARE_ENOUGH,
+                f"The squares are {100 * abs(height / width - 1):.1f} % {'higher' if height > width else 'lower'} than "
+                "they are wide, so no length is surer than that: measure a square both ways, and give the mean.",
+            ),
+        )
+        return tuple(said for is_doubtful, said in judged if is_doubtful)
 
     @property
     def used(self) -> tuple[int, ...]:
@@ -134,6 +177,15 @@ SAME_PX = 0.02
 MOST_FOCAL_ERROR = 0.1
 """Largest standard error of a focal length, as a share of it; above it the calibration is refused."""
 
+ENOUGH_PAIRS = 8
+
+ENOUGH_COVERAGE = 0.5
+"""Share of each picture that boards should have covered, for its lens to be known everywhere. A board that has been in
+all nine parts of the pictures is enough: its own border keeps its corners away from those of the pictures."""
+
+SURE_FOCAL, GOOD_ROWS_PX, GOOD_RMS_PX, SQUARE_ENOUGH = 0.01, 0.5, 1.0, 0.005
+"""A calibration with a larger focal, row or reprojection error, or squares that are less square, is doubtful."""
+
 _FINDING_SHARE = 0.95
 """Share of the time for finding the corners; the rest is for the calibration."""
 
@@ -148,8 +200,10 @@ def calibrate(
     """Calibrate a stereo camera from pairs of pictures of a chessboard or ChArUco board.
 
     Each camera is calibrated on its own, then both together with their pose (Zhang, PAMI 2000; Bouguet's stereo
-    calibration, by OpenCV). Pairs that contradict the others, because they were not taken at the same moment or show
-    the board turned round in one picture, are left out: :func:`calibrate_boards` reports which.
+    calibration, by OpenCV). A board that is bent or unevenly printed is measured along with the cameras, if six
+    pictures of each show all of it (:mod:`stereolag.geometry.board_shapes`). Pairs that contradict the others, because
+    they were not taken at the same moment or show the board turned round in one picture, are left out:
+    :func:`calibrate_boards` reports which.
 
     Parameters
     ----------
@@ -167,7 +221,8 @@ def calibrate(
     Returns
     -------
     calibration
-        Calibration with its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px.
+        Calibration with its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px. Its
+        ``notes`` say what speaks against it.
 
     Raises
     ------
@@ -209,22 +264,20 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     """
     check_positive(square_m, "square_m")
     reasons = _unusable(views, leave_out)
-    usable = _usable(reasons, views)
-    points, both = views.board.points(), views.both
-    sights = [
-        [Sight(points[one.numbers], one.points) for one in (both[number][side] for number in usable)] for side in (0, 1)
-    ]
-    flags = suitable_lens(sights, views.size)
-    (left, right), focal_errors, outliers = zip(
-        *(calibrated_camera(one, views.size, flags) for one in sights), strict=True
-    )
-    for place in set.union(*outliers):
+    usable, points = _usable(reasons, views), views.board.points()
+    both: BothCorners = {number: views.both[number] for number in usable}
+    fits = separate_fits(sights_of(both, views.board), views.size)
+    measured = measured_shape(views.board, both, views.size, fits)
+    if measured is not None:
+        points, both = measured
+        fits = separate_fits(sights_of(both, views.board), views.size)
+    for place in set.union(*fits.outliers):
         reasons[usable[place]] = LeftOut.NOT_FLAT
     seen = {number: _seen_pair(*both[number], views.board) for number in _usable(reasons, views)}
-    fit = agreeing_fit(seen, left, right, views.size, flags)
+    fit = agreeing_fit(seen, fits, views.size)
     for number in set(seen) - set(fit.used):
         reasons[number] = LeftOut.CONTRADICTS
-    return _report(views, square_m, seen, fit, reasons, max(focal_errors))
+    return _report(views, square_m, seen, fit, reasons, fits.focal_error, points)
 
 
 def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
@@ -287,6 +340,7 @@ def _report(
     fit: JointFit,
     reasons: Sequence[LeftOut | None],
     focal_error: float,
+    points: DoubleMap,
 ) -> StereoCalibration:
     """Return the calibration in metres, with the outcome for each pair."""
     if focal_error > MOST_FOCAL_ERROR:
@@ -301,17 +355,18 @@ def _report(
         left, right, turned, row_error = views.left[number], views.right[number], False, np.nan
         if number in seen:
             order = fit.orders[number]
-            places = seen[number].right[order]
+            given = _seen_pair(*views.both[number], views.board)
+            places = given.right[order]
             turned = order > 0 and reason is None
             right = Corners(views.both[number][1].numbers, places) if turned else right
-            rows = _rows(rig, views.size, seen[number].left, places)
+            rows = _rows(rig, views.size, given.left, places)
             row_error = float(np.abs(rows[0] - rows[1]).mean())
         errors = fit.errors.get(number, (np.nan, np.nan))
         pairs.append(PairReport(left, right, reason, turned, *errors, row_error))
     covered = [
         float(covered_cells([views.both[number][side] for number in fit.used], views.size).mean()) for side in (0, 1)
     ]
-    return StereoCalibration(
+    result = StereoCalibration(
         replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms),
         views.board,
         square_m,
@@ -326,7 +381,9 @@ def _report(
         covered[0],
         covered[1],
         focal_error,
+        points,
     )
+    return replace(result, calibration=replace(result.calibration, notes=result.doubts))
 
 
 def _rows(rig: StereoRig, size: tuple[int, int], left: DoubleMap, right: DoubleMap) -> DoubleMap:

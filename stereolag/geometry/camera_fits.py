@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -95,7 +95,8 @@ class Camera:
 
     def pose(self, points: DoubleMap, places: DoubleMap) -> Pose:
         """Return the pose of a board whose points are seen at these places, px."""
-        found, turn, place = cv2.solvePnP(points, places, self.matrix, self.distortion, flags=cv2.SOLVEPNP_IPPE)
+        flat = points * (1, 1, 0)  # a bent board is all but flat
+        found, turn, place = cv2.solvePnP(flat, places, self.matrix, self.distortion, flags=cv2.SOLVEPNP_IPPE)
         if found:
             turn, place = cv2.solvePnPRefineLM(points, places, self.matrix, self.distortion, turn, place)
         else:
@@ -104,8 +105,51 @@ class Camera:
 
     def projected(self, points: DoubleMap, pose: Pose) -> DoubleMap:
         """Return where the camera sees the points of a board at this pose, (n, 2) px."""
+        return np.asarray(self._seen(points, pose)[0][:, 0])
+
+    def slopes(self, points: DoubleMap, pose: Pose) -> DoubleMap:
+        """Return how far each point seen moves with its place on the board, (n, 2, 3) px a square."""
+        of_places = np.asarray(self._seen(points, pose)[1])[:, 3:6]
+        return np.asarray(of_places.reshape(-1, 2, 3) @ pose.rotation)
+
+    def _seen(self, points: DoubleMap, pose: Pose) -> Any:
         turn = cv2.Rodrigues(pose.rotation)[0]
-        return np.asarray(cv2.projectPoints(points, turn, pose.translation, self.matrix, self.distortion)[0][:, 0])
+        return cv2.projectPoints(points, turn, pose.translation, self.matrix, self.distortion)
+
+
+class SeparateFits(NamedTuple):
+    """Both cameras, each fitted on its own.
+
+    Attributes
+    ----------
+    flags
+        The model of both lenses.
+    left, right
+        The cameras.
+    focal_error
+        The larger standard error of the focal lengths, as a share of them.
+    outliers
+        Of each camera, the numbers of the pictures that do not show the board.
+    """
+
+    flags: int
+    left: Camera
+    right: Camera
+    focal_error: float
+    outliers: tuple[set[int], set[int]]
+
+
+def separate_fits(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> SeparateFits:
+    """Return both cameras, each calibrated on its own, with the simplest lens that suits both.
+
+    Raises
+    ------
+    ValueError
+        Corners that do not determine a camera, for which three pictures are the least.
+    """
+    flags = suitable_lens(cameras, size)
+    (left, right), focal_errors, outliers = zip(*(calibrated_camera(one, size, flags) for one in cameras), strict=True)
+    return SeparateFits(flags, left, right, max(focal_errors), outliers)
 
 
 def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, set[int]]:
@@ -118,12 +162,12 @@ def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int
     ValueError
         Corners that do not determine a camera, for which three pictures are the least.
     """
-    camera, focal_error, errors = _fitted_camera(sights, size, flags)
+    camera, focal_error, errors = fitted_camera(sights, size, flags)
     limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
     outliers = set(np.flatnonzero(errors > limit).tolist())
     if outliers and len(sights) - len(outliers) >= 3:
         kept = [sight for number, sight in enumerate(sights) if number not in outliers]
-        camera, focal_error, _ = _fitted_camera(kept, size, flags)
+        camera, focal_error, _ = fitted_camera(kept, size, flags)
     return camera, focal_error, outliers
 
 
@@ -149,7 +193,7 @@ def _left_out_error(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], f
         for fold in range(folds):
             given = [sight for number, sight in enumerate(sights) if folds == 1 or number % folds != fold]
             try:
-                camera, _, _ = _fitted_camera(given, size, flags)
+                camera, _, _ = fitted_camera(given, size, flags)
             except ValueError:
                 return np.inf
             for points, places in sights[fold::folds]:
@@ -161,7 +205,7 @@ def _rms(differences: DoubleMap) -> float:
     return float(np.sqrt(np.square(differences).sum(axis=1).mean()))
 
 
-def _fitted_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, Vector]:
+def fitted_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, Vector]:
     """Return the camera, the error of its focal length as a share of it, and that of each picture, px RMS."""
     points = [sight.points.astype(np.float32) for sight in sights]
     places = [sight.places.astype(np.float32) for sight in sights]
@@ -204,7 +248,7 @@ class JointFit:
     errors: dict[int, tuple[float, float]]
 
 
-def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: tuple[int, int], flags: int) -> JointFit:
+def agreeing_fit(seen: dict[int, SeenPair], fits: SeparateFits, size: tuple[int, int]) -> JointFit:
     """Return both cameras, each calibrated on its own before, fitted together to the pairs that agree.
 
     Raises
@@ -212,6 +256,7 @@ def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: t
     ValueError
         No majority of pairs that agree on the pose of the right camera.
     """
+    _, left, right, _, _ = fits
     used, orders = _agreement(seen, left, right, size[0])
     _check_majority(used, seen)
 
@@ -220,7 +265,7 @@ def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: t
 
     # The cameras were calibrated separately, which no contradiction between left and right can spoil: they stay fixed
     # until the agreeing pairs are known. The best of these are fitted first, or a fit would bend to one that does not.
-    fixed = flags | cv2.CALIB_FIX_INTRINSIC
+    fixed = fits.flags | cv2.CALIB_FIX_INTRINSIC
     fit = fitted(used, fixed)
     best = sorted(used, key=lambda number: max(fit.errors[number]))[: max(FEWEST_PAIRS, round(BEST_SHARE * len(used)))]
     fit = fitted(sorted(best), fixed)
@@ -232,7 +277,7 @@ def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: t
         if used == fit.used:
             break
         fit = fitted(used, fixed)
-    return fitted(fit.used, flags)
+    return fitted(fit.used, fits.flags)
 
 
 def _check_majority(used: Sequence[int], seen: dict[int, SeenPair]) -> None:

@@ -20,7 +20,6 @@ from stereolag.core.jobs import Estimate, limits
 from stereolag.core.typography import typesets
 from stereolag.figures.boards import coverage_picture, error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg, png
-from stereolag.geometry.board_samples import ENOUGH_COVERAGE
 from stereolag.geometry.boards import (
     FEWEST_CORNERS,
     GUESSED_FROM,
@@ -503,9 +502,8 @@ def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, resu
 
 # Sentences
 
-ENOUGH_PAIRS = 8
-SURE_FOCAL = 0.01
-GOOD_ROWS_PX = 0.5
+SEEN_OFF_GRID = 0.01
+"""Squares by which a corner must be off its place for the page to speak of it."""
 
 WHY_LEFT_OUT = {
     LeftOut.NOT_FOUND: "the board was not found in either picture",
@@ -572,25 +570,9 @@ def weaknesses(names: Sequence[str], result: StereoCalibration) -> list[str]:
         out = [name for name, pair in zip(names, result.pairs, strict=True) if pair.left_out is reason]
         if out and reason is not LeftOut.BY_HAND:
             sentences.append(f"Left out: pair {', '.join(out)} – {WHY_LEFT_OUT[reason]}.")
-    least = min(result.left_coverage, result.right_coverage)
-    judged = (
-        (
-            len(result.used) < ENOUGH_PAIRS,
-            f"{len(result.used)} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result.",
-        ),
-        (
-            least < ENOUGH_COVERAGE,
-            f"The board has covered {percent(least)} of the picture: hold it in the corners too, where the lens "
-            "distorts most.",
-        ),
-        (
-            result.focal_error > SURE_FOCAL,
-            f"The focal length is uncertain by {100 * result.focal_error:.1f} %: tilt the board more, to all sides.",
-        ),
-        (
-            result.row_error > GOOD_ROWS_PX,
-            f"Rows are {result.row_error:.2f} px apart on average, enough to disturb matching: is the board flat, are "
-            "the pictures sharp, and both taken at the same moment?",
-        ),
-    )
-    return [*sentences, *(said for is_weak, said in judged if is_weak)]
+    if result.off_grid_m > SEEN_OFF_GRID * result.square_m:
+        sentences.append(
+            f"The board is bent or unevenly printed, its corners up to {1000 * result.off_grid_m:.2g} mm off their "
+            "places: that is measured in the pictures, and taken into account."
+        )
+    return [*sentences, *result.doubts]

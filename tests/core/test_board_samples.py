@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from stereolag.geometry.board_samples import ENOUGH_COVERAGE, MOST_SAMPLES, BoardPose, Collected, board_pose, is_still
+from stereolag.geometry.board_samples import MOST_SAMPLES, BoardPose, Collected, board_pose, is_still
 from stereolag.geometry.boards import Board, BoardViews, Corners, Markers
-from stereolag.geometry.calibrating import calibrate_boards, covered_cells
+from stereolag.geometry.calibrating import ENOUGH_COVERAGE, calibrate_boards, covered_cells
 from tests.held_boards import BASELINE_M, CHESSBOARD, SIZE, SQUARE_M, held, obeying, seen
 
 PLACES = (60, 30), (240, 180)

@@ -1,0 +1,145 @@
+"""The shape of a calibration board, measured in the pictures of it: paper on cardboard is neither flat nor even."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import cv2
+import numpy as np
+import scipy  # scipy.spatial is loaded only on first use: the quick judgement of a pair does not need it
+
+from stereolag.core.arrays import DoubleMap
+from stereolag.geometry.boards import Board, Corners
+from stereolag.geometry.camera_fits import ENOUGH_TO_LEAVE_OUT, Camera, SeparateFits, Sight, fitted_camera
+
+BothCorners = Mapping[int, tuple[Corners, Corners]]
+"""The corners in the left and the right picture of each pair, by its number."""
+
+ALIKE = 0.7
+"""Least correlation of the shapes that both cameras see in a board, each by itself; flat boards stay below 0.3."""
+
+UNEQUAL_SIDES = 0.003
+"""Difference of the focal lengths across and down, as a share: both cameras have it if squares are higher than wide."""
+
+WORTHWHILE = 0.9
+"""The shape that one camera has measured must lower the error of the other one to this share."""
+
+ROUNDS = 2
+"""How often corners are moved to where a flat board has them: by the cameras of before, and by those that follow."""
+
+
+def sights_of(both: BothCorners, board: Board) -> list[list[Sight]]:
+    """Return what each camera sees of a flat board, in the order of the pairs."""
+    points = board.points()
+    return [[Sight(points[pair[side].numbers], pair[side].points) for pair in both.values()] for side in (0, 1)]
+
+
+def measured_shape(
+    board: Board, both: BothCorners, size: tuple[int, int], fits: SeparateFits
+) -> tuple[DoubleMap, BothCorners] | None:
+    """Return where the corners of a board are, and where they would be seen if it were flat; None if it seems to be.
+
+    Each camera measures the shape in its own pictures, together with its lens (Strobl, Hirzinger, *More accurate
+    pinhole camera calibration with imperfect planar target*, ICCV workshops 2011, by OpenCV). It counts if both find
+    the same: the shape of one must predict the pictures of the other.
+
+    Parameters
+    ----------
+    board
+        The board, of which the shape is in question.
+    both
+        Its corners in the pictures.
+    size
+        Width and height of the pictures.
+    fits
+        The cameras fitted to a flat board.
+
+    Returns
+    -------
+    points
+        (n, 3) places of the corners, in squares, laid over those of the flat board.
+    flattened
+        The corners in the pictures, moved to where a flat board has them: OpenCV fits cameras to flat boards alone, or
+        to bodies as deep as they are wide.
+    """
+    cameras = (fits.left, fits.right)
+    whole = [
+        [sight for number, sight in enumerate(sights) if len(sight.places) == board.corners and number not in out]
+        for sights, out in zip(sights_of(both, board), fits.outliers, strict=True)
+    ]
+    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not _is_suspect(whole, cameras):
+        return None
+    try:
+        with ThreadPoolExecutor() as aside:
+            (left, first), (right, second) = aside.map(partial(_measured, board, size=size, flags=fits.flags), whole)
+        for sights, camera, shape in ((whole[0], first, right), (whole[1], second, left)):
+            moved = [Sight(points, flat_places(camera, points, shape, places)) for points, places in sights]
+            before, after = (
+                float(np.square(fitted_camera(one, size, fits.flags)[2]).mean()) for one in (sights, moved)
+            )
+            if after > WORTHWHILE**2 * before:
+                return None
+    except (cv2.error, ValueError):  # the pictures determine a camera, and no more than that
+        return None
+    points, cameras = np.asarray(np.mean((left, right), axis=0)), (first, second)
+    for _ in range(ROUNDS):
+        flattened_pairs = {
+            number: (_flattened(pair[0], cameras[0], board, points), _flattened(pair[1], cameras[1], board, points))
+            for number, pair in both.items()
+        }
+        kept = [
+            [sight for number, sight in enumerate(sights) if number not in out]
+            for sights, out in zip(sights_of(flattened_pairs, board), fits.outliers, strict=True)
+        ]
+        cameras = (fitted_camera(kept[0], size, fits.flags)[0], fitted_camera(kept[1], size, fits.flags)[0])
+    return points, flattened_pairs
+
+
+def _flattened(corners: Corners, camera: Camera, board: Board, points: DoubleMap) -> Corners:
+    flat = board.points()[corners.numbers]
+    return Corners(corners.numbers, flat_places(camera, flat, points[corners.numbers], corners.points))
+
+
+def flat_places(camera: Camera, flat: DoubleMap, points: DoubleMap, places: DoubleMap) -> DoubleMap:
+    """Return where a camera that sees the points of a board at some places would see those of a flat one, (n, 2) px."""
+    pose = camera.pose(points, places)
+    return places + camera.projected(flat, pose) - camera.projected(points, pose)
+
+
+def _is_suspect(cameras: Sequence[Sequence[Sight]], fitted: Sequence[Camera]) -> bool:
+    """Return whether what a flat board leaves over in the pictures of both cameras may come from its shape."""
+    first, second = (_shape_left_over(*one).ravel() for one in zip(cameras, fitted, strict=True))
+    unequal = [float(camera.matrix[0, 0] / camera.matrix[1, 1] - 1) for camera in fitted]
+    stretched = max(min(unequal), -max(unequal)) > UNEQUAL_SIDES
+    return stretched or float(np.corrcoef(first, second)[0, 1]) > ALIKE
+
+
+def _shape_left_over(sights: Sequence[Sight], camera: Camera) -> DoubleMap:
+    """Return how far off its place each corner of a board is if the camera and its poses are right, (n, 3) squares."""
+    normal, against = 0.0, 0.0
+    for points, places in sights:
+        pose = camera.pose(points, places)
+        seen, slopes = camera.projected(points, pose), camera.slopes(points, pose)
+        normal = normal + np.einsum("nij,nik->njk", slopes, slopes)
+        against = against + np.einsum("nij,ni->nj", slopes, places - seen)
+    return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(normal, hermitian=True), against))
+
+
+def _measured(board: Board, sights: Sequence[Sight], *, size: tuple[int, int], flags: int) -> tuple[DoubleMap, Camera]:
+    """Return the shape of a board that one camera measures, laid over the flat one and as large on average, and it."""
+    points = [sight.points.astype(np.float32) for sight in sights]
+    places = [sight.places.astype(np.float32) for sight in sights]
+    fixed = board.columns - 1
+    _, matrix, distortion, _, _, found = cv2.calibrateCameraRO(
+        points, places, size, fixed, np.eye(3), np.zeros(14), flags=flags
+    )
+    flat = board.points()
+    middle = flat.mean(axis=0)
+    shape = np.asarray(found, dtype=np.float64).reshape(-1, 3)
+    shape = shape - shape.mean(axis=0)
+    turn, _ = scipy.spatial.transform.Rotation.align_vectors(flat - middle, shape)
+    shape = turn.apply(shape)
+    shape = np.asarray(shape * (np.vdot(flat - middle, shape) / np.vdot(shape, shape)) + middle)
+    return shape, Camera(np.asarray(matrix, dtype=np.float64), np.asarray(distortion, dtype=np.float64).ravel())
