@@ -113,28 +113,6 @@ def test_resized_images_scale_how_its_maker_rectified_the_pair():
     assert np.abs(half.left - expected)[4:-4, 4:-4].mean() < 0.5
 
 
-def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_dir):
-    folder = data_dir / "calibration" / "opencv_chessboard"
-    calibration = read_calibration(folder / "intrinsics.yml", folder / "extrinsics.yml")
-    files = {}
-    for name in ("intrinsics", "extrinsics"):
-        storage = cv2.FileStorage(str(folder / f"{name}.yml"), cv2.FILE_STORAGE_READ)
-        files |= {key: storage.getNode(key).mat() for key in storage.root().keys()}  # noqa: SIM118
-    images = [cv2.imread(str(folder / f"{side}01.jpg"), cv2.IMREAD_GRAYSCALE) for side in ("left", "right")]
-    rectified, corners = rectify(*images, calibration), []
-    for side, image in enumerate(rectified[:2]):
-        parts = (files[f"{name}{side + 1}"] for name in "MDRP")
-        maps = cv2.initUndistortRectifyMap(*parts, (640, 480), cv2.CV_32FC1)
-        theirs = cv2.remap(images[side], *maps, cv2.INTER_LINEAR)
-        np.testing.assert_array_equal(image[theirs > 0], theirs[theirs > 0])
-        found, where = cv2.findChessboardCorners(images[side], (9, 6))
-        assert found
-        how = calibration.rig.rectification
-        to_rows = (how.left_rotation, how.left_projection) if side == 0 else (how.right_rotation, how.right_projection)
-        corners.append(cv2.undistortPoints(where, files[f"M{side + 1}"], files[f"D{side + 1}"], None, *to_rows)[:, 0])
-    assert np.abs(corners[0][:, 1] - corners[1][:, 1]).mean() < 0.5
-
-
 FISHEYE = np.array([-0.02, 0.004, -0.003, 0.0005])
 
 

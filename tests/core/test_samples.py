@@ -1,10 +1,9 @@
 """The bundled examples are complete, and recordings and mazes match their description by SciPy and OpenCV alone."""
 
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import soundfile
@@ -29,14 +28,6 @@ def test_every_example_is_complete(examples):
         values = [getattr(example, field.name) for field in fields(example)]
         listed = [value if isinstance(value, tuple) else (value,) for value in values]
         assert all(path.is_file() for paths in listed for path in paths if isinstance(path, Path))
-
-
-@pytest.mark.parametrize("examples", LISTS)
-def test_order_is_stable_and_examples_are_frozen(examples):
-    assert list(examples()) == list(examples())
-    first = next(iter(examples().values()))
-    with pytest.raises(FrozenInstanceError):
-        first.name = "other"
 
 
 def test_the_plain_examples_come_first():
@@ -186,21 +177,3 @@ def test_his_pixels_are_exact_in_the_first_maze_and_decoys_share_every_colour_of
     values, counts = np.unique(packed(seen("maze")[0]), return_counts=True)
     occurrences = dict(zip(values.tolist(), counts.tolist(), strict=True))
     assert min(occurrences[colour] for colour in np.unique(packed(template)[his]).tolist()) > 20
-
-
-def test_he_is_dulled_and_grainy_in_the_second_maze():
-    window, template, his = behind_the_template("maze_dulled")
-    exact = np.all(window == template, axis=-1)[his]
-    assert exact.mean() < 0.001
-    assert window[his].std() < 0.75 * template[his].std()
-
-
-def test_a_part_of_him_is_covered_in_the_second_maze():
-    """Where visible, his brightness follows the template; a cover deviates from the fit by far more than the grain."""
-    window, template, his = behind_the_template("maze_dulled")
-    seen, wanted = (cv2.blur(pixels.mean(axis=-1), (3, 3))[his] for pixels in (window, template))
-    slope, offset = np.polyfit(wanted, seen, 1)
-    for _ in range(10):
-        fits = np.abs(seen - slope * wanted - offset) < 18
-        slope, offset = np.polyfit(wanted[fits], seen[fits], 1)
-    assert 0.12 < np.mean(~fits) < 0.3

@@ -121,20 +121,6 @@ def test_the_score_lies_between_none_and_all_of_the_weights_in_use(weights: tupl
     assert np.median(unrelated[inside]) < 0.9
 
 
-def test_the_same_share_of_the_weights_scores_alike() -> None:
-    half, whole = (
-        SemiGlobalMatcher(
-            num_disparities=16,
-            cost=MatchingCost(correlation=50 * k, census=50 * k, gradient=20 * k),
-            optimisation=SemiGlobal(penalty_small=12 * k, penalty_large=200 * k, penalty_at_edges=40 * k),
-        )
-        .compute(*pair(40, 90, 4))
-        .score
-        for k in (1, 2)
-    )
-    np.testing.assert_allclose(half, whole, atol=0.015)
-
-
 def test_the_checks_of_the_matcher_give_their_reasons() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (2, 40, 90), dtype=np.uint8)
     matcher = SemiGlobalMatcher(num_disparities=16, left_right=LeftRightCheck())

@@ -96,11 +96,6 @@ def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling
     assert not match_template(screen(framed(sibling, shift), framed("cross")), framed(mark)).found
 
 
-def test_a_mirror_image_is_told_as_such() -> None:
-    search = match_template(screen(icon("arrow")[:, ::-1]), icon("arrow"))
-    assert (search.found, search.reason) == (False, "mirrored")
-
-
 @pytest.mark.parametrize("contrast", [0.35, 0.6])
 def test_a_paler_form_is_told_by_its_contrast_and_comes_after_an_exact_copy(contrast: float) -> None:
     template = icon("cross")

@@ -141,12 +141,13 @@ def test_one_hot_pixel_leaves_all_other_places_their_scores() -> None:
     np.testing.assert_allclose(spoilt[:38, 25:], plain[:38, 25:], atol=1e-4)
 
 
-def test_the_alpha_of_a_grey_template_is_its_mask() -> None:
-    image, template = photograph(0)[:, :, 0], photograph(2, 40, 50)[:, :, :2].copy()
-    template[:, :, 1] = np.where(distance(50)[5:45] < 0.8, 255, 0)
-    image[30:70, 100:150] = np.where(template[:, :, 1] > 0, template[:, :, 0], image[30:70, 100:150])
-    search = match_template(image, template)
-    assert search.found and (search.matches[0].row, search.matches[0].col) == (30, 100)
+def test_the_alpha_of_a_grey_template_is_its_mask_in_a_grey_and_in_a_coloured_picture() -> None:
+    part, alpha = photograph(2, 40, 50), np.rint(255 * (distance(50)[5:45] < 0.8))
+    picture = shown(photograph(0), np.dstack([part, alpha]), 30, 100)
+    template = np.dstack([cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), alpha]).astype(np.uint8)
+    for one in (picture, cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)):
+        search = match_template(one, template)
+        assert search.found and (search.matches[0].row, search.matches[0].col) == (30, 100)
 
 
 def test_pixels_without_data_hide_a_part_too() -> None:

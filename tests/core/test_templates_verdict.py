@@ -101,16 +101,18 @@ def test_places_elsewhere_share_no_pixel_and_none_better_is_left_out(seed: int, 
 @pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
 def test_three_equal_copies_are_look_alikes_unless_three_are_wanted(method: TemplateMethod) -> None:
     image = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-    places = [(3, 5), (25, 30), (44, 60)]
+    places = [(3, 5), (3, 17), (44, 60)]  # the first two side by side
     for row, col in places[1:]:
         image[row : row + 10, col : col + 12] = image[3:13, 5:17]
     template = image[3:13, 5:17].copy()
     one = match_template(image, template, method=method)
     assert (one.found, one.reason, len(one.matches)) == (False, "look_alikes", 1)
     assert sorted((alike.row, alike.col) for alike in one.look_alikes) == places
-    assert not match_template(image, template, method=method, max_matches=2).found
+    two = match_template(image, template, method=method, max_matches=2)
+    assert (two.found, len(two.matches)) == (False, 2)
     three = match_template(image, template, method=method, max_matches=3)
     assert (three.found, three.clear, three.reason, three.look_alikes) == (True, 3, "clear", [])
+    assert sorted((match.row, match.col) for match in three.matches) == places
     assert not {(rival.row, rival.col) for rival in three.rivals} & set(places)
     more = match_template(image, template, method=method, max_matches=9, min_score=-1)
     assert more.clear == 3
@@ -182,15 +184,6 @@ def test_what_is_the_same_mirrored_is_found_in_noise() -> None:
     search = match_template(image, template)
     assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 30, 50)
     assert search.matches[0].score < 0.99
-
-
-@pytest.mark.parametrize("seed", [None, *range(2)], ids=lambda seed: "fft" if seed is None else f"sampled {seed}")
-def test_rocketman_is_found_with_a_clear_lead(maze: Array, rocketman: Array, seed: int | None) -> None:
-    search = match_template(maze, rocketman, method="fft" if seed is None else "sampled", seed=seed)
-    assert (search.found, search.clear, search.reason) == (True, 1, "clear")
-    assert [(match.row, match.col) for match in search.matches] == [(528, 982)]
-    assert search.best == search.matches[0]
-    assert seed is None or search.candidates < 1000
 
 
 def test_rocketman_dulled_and_partly_covered_is_found_by_all_placements_alone() -> None:
