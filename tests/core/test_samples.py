@@ -4,6 +4,7 @@ from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import soundfile
@@ -177,3 +178,21 @@ def test_his_pixels_are_exact_in_the_first_maze_and_decoys_share_every_colour_of
     values, counts = np.unique(packed(seen("maze")[0]), return_counts=True)
     occurrences = dict(zip(values.tolist(), counts.tolist(), strict=True))
     assert min(occurrences[colour] for colour in np.unique(packed(template)[his]).tolist()) > 20
+
+
+def test_he_is_dulled_and_grainy_in_the_second_maze():
+    window, template, his = behind_the_template("maze_dulled")
+    exact = np.all(window == template, axis=-1)[his]
+    assert exact.mean() < 0.001
+    assert window[his].std() < 0.75 * template[his].std()
+
+
+def test_a_part_of_him_is_covered_in_the_second_maze():
+    """Where visible, his brightness follows the template; a cover deviates from the fit by far more than the grain."""
+    window, template, his = behind_the_template("maze_dulled")
+    seen, wanted = (cv2.blur(pixels.mean(axis=-1), (3, 3))[his] for pixels in (window, template))
+    slope, offset = np.polyfit(wanted, seen, 1)
+    for _ in range(10):
+        fits = np.abs(seen - slope * wanted - offset) < 18
+        slope, offset = np.polyfit(wanted[fits], seen[fits], 1)
+    assert 0.12 < np.mean(~fits) < 0.3

@@ -283,20 +283,14 @@ def voted_recordings(noise_db: float) -> list[np.ndarray]:
     return [part + level * random.normal(size=size) for part in (whole[DELAY:], whole[:size])]
 
 
-@pytest.mark.parametrize("noise_db", [-np.inf, -30, -10])
-def test_sensor_noise_down_to_10_db_below_the_sound_is_survived(noise_db: float) -> None:
-    first, second = voted_recordings(noise_db)
-    for seed in range(3):
-        assert signal_lag(first, second, method="sampled", seed=seed).lag == DELAY
-        assert signal_lag(second, first, method="sampled", seed=seed).lag == -DELAY
-
-
-def test_votes_are_a_histogram_with_the_winner_first() -> None:
-    result, again, other = (signal_lag(*voted_recordings(-10), method="sampled", seed=seed) for seed in (0, 0, 5))
+def test_votes_are_a_histogram_with_the_winner_first_though_noise_is_10_db_below_the_sound() -> None:
+    pair = voted_recordings(-10)
+    result, again, other = (signal_lag(*pair, method="sampled", seed=seed) for seed in (0, 0, 5))
+    assert (other.lag, signal_lag(*pair[::-1], method="sampled", seed=0).lag) == (DELAY, -DELAY)
     assert result.votes == again.votes != other.votes
     assert result.lags is None and result.correlation is None
     counts = list(result.votes.values())
-    assert next(iter(result.votes)) == DELAY
+    assert next(iter(result.votes)) == result.lag == DELAY
     assert counts == sorted(counts, reverse=True)
     assert result.peak_ratio == counts[0] / max(count for lag, count in result.votes.items() if abs(lag - DELAY) > 1)
     assert all(type(lag) is int and type(count) is int for lag, count in result.votes.items())
