@@ -1,4 +1,4 @@
-"""What a place shows beside the template: it, in another light or contrast, covered, a sibling, or something else."""
+"""What a place shows beside the template: it, in another light, covered, drawn over, a sibling, or something else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag import TemplateSearch, match_template
+from stereolag import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates.identity import Identity, identity
+from stereolag.templates.patterns import pattern_of
+from stereolag.templates.verdict import FOUND
 
 Array = npt.NDArray[Any]
 FINER = 8
@@ -70,19 +73,22 @@ def place(search: TemplateSearch) -> tuple[int, int]:
     return search.best.row, search.best.col
 
 
-def disagreeing(search: TemplateSearch) -> int:
-    return sum(not agrees for line in search.best.blocks for agrees in line)
+def shown(picture: Array, template: Array, row: int, col: int) -> Identity:
+    """Return what a place of the picture shows, without a search for it."""
+    pattern = pattern_of(np.atleast_3d(template), np.ones(template.shape[:2]))
+    return identity(np.atleast_3d(picture), pattern, row, col)
+
+
+def disagreeing(place: TemplateMatch | Identity) -> int:
+    return sum(not agrees for line in place.blocks for agrees in line)
 
 
 @pytest.mark.parametrize("mark", MARKS)
 def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: str) -> None:
     for other in MARKS[MARKS.index(mark) :]:
-        search = match_template(screen(icon(mark)), icon(other))
-        if other == mark:
-            assert (search.reason, place(search), disagreeing(search)) == ("clear", (40, 20), 0)
-        else:
-            assert (search.found, search.reason, place(search)) == (False, "differs", (40, 20)), other
-            assert 0 < disagreeing(search) <= 12, "in the middle of 36 blocks"
+        found = shown(screen(icon(mark)), icon(other), 40, 20)
+        assert found.kind == ("same" if other == mark else "differs"), other
+        assert (disagreeing(found) == 0) == (other == mark) and disagreeing(found) <= 12, "in the middle of 36 blocks"
 
 
 @pytest.mark.parametrize(("mark", "shift", "sibling"), [("dot", (0.75, 0.5), "minus"), ("bars", (0.5, 0.75), "minus")])
@@ -116,16 +122,14 @@ def test_a_paler_form_is_told_by_its_contrast_and_comes_after_an_exact_copy(cont
 def test_a_small_difference_is_told(row: int, colour: tuple[int, int, int]) -> None:
     marked = icon("bars")
     marked[row : row + 4, 14:18] = colour
-    search = match_template(screen(marked), icon("bars"))
-    assert (search.found, search.reason) == (False, "differs")
+    assert shown(screen(marked), icon("bars"), 40, 20).kind == "differs"
 
 
 @pytest.mark.parametrize(("seed", "gamma"), [*enumerate((0.55, 0.7, 1.5, 1.8))])
 def test_another_gamma_leaves_it_the_template(seed: int, gamma: float) -> None:
     taken = photograph(seed)
     bent = np.rint(255 * (taken / 255) ** gamma).astype(np.uint8)
-    search = match_template(bent, taken[40:90, 20:80].copy())
-    assert (search.found, place(search)) == (True, (40, 20)), search.reason
+    assert shown(bent, taken[40:90, 20:80], 40, 20).kind in FOUND
 
 
 def sky(seed: int, rows: int = 110, cols: int = 190) -> Array:
@@ -149,8 +153,8 @@ def test_another_sky_in_the_same_frame_is_not_partly_covered(seed: int) -> None:
         return framed
 
     template = page(seed + 100)[30:170, 130:270]
-    assert not match_template(page(seed), template).found
-    assert match_template(page(seed + 100), template).found
+    assert shown(page(seed), template, 30, 130).kind not in FOUND
+    assert shown(page(seed + 100), template, 30, 130).kind == "same"
 
 
 @pytest.mark.parametrize("full", [0.25, 0.4, 0.55, 0.7])
@@ -164,9 +168,8 @@ def test_a_bar_that_is_full_to_another_part_is_not_partly_covered(full: float, m
 
     image = np.full((160, 220, 3), 245, np.uint8)
     image[60:80, 50:146] = bar(full + more)
-    assert not match_template(image, bar(full)).found
     image[20:40, 100:196] = bar(full)
-    assert place(match_template(image, bar(full))) == (20, 100)
+    assert [shown(image, bar(full), *corner).kind in FOUND for corner in ((60, 50), (20, 100))] == [False, True]
 
 
 def faint_word(other: bool) -> Array:
@@ -218,11 +221,9 @@ def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
     picture = np.full((160, 240, *template.shape[2:]), GROUND[0], np.uint8)
     around = picture[60 : 60 + template.shape[0], 80 : 80 + template.shape[1]]
     around[:] = seen
-    search = match_template(picture, template)
-    assert not search.found, (search.reason, search.best)
+    assert shown(picture, template, 60, 80).kind not in FOUND
     around[:] = template
-    search = match_template(picture, template)
-    assert search.found and search.reason == "clear" and place(search) == (60, 80)
+    assert shown(picture, template, 60, 80).kind == "same"
 
 
 @pytest.mark.parametrize("upright", [False, True])
@@ -258,7 +259,7 @@ def test_what_something_in_front_hides_is_told(front: str) -> None:
         search = match_template(picture, template)
         assert (search.found, search.reason) == (True, "partly_covered"), hidden
         assert np.abs(np.subtract(place(search), (80, 100))).max() <= 1
-        assert 0 < disagreeing(search) < 25
+        assert 0 < disagreeing(search.best) < 25
 
 
 @pytest.mark.parametrize(
@@ -313,3 +314,133 @@ def test_a_verdict_holds_in_other_numbers_at_other_sizes_and_places(
         return
     search = match_template(CHANGES[change](screen(shown)), CHANGES[change](sought))
     assert search.reason == reason, (search.best, search.rivals[:1])
+
+
+# Things that a screen draws over a place, or with it: a sibling in the same box is none of them.
+
+Thing = Callable[[Array, np.random.Generator], None]
+Look = Callable[[Array], Array]
+WORDS = ("Save", "Open", "Close", "Print", "Export", "Import", "Search", "Reset", "Undo", "Help", "Filter", "Apply")
+
+
+def buttons(words: list[str]) -> Array:
+    """Return a screen of three columns of buttons of 96 × 30 px, 48 px apart, with these words."""
+    picture = np.full((124, 360, 3), 245, np.uint8)
+    for number, word in enumerate(words):
+        left, top = 16 + 112 * (number % 3), 16 + 48 * (number // 3)
+        cv2.rectangle(picture, (left, top), (left + 96, top + 30), (225, 230, 235), -1)
+        cv2.rectangle(picture, (left, top), (left + 96, top + 30), (150, 155, 165), 1)
+        cv2.putText(picture, word, (left + 14, top + 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (30, 30, 40), 1, cv2.LINE_AA)
+    return picture
+
+
+def words_of(random: np.random.Generator) -> tuple[list[str], int, tuple[int, int]]:
+    """Return words of a screen, the number of one of them, and the (row, col) of a box of 44 × 110 px around it."""
+    words = [str(word) for word in random.permutation(WORDS)[:6]]
+    number = int(random.integers(6))
+    return words, number, (16 + 48 * (number // 3) - 7, 16 + 112 * (number % 3) - 7)
+
+
+def text_cursor(part: Array, random: np.random.Generator) -> None:
+    row, col = int(random.integers(4, 22)), int(random.integers(12, 90))
+    part[row : row + 17, col : col + int(random.integers(1, 3))] = 0
+
+
+def arrow(part: Array, random: np.random.Generator) -> None:
+    at = np.array([(1, 1), (1, 17), (5, 13.5), (8, 20), (10.5, 19), (7.5, 12.5), (12.5, 12.5)])
+    corners = np.rint(16 * (at + random.uniform([4, 4], [part.shape[1] - 20, 20]))).astype(np.int32)
+    cv2.fillPoly(part, [corners], (255, 255, 255), cv2.LINE_AA, 4)
+    cv2.polylines(part, [corners], True, (0, 0, 0), 1, cv2.LINE_AA, 4)
+
+
+def focus_ring(part: Array, random: np.random.Generator) -> None:
+    away = int(random.integers(1, 5))
+    cv2.rectangle(part, (away, away), (109 - away, 43 - away), (140, 165, 215), 1)
+
+
+def selection(part: Array, random: np.random.Generator) -> None:
+    rows = part[: int(random.integers(15, 36))]
+    rows[:] = np.rint(0.7 * rows + 0.3 * np.array([0, 90, 220]))
+
+
+def shadow(part: Array, random: np.random.Generator) -> None:
+    away: npt.NDArray[np.floating] = np.zeros(part.shape[:2], np.float32)
+    away[9:41, 8:106] = random.uniform(0.3, 0.5)
+    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(2, 4))), np.float32)
+    away[7:38, 7:104] = 0
+    part[:] = np.rint(part * (1 - away[:, :, np.newaxis]))
+
+
+def scroll_bar(part: Array, random: np.random.Generator) -> None:
+    part[:, -int(random.integers(9, 15)) :] = 190
+    part[8:24, -6:] = 110
+
+
+def badge(part: Array, random: np.random.Generator) -> None:
+    cv2.circle(part, (102, 8), 7, (220, 30, 40), -1, cv2.LINE_AA)
+
+
+THINGS = (text_cursor, arrow, focus_ring, selection, shadow, scroll_bar, badge)
+
+
+@pytest.mark.parametrize(("seed", "thing"), [*enumerate((None, *THINGS))])
+def test_another_word_in_the_same_box_is_not_found_with_or_without_it(thing: Thing | None, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    words, number, (row, col) = words_of(random)
+    template = buttons(words)[row : row + 44, col : col + 110].copy()
+    words[number] = words[number - 1]
+    picture = buttons(words)
+    if thing is not None:
+        thing(picture[row : row + 44, col : col + 110], random)
+    assert shown(picture, template, row, col).kind not in FOUND
+
+
+def as_it_is(picture: Array) -> Array:
+    return picture
+
+
+def in_jpeg(picture: Array) -> Array:
+    return np.asarray(cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 55])[1], 1), np.uint8)
+
+
+def darker(picture: Array) -> Array:
+    return np.asarray(np.rint(0.8 * picture + 25), np.uint8)
+
+
+@pytest.mark.parametrize(("seed", "seen"), [*enumerate((as_it_is, in_jpeg, darker))])
+@pytest.mark.parametrize("chosen", [0, 2])
+def test_another_choice_beside_that_of_the_template_is_not_in_front_of_it(seed: int, chosen: int, seen: Look) -> None:
+    random = np.random.default_rng(seed)
+    words = [str(word) for word in random.permutation(WORDS)[:6]]
+
+    def rows(choice: int) -> Array:
+        drawn = np.full((220, 220, 3), 250, np.uint8)
+        for number, word in enumerate(words):
+            top = 18 + 34 * number
+            cv2.putText(drawn, word, (12, top + 14), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40,) * 3, 1, cv2.LINE_AA)
+            cv2.rectangle(drawn, (130, top), (190, top + 20), (235,) * 3, -1)
+            cv2.rectangle(drawn, (130, top), (190, top + 20), (150,) * 3, 1)
+            left = 132 + 20 * choice
+            cv2.rectangle(drawn, (left, top + 2), (left + 16, top + 18), (90,) * 3, -1)
+        return drawn
+
+    top = 14 + 34 * int(random.integers(6))
+    assert shown(seen(rows(1)), rows(chosen)[top : top + 28, 6:206], top, 6).kind not in FOUND
+
+
+@pytest.mark.parametrize(("seed", "reach"), [(0, 7), (1, 9), (2, 7), (3, 9)])
+def test_another_digit_in_the_badge_of_the_template_is_a_sibling(seed: int, reach: int) -> None:
+    random = np.random.default_rng(seed)
+    words, _, (row, col) = words_of(random)
+    one, other = (str(digit) for digit in random.permutation(9)[:2] + 1)
+
+    def with_badge(digit: str) -> Array:
+        picture = buttons(words)
+        cv2.circle(picture, (col + 102, row + 9), reach, (220, 30, 40), -1, cv2.LINE_AA)
+        at = col + 98, row + 13
+        cv2.putText(picture, digit, at, cv2.FONT_HERSHEY_PLAIN, 0.8, (255, 255, 255), 1, cv2.LINE_AA)
+        return picture
+
+    template = with_badge(one)[row : row + 44, col : col + 110]
+    kinds = [shown(with_badge(digit), template, row, col).kind for digit in (one, other)]
+    assert kinds[0] == "same" and kinds[1] not in FOUND
