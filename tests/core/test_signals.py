@@ -465,7 +465,7 @@ def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take()
 @pytest.fixture
 def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag, SignalLag]]:
     """Return a function that measures a lag from the whole, and as if the recordings were long."""
-    monkeypatch.setattr("stereolag.signals.search.LAGS_OF_A_BAND", 20_000)
+    monkeypatch.setattr("stereolag.signals.search.LAGS_OF_A_BAND", 12_000)
 
     def measured(one: Any, other: Any, **given: Any) -> tuple[SignalLag, SignalLag]:
         results = []
@@ -496,17 +496,17 @@ def test_in_bands_a_sound_in_noise_as_loud_is_sure(colour: float, lag: int, both
     assert (bands.lag, bands.verdict) == (lag, "sure")
 
 
-WHITE, COLOURED = common(50_000, -1234, 7, colour=0.0), common(100_000, 1234, 7)
+WHITE, COLOURED = common(30_000, -1234, 7, colour=0.0), common(60_000, 1234, 7)
 HIGH = scipy_signal.butter(8, 0.8, "high", output="sos")
-HUM = 8 * np.sin(np.arange(100_000) * 2 * np.pi * 50 / 44_100)
-ONCE = np.tile(noise(5000, np.random.default_rng(0)), 20)
+HUM = 8 * np.sin(np.arange(60_000) * 2 * np.pi * 50 / 44_100)
+ONCE = np.tile(noise(5000, np.random.default_rng(0)), 12)
 IN_BANDS = {
     "nothing in the low bands": [scipy_signal.sosfilt(HIGH, one) for one in WHITE],
     "a hum that is louder and has another lag": (COLOURED[0] + HUM, COLOURED[1] + np.roll(HUM, 300)),
     "a clip": (COLOURED[0][20_000:23_000], COLOURED[1]),
     "a clip that comes second": (COLOURED[1], COLOURED[0][20_000:23_000]),
-    "a quiet half and an offset": (np.repeat([1, 0.01], 50_000) * COLOURED[0], COLOURED[1] + 1000.0),
-    "a largest lag": (*COLOURED, 40_000),
+    "a quiet half and an offset": (np.repeat([1, 0.01], 30_000) * COLOURED[0], COLOURED[1] + 1000.0),
+    "a largest lag": (*COLOURED, 24_000),
     "a tone": tones(50_000, 0.0123, 0.0, 1),
     "a tone in noise": tones(50_000, 0.0123, 0.1, 1),
     "what repeats": (ONCE, ONCE + noise(ONCE.size, np.random.default_rng(1))),

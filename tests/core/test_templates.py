@@ -40,22 +40,18 @@ def place(search: TemplateSearch) -> tuple[int, int]:
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-@pytest.mark.parametrize(("channels", "row", "col"), [((), 0, 0), ((4,), 29, 46)])
 def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_arguments_left_alone(
-    method: TemplateMethod, dtype: type, channels: tuple[int, ...], row: int, col: int
+    method: TemplateMethod, dtype: type
 ) -> None:
-    image = random_image((40, 60, *channels), dtype)
-    template = image[row : row + 11, col : col + 14].copy()
-    if channels == (4,):
-        template[:, :, 3] = np.where(round_mask(11, 14), 255, 0)
-        template[:, :, :3][~round_mask(11, 14)] = 0
+    image = random_image((40, 60, 3), dtype)
+    template = image[29:40, 46:60].copy()
     image.setflags(write=False)
     template.setflags(write=False)
     told: list[float] = []
     search = match_template(image, template, method=method, progress=told.append)
     assert search.found
     (match,) = search.matches
-    assert (match.row, match.col, match.height, match.width) == (row, col, 11, 14)
+    assert (match.row, match.col, match.height, match.width) == (29, 46, 11, 14)
     assert match.score == pytest.approx(1, abs=1e-6)
     assert told == sorted(told)
     assert (told[0] >= 0, told[-1]) == (True, 1)

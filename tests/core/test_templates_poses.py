@@ -26,19 +26,17 @@ from stereolag.templates.poses import ROTATION_STEP, SCALE_STEP, PoseRange
 Array = npt.NDArray[Any]
 
 
-def blobs(shape: tuple[int, ...], seed: int = 0, dtype: type = np.uint8) -> Array:
+def blobs(shape: tuple[int, ...], seed: int = 0) -> Array:
     """Return a smooth texture that can be resampled with little loss."""
     noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=shape).astype(np.float32), (0, 0), 3)
-    unit = (noise - noise.min()) / np.ptp(noise)
-    return unit.astype(dtype) if np.issubdtype(dtype, np.floating) else (unit * np.iinfo(dtype).max).astype(dtype)
+    return (255 * (noise - noise.min()) / np.ptp(noise)).astype(np.uint8)
 
 
-def sprite(dtype: type = np.uint8) -> Array:
+def sprite() -> Array:
     """Return an ellipse of 40 × 50 px with alpha."""
     rows, cols = np.mgrid[:40, :50]
     opaque = ((rows - 19.5) / 20) ** 2 + ((cols - 24.5) / 25) ** 2 <= 1
-    full = 1 if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max
-    return np.dstack([blobs((40, 50, 3), 5, dtype), np.where(opaque, full, 0).astype(dtype)])
+    return np.dstack([blobs((40, 50, 3), 5), 255 * opaque.astype(np.uint8)])
 
 
 @pytest.mark.parametrize(
