@@ -64,12 +64,6 @@ def common_part(name):
     return first - first.mean(), second - second.mean()
 
 
-def linear_correlation(name):
-    signal_1, signal_2 = (sound - sound.mean() for sound in heard(name))
-    lags = signal.correlation_lags(SAMPLES, SAMPLES)
-    return lags, signal.correlate(signal_2, signal_1, method="fft")
-
-
 def circular_lag(signal_1, signal_2):
     """Return the lag by the naive method: without zero padding, so that the ends of the recordings meet."""
     spectrum = fft.rfft(signal_2 - signal_2.mean()) * fft.rfft(signal_1 - signal_1.mean()).conj()
@@ -90,12 +84,13 @@ def test_files_are_mono_of_the_stated_length_rate_and_level(name):
 
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_correlation_peaks_at_the_true_lag_plain_whitened_and_normalised_by_the_overlap(name):
-    lags, correlation = linear_correlation(name)
+    sounds = [sound - sound.mean() for sound in heard(name)]
+    lags, correlation = signal.correlation_lags(SAMPLES, SAMPLES), signal.correlate(*sounds[::-1], method="fft")
     assert lags[np.argmax(correlation)] == RECORDINGS[name].lag
     spectrum = fft.rfft(np.roll(correlation, 1 - SAMPLES), 2 * SAMPLES - 1)
     whitened = fft.fftshift(fft.irfft(spectrum / np.maximum(np.abs(spectrum), 1e-12), 2 * SAMPLES - 1))
     assert lags[np.argmax(whitened)] == RECORDINGS[name].lag
-    energy_1, energy_2 = (np.cumsum(np.r_[0, (sound - sound.mean()) ** 2]) for sound in heard(name))
+    energy_1, energy_2 = (np.cumsum(np.r_[0, sound**2]) for sound in sounds)
     first = energy_1[np.minimum(SAMPLES, SAMPLES - lags)] - energy_1[np.maximum(0, -lags)]
     second = energy_2[np.minimum(SAMPLES, SAMPLES + lags)] - energy_2[np.maximum(0, lags)]
     enough = SAMPLES - np.abs(lags) > SAMPLES // 40
