@@ -172,6 +172,12 @@ def test_what_is_the_same_mirrored_is_found_in_noise() -> None:
     assert search.matches[0].score < 0.99
 
 
+def test_rocketman_is_found_by_few_of_his_pixels_with_a_clear_lead() -> None:
+    search = match_template(MAZE, ROCKETMAN, method="sampled", seed=0)
+    assert (search.reason, search.best.row, search.best.col) == ("clear", EXAMPLE.row, EXAMPLE.col)
+    assert search.candidates < 1000
+
+
 def test_rocketman_dulled_and_partly_covered_is_found_by_all_placements_alone() -> None:
     dulled = samples.mazes()["maze_dulled"]
     pictures = read_image(dulled.picture), read_image(dulled.template)
