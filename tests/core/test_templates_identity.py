@@ -283,7 +283,7 @@ CHANGES: dict[str, Callable[[Array], Array]] = {
 
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize(
-    ("shown", "sought", "reason"),
+    ("seen", "sought", "reason"),
     [
         (icon("plus"), icon("plus"), "clear"),
         (icon("minus"), icon("plus"), "differs"),
@@ -293,21 +293,19 @@ CHANGES: dict[str, Callable[[Array], Array]] = {
     ],
 )
 def test_a_verdict_holds_in_other_numbers_at_other_sizes_and_places(
-    shown: Array, sought: Array, reason: str, change: str
+    seen: Array, sought: Array, reason: str, change: str
 ) -> None:
     if reason == "other_colours" and change == "grey":
         return
-    search = match_template(CHANGES[change](screen(shown)), CHANGES[change](sought))
+    search = match_template(CHANGES[change](screen(seen)), CHANGES[change](sought))
     assert search.reason == reason, (search.best, search.rivals[:1])
 
 
-# Things that a screen draws over a place, or with it: a sibling in the same box is none of them.
+# Things that a screen draws over a place: the template is found beneath them, and a sibling in its box is not.
 
 Thing = Callable[[Array, np.random.Generator], None]
 Look = Callable[[Array], Array]
 WORDS = ("Save", "Open", "Close", "Print", "Export", "Import", "Search", "Reset", "Undo", "Help", "Filter", "Apply")
-
-
 BOX = np.s_[20:64, 20:130]
 
 
