@@ -11,6 +11,8 @@ from streamlit.testing.v1 import AppTest
 from streamlit.testing.v1.element_tree import NumberInput
 
 from stereolag.geometry.boards import Board
+from stereolag.geometry.calibrating import StereoCalibration
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui import calibrate
 from stereolag.ui.depth.maps import HANDED
@@ -144,6 +146,15 @@ def test_pictures_in_folders_of_a_zip_without_a_board_ask_for_its_size() -> None
     app = given(("pairs.zip", zipped_frames(noise)))
     assert "No chessboard or ChArUco board is seen" in app.warning[0].value
     assert not app.header
+
+
+def test_a_board_that_is_not_flat_is_told_once_it_matters() -> None:
+    flat = Board(3, 2).points()
+    result = StereoCalibration(Calibration(500.0, 0.1), Board(3, 2), 0.02, (), 0.1, 0.1, 0.6, 0.6, 0.001, flat)
+    corner_up = flat + np.outer(np.arange(6) == 0, (0, 0, 0.05))
+    told, *others = calibrate.weaknesses([], replace(result, points=corner_up))
+    assert told.startswith("The corners of the board are up to 1 mm off a flat, even grid")
+    assert others == calibrate.weaknesses([], result)
 
 
 def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> None:

@@ -252,7 +252,9 @@ def test_find_prints_no_place_that_cannot_be_relied_on(ran: Command, tmp_path: P
 
 def test_calibrate_finds_the_camera_and_writes_what_others_read(tmp_path: Path, ran: Command) -> None:
     arguments = ("--square", SQUARE_M, "--out", tmp_path, "--json")
-    figures = ran("calibrate", "pairs.zip", *arguments).figures
+    told = ran("calibrate", "pairs.zip", *arguments)
+    figures = told.figures
+    assert (told.code, len(figures["doubts"]) > 0) == (3, True)
     assert (figures["pairs"], figures["board"]) == (PAIRS, [6, 4])
     assert figures["pairs_used"] >= PAIRS - 1
     assert figures["rms_px"] < 0.5
