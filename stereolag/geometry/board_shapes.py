@@ -26,9 +26,6 @@ UNEQUAL_SIDES = 0.003
 WORTHWHILE = 0.9
 """The shape that one camera has measured must lower the error of the other one to this share."""
 
-ROUNDS = 2
-"""How often corners are moved to where a flat board has them: by the cameras of before, and by those that follow."""
-
 
 def sights_of(both: BothCorners, board: Board) -> list[list[Sight]]:
     """Return what each camera sees of a flat board, in the order of the pairs."""
@@ -64,18 +61,15 @@ def measured_shape(
         The corners in the pictures, moved to where a flat board has them: OpenCV fits cameras to flat boards alone, or
         to bodies as deep as they are wide.
     """
-    cameras = (fits.left, fits.right)
-    whole = [
-        [sight for number, sight in enumerate(sights) if len(sight.places) == board.corners and number not in out]
-        for sights, out in zip(sights_of(both, board), fits.outliers, strict=True)
-    ]
-    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not _is_suspect(whole, cameras):
+    kept = _kept(both, board, fits)
+    whole = [[sight for sight in sights if len(sight.places) == board.corners] for sights in kept]
+    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not _is_suspect(whole, (fits.left, fits.right)):
         return None
     try:
         with ThreadPoolExecutor() as aside:
             (left, first), (right, second) = aside.map(partial(_measured, board, size=size, flags=fits.flags), whole)
         for sights, camera, shape in ((whole[0], first, right), (whole[1], second, left)):
-            moved = [Sight(points, flat_places(camera, points, shape, places)) for points, places in sights]
+            moved = [Sight(points, _flat_places(camera, points, shape, places)) for points, places in sights]
             before, after = (
                 float(np.square(fitted_camera(one, size, fits.flags)[2]).mean()) for one in (sights, moved)
             )
@@ -83,26 +77,32 @@ def measured_shape(
                 return None
     except (cv2.error, ValueError):  # the pictures determine a camera, and no more than that
         return None
-    points, cameras = np.asarray(np.mean((left, right), axis=0)), (first, second)
-    for _ in range(ROUNDS):
-        flattened_pairs = {
-            number: (_flattened(pair[0], cameras[0], board, points), _flattened(pair[1], cameras[1], board, points))
-            for number, pair in both.items()
-        }
-        kept = [
-            [sight for number, sight in enumerate(sights) if number not in out]
-            for sights, out in zip(sights_of(flattened_pairs, board), fits.outliers, strict=True)
-        ]
-        cameras = (fitted_camera(kept[0], size, fits.flags)[0], fitted_camera(kept[1], size, fits.flags)[0])
-    return points, flattened_pairs
+    points = np.asarray(np.mean((left, right), axis=0))
+    once = _kept(_flattened(both, board, points, (first, second)), board, fits)
+    refitted = [fitted_camera(sights, size, fits.flags)[0] for sights in once]
+    return points, _flattened(both, board, points, refitted)
 
 
-def _flattened(corners: Corners, camera: Camera, board: Board, points: DoubleMap) -> Corners:
-    flat = board.points()[corners.numbers]
-    return Corners(corners.numbers, flat_places(camera, flat, points[corners.numbers], corners.points))
+def _kept(both: BothCorners, board: Board, fits: SeparateFits) -> list[list[Sight]]:
+    """Return what each camera sees of a flat board, without the pictures that do not show it."""
+    return [
+        [sight for number, sight in enumerate(sights) if number not in out]
+        for sights, out in zip(sights_of(both, board), fits.outliers, strict=True)
+    ]
 
 
-def flat_places(camera: Camera, flat: DoubleMap, points: DoubleMap, places: DoubleMap) -> DoubleMap:
+def _flattened(both: BothCorners, board: Board, points: DoubleMap, cameras: Sequence[Camera]) -> BothCorners:
+    """Return where the cameras would see the corners of a board if it were flat."""
+    flat = board.points()
+
+    def moved(corners: Corners, camera: Camera) -> Corners:
+        numbers = corners.numbers
+        return Corners(numbers, _flat_places(camera, flat[numbers], points[numbers], corners.points))
+
+    return {number: (moved(left, cameras[0]), moved(right, cameras[1])) for number, (left, right) in both.items()}
+
+
+def _flat_places(camera: Camera, flat: DoubleMap, points: DoubleMap, places: DoubleMap) -> DoubleMap:
     """Return where a camera that sees the points of a board at some places would see those of a flat one, (n, 2) px."""
     pose = camera.pose(points, places)
     return places + camera.projected(flat, pose) - camera.projected(points, pose)
