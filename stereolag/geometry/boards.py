@@ -276,12 +276,17 @@ def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
 
 
 def _detected(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
-    """Return (n, 2) corners from the first detector that finds them all."""
-    for detect, flags in detectors:
+    """Return (n, 2) corners from the first detector that finds them all.
+
+    If the ends of the board differ in colour, the first corner is at the white end, whichever detector found it.
+    """
+    for detector in detectors:
+        detect, flags = detector
         found, points = detect(picture, size, flags=flags)
         # Of small boards they may leave out a row within, and end on the board's edge instead.
         if found and _is_even(np.reshape(points, (size[1], size[0], 2))):
-            return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+            corners = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+            return corners[::-1] if detector is BY_SQUARES and sum(size) % 2 else corners
     return None
 
 

@@ -250,6 +250,16 @@ def test_no_row_of_a_small_board_is_left_out_for_its_edge() -> None:
         assert min(np.abs(found[::way] - places).max() for way in (1, -1)) < 1
 
 
+@pytest.mark.parametrize("quarters", range(4))
+def test_corners_are_counted_from_the_white_end_by_both_detectors_however_the_board_is_turned(quarters: int) -> None:
+    picture = np.ascontiguousarray(np.rot90(np.pad(board_picture(CHESSBOARD, 40), 60, constant_values=255), quarters))
+    for detect in (boards.find_chessboard, boards.find_in_running_picture):
+        found = detect(picture, CHESSBOARD)
+        assert found is not None
+        square = found.points[[0, 1, 9, 10]].mean(axis=0).astype(int)
+        assert picture[square[1], square[0]] == 255
+
+
 NOISE = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
 
 
