@@ -33,6 +33,16 @@ def sights_of(both: BothCorners, board: Board) -> list[list[Sight]]:
     return [[Sight(points[pair[side].numbers], pair[side].points) for pair in both.values()] for side in (0, 1)]
 
 
+def seems_bent(board: Board, both: BothCorners, fits: SeparateFits) -> bool:
+    """Return whether what cameras fitted to a flat board leave over may come from its shape: both see the same one."""
+    kept = _kept(both, board, fits)
+    first, second = (
+        _shape_left_over(board, sights, camera).ravel()
+        for sights, camera in zip(kept, (fits.left, fits.right), strict=True)
+    )
+    return float(np.corrcoef(first, second)[0, 1]) > ALIKE
+
+
 def measured_shape(
     board: Board, both: BothCorners, size: tuple[int, int], fits: SeparateFits
 ) -> tuple[DoubleMap, BothCorners] | None:
@@ -61,9 +71,10 @@ def measured_shape(
         The corners in the pictures, moved to where a flat board has them: OpenCV fits cameras to flat boards alone, or
         to bodies as deep as they are wide.
     """
-    kept = _kept(both, board, fits)
-    whole = [[sight for sight in sights if len(sight.places) == board.corners] for sights in kept]
-    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not _is_suspect(whole, (fits.left, fits.right)):
+    whole = [[sight for sight in sights if len(sight.places) == board.corners] for sights in _kept(both, board, fits)]
+    unequal = [float(camera.matrix[0, 0] / camera.matrix[1, 1] - 1) for camera in (fits.left, fits.right)]
+    stretched = max(min(unequal), -max(unequal)) > UNEQUAL_SIDES
+    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not (stretched or seems_bent(board, both, fits)):
         return None
     try:
         with ThreadPoolExecutor() as aside:
@@ -108,22 +119,15 @@ def _flat_places(camera: Camera, flat: DoubleMap, points: DoubleMap, places: Dou
     return places + camera.projected(flat, pose) - camera.projected(points, pose)
 
 
-def _is_suspect(cameras: Sequence[Sequence[Sight]], fitted: Sequence[Camera]) -> bool:
-    """Return whether what a flat board leaves over in the pictures of both cameras may come from its shape."""
-    first, second = (_shape_left_over(*one).ravel() for one in zip(cameras, fitted, strict=True))
-    unequal = [float(camera.matrix[0, 0] / camera.matrix[1, 1] - 1) for camera in fitted]
-    stretched = max(min(unequal), -max(unequal)) > UNEQUAL_SIDES
-    return stretched or float(np.corrcoef(first, second)[0, 1]) > ALIKE
-
-
-def _shape_left_over(sights: Sequence[Sight], camera: Camera) -> DoubleMap:
+def _shape_left_over(board: Board, sights: Sequence[Sight], camera: Camera) -> DoubleMap:
     """Return how far off its place each corner of a board is if the camera and its poses are right, (n, 3) squares."""
-    normal, against = 0.0, 0.0
+    normal, against = np.zeros((board.corners, 3, 3)), np.zeros((board.corners, 3))
     for points, places in sights:
+        numbers = (points @ (1, board.columns, 0)).astype(np.intp)
         pose = camera.pose(points, places)
         seen, slopes = camera.projected(points, pose), camera.slopes(points, pose)
-        normal = normal + np.einsum("nij,nik->njk", slopes, slopes)
-        against = against + np.einsum("nij,ni->nj", slopes, places - seen)
+        normal[numbers] += np.einsum("nij,nik->njk", slopes, slopes)
+        against[numbers] += np.einsum("nij,ni->nj", slopes, places - seen)
     return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(normal, hermitian=True), against))
 
 

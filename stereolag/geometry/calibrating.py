@@ -13,10 +13,11 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.jobs import Progress
-from stereolag.geometry.board_shapes import BothCorners, measured_shape, sights_of
+from stereolag.geometry.board_shapes import BothCorners, measured_shape, seems_bent, sights_of
 from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
 from stereolag.geometry.camera_fits import (
+    ENOUGH_TO_LEAVE_OUT,
     FEWEST_PAIRS,
     JointFit,
     SeenPair,
@@ -100,6 +101,8 @@ class StereoCalibration:
     points
         (n, 3) where the corners of the board are, in squares: off their grid if the pictures show that it is bent, or
         printed unevenly.
+    unmeasured
+        Whether the board seems to be bent or printed unevenly, and too few pictures show all of it to measure that.
     """
 
     calibration: Calibration
@@ -112,6 +115,7 @@ class StereoCalibration:
     right_coverage: float
     focal_error: float
     points: DoubleMap
+    unmeasured: bool = False
 
     @property
     def off_grid_m(self) -> float:
@@ -144,6 +148,11 @@ class StereoCalibration:
                 self.rms > GOOD_RMS_PX,
                 f"Corners are {self.rms:.2f} px off their places: is the board stiff, and were all pictures taken with "
                 "one focus and zoom, while it was still?",
+            ),
+            (
+                self.unmeasured,
+                "The board seems to be bent, or printed unevenly: glue it to something flat, or show all of it to each "
+                f"camera in {ENOUGH_TO_LEAVE_OUT} pictures or more, and its shape is measured.",
             ),
             (
                 abs(height / width - 1) > SQUARE_ENOUGH,
@@ -268,6 +277,7 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     both: BothCorners = {number: views.both[number] for number in usable}
     fits = separate_fits(sights_of(both, views.board), views.size)
     measured = measured_shape(views.board, both, views.size, fits)
+    unmeasured = measured is None and seems_bent(views.board, both, fits)
     if measured is not None:
         points, both = measured
         fits = separate_fits(sights_of(both, views.board), views.size)
@@ -277,7 +287,9 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     fit = agreeing_fit(seen, fits, views.size)
     for number in set(seen) - set(fit.used):
         reasons[number] = LeftOut.CONTRADICTS
-    return _report(views, square_m, seen, fit, reasons, fits.focal_error, points)
+    result = _report(views, square_m, seen, fit, reasons, fits.focal_error, points)
+    result = replace(result, unmeasured=unmeasured)
+    return replace(result, calibration=replace(result.calibration, notes=result.doubts))
 
 
 def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
@@ -366,7 +378,7 @@ def _report(
     covered = [
         float(covered_cells([views.both[number][side] for number in fit.used], views.size).mean()) for side in (0, 1)
     ]
-    result = StereoCalibration(
+    return StereoCalibration(
         replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms),
         views.board,
         square_m,
@@ -383,7 +395,6 @@ def _report(
         focal_error,
         points,
     )
-    return replace(result, calibration=replace(result.calibration, notes=result.doubts))
 
 
 def _rows(rig: StereoRig, size: tuple[int, int], left: DoubleMap, right: DoubleMap) -> DoubleMap:

@@ -306,6 +306,20 @@ def test_a_board_that_is_not_flat_and_even_is_measured_with_the_cameras(
     assert result.calibration.notes == result.doubts
 
 
+@pytest.mark.parametrize(("by", "doubted"), [(0.0, False), (0.1, True)])
+def test_a_bent_board_that_is_never_seen_as_a_whole_is_a_doubt(by: float, doubted: bool) -> None:
+    random = np.random.default_rng(6)
+    poses = [(random.normal(0, 0.3, 3), random.uniform((-6, -4, 13), (-1, 0, 18))) for _ in range(12)]
+    whole = placed_views(rig(2.0), poses, 0.1, bent(FLAT, by))
+    partly = [np.sort(random.permutation(54)[:48]) for _ in poses]
+    left, right = (
+        tuple(Corners(numbers, one.of(numbers)) for one, numbers in zip(side, partly, strict=True))
+        for side in (whole.left, whole.right)
+    )
+    result = calibrate_boards(replace(whole, left=left, right=right), SQUARE_M)
+    assert any("seems to be bent" in said for said in result.doubts) is doubted
+
+
 def test_what_speaks_against_a_calibration_is_said(views: BoardViews, plain: StereoCalibration) -> None:
     few = calibrate_boards(replace(views, left=(*views.left[:4], *[None] * 4)), SQUARE_M)
     assert few.doubts[0].startswith("4 pairs count") and "The board has covered" in few.doubts[1]
