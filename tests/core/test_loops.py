@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import importlib
 import inspect
 import io
@@ -17,8 +18,8 @@ import sys
 import threading
 import time
 import weakref
-from concurrent.futures import ProcessPoolExecutor
 from itertools import chain
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
@@ -61,15 +62,31 @@ def inner(number):
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 
 
-def started(folder: Path, **variables: str) -> ProcessPoolExecutor:
-    """Return a process that has imported the two loops of a folder: a fork, because Numba takes seconds to load."""
-    process = ProcessPoolExecutor(1, multiprocessing.get_context("fork"))
-    process.submit(import_loops, folder, variables_for(folder) | variables).result()
-    return process
+class Start:
+    """A process that has imported the two loops of a folder; it calls them when told, and ends.
+
+    A fork, because Numba takes seconds to load.
+    """
+
+    def __init__(self, folder: Path, **variables: str) -> None:
+        self._pipe, theirs = multiprocessing.Pipe()
+        environment = variables_for(folder) | variables
+        process = multiprocessing.get_context("fork").Process(target=called, args=(folder, environment, theirs))
+        process.start()
+        theirs.close()
+        assert self._pipe.recv() == "ready"
+
+    def go(self) -> Start:
+        self._pipe.send("go")
+        return self
+
+    def said(self) -> tuple[int, str]:
+        """Return the answer of the loops and what was written to stderr."""
+        return self._pipe.recv()
 
 
-def import_loops(folder: Path, environment: dict[str, str]) -> None:
-    """Import the two loops of a folder into this process, in this environment, and keep what is written to stderr."""
+def called(folder: Path, environment: dict[str, str], told: Connection) -> None:
+    """Import the two loops of a folder, in this environment, and call them when told."""
     os.environ.clear()
     os.environ.update(environment)
     sys.path.insert(0, str(folder.parents[1]))
@@ -77,19 +94,17 @@ def import_loops(folder: Path, environment: dict[str, str]) -> None:
     for name in [name for name in sys.modules if name.partition(".")[0] == "stereolag"]:
         del sys.modules[name]
     logging.getLogger().handlers.clear()
-    sys.stderr = io.StringIO()
-    importlib.import_module("stereolag.loops.outer")
-
-
-def called() -> tuple[int, str]:
-    """Call the two loops that this process has imported; return their answer and what was written to stderr."""
-    return sys.modules["stereolag.loops.outer"].outer(1), sys.stderr.getvalue()
+    with contextlib.redirect_stderr(io.StringIO()) as errors:
+        outer = importlib.import_module("stereolag.loops.outer").outer
+        told.send("ready")
+        told.recv()
+        answer = outer(1)
+    told.send((answer, errors.getvalue()))
 
 
 def run(folder: Path, **variables: str) -> tuple[int, str]:
-    """Return what the two loops of a folder say in a process of their own."""
-    with started(folder, **variables) as process:
-        return process.submit(called).result()
+    """Run the two loops of a folder; return their answer and what was written to stderr."""
+    return Start(folder, **variables).go().said()
 
 
 @pytest.fixture
@@ -137,20 +152,20 @@ def code_in(folder: Path) -> dict[str, int]:
 
 
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_later_ones_load_it_without_numba(loops: Path) -> None:
-    def said() -> str:
+    def started() -> str:
         script = "import sys; from stereolag.loops.outer import outer; print(outer(1), 'numba' in sys.modules)"
         command = [sys.executable, "-B", "-W", "error", "-c", script]
         environment = variables_for(loops.parents[1])
         return subprocess.check_output(command, env=environment, cwd="/", stderr=subprocess.STDOUT, text=True)
 
-    assert said() == "2 True\n"
+    assert started() == "2 True\n"
     code = code_in(loops / "__pycache__")
     assert code and code_in(loops.parents[2]) == code
-    assert said() == "2 False\n"
+    assert started() == "2 False\n"
     damaged = Path(next(iter(code)))
-    damaged.write_bytes(broken := damaged.read_bytes()[:-1] + b"?")
-    assert run(loops) == (2, "") and damaged.read_bytes() != broken
-    assert said() == "2 False\n"
+    damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
+    assert started() == "2 True\n"
+    assert started() == "2 False\n"
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_user_s_cache_folder(loops: Path) -> None:
@@ -196,8 +211,8 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
 def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
-    begun = [process.submit(called) for process in [started(loops, **kept) for loops in 2 * releases]]
-    assert [process.result() for process in begun] == 2 * [(2, ""), (3, "")]
+    begun = [process.go() for process in [Start(loops, **kept) for loops in 2 * releases]]
+    assert [process.said() for process in begun] == 2 * [(2, ""), (3, "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
     assert [run(loops, **kept) for loops in releases] == [(2, ""), (3, "")]
@@ -206,7 +221,7 @@ def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_pat
 
 def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_none_from_it(loops: Path) -> None:
     assert run(loops) == (2, "")
-    running = started(loops)
+    running = Start(loops)
     (older,) = (loops / "__pycache__").iterdir()
     code = code_in(older)
     others = [loops / "__pycache__" / name for name in ("another", "stereolag-notes")]
@@ -221,7 +236,7 @@ def test_an_upgrade_leaves_a_process_its_code_until_it_is_long_unused_and_takes_
     assert run(loops) == (4, "")
     assert not older.exists()
     assert all(other.exists() for other in others)
-    assert running.submit(called).result() == (2, "")
+    assert running.go().said() == (2, "")
     assert code_in(older)
     assert run(loops) == (4, "")
 
