@@ -135,8 +135,9 @@ def _in_words(figures: dict[str, Any]) -> str:
         f"{figures['height']} px, over {100 * figures['coverage']:.0f} % of the picture",
         f"reprojection error {figures['rms_px']:.3f} px, rows {figures['row_error_px']:.3f} px apart",
         f"focal length {figures['focal_px']:.2f} px, baseline {1000 * figures['baseline_m']:.3f} mm",
-        f"corners up to {1000 * figures['off_grid_m']:.2g} mm off the board's grid, as measured here",
     ]
+    if figures["off_grid_m"]:
+        lines.append(f"corners up to {1000 * figures['off_grid_m']:.2g} mm off the board's grid, taken into account")
     lines += [f"pair {name} is left out: {why.replace('_', ' ')}" for name, why in figures["left_out"].items()]
     if "files" in figures:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")

@@ -276,8 +276,8 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     usable, points = _usable(reasons, views), views.board.points()
     both: BothCorners = {number: views.both[number] for number in usable}
     fits = separate_fits(sights_of(both, views.board), views.size)
-    measured = measured_shape(views.board, both, views.size, fits)
-    unmeasured = measured is None and seems_bent(views.board, both, fits)
+    bent = seems_bent(views.board, both, fits)
+    measured = measured_shape(views.board, both, views.size, fits, bent=bent)
     if measured is not None:
         points, both = measured
         fits = separate_fits(sights_of(both, views.board), views.size)
@@ -288,7 +288,7 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     for number in set(seen) - set(fit.used):
         reasons[number] = LeftOut.CONTRADICTS
     result = _report(views, square_m, seen, fit, reasons, fits.focal_error, points)
-    result = replace(result, unmeasured=unmeasured)
+    result = replace(result, unmeasured=bent and measured is None)
     return replace(result, calibration=replace(result.calibration, notes=result.doubts))
 
 
