@@ -18,8 +18,8 @@ BothCorners = Mapping[int, tuple[Corners, Corners]]
 """The corners in the left and the right picture of each pair, by its number."""
 
 ALIKE = 0.7
-"""Least correlation of the shapes that both cameras see in a board, each by itself: simulated boards have at most 0.3 if
-flat, 0.6 if printed unevenly, and at least 0.9 if bent."""
+"""Least correlation of the shapes that both cameras see in a board, each by itself: simulated boards have at most 0.3
+if flat, 0.6 if printed unevenly, and at least 0.9 if bent."""
 
 UNEQUAL_SIDES = 0.003
 """Difference of the focal lengths across and down, as a share: both cameras have it if squares are higher than wide."""
