@@ -18,7 +18,7 @@ from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import in_columns, show_picture
 from stereolag.ui.lag.inputs import example_recordings
-from stereolag.ui.lag.parts import slide_by_hand
+from stereolag.ui.lag.panels import slide_by_hand
 from stereolag.ui.matcher_controls import default_settings
 from stereolag.ui.navigation import head, page
 from stereolag.ui.results import computed

@@ -7,18 +7,8 @@ from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.inputs import LAG_ADDRESS, RecordingPair, choose_recordings, lag_key
-from stereolag.ui.lag.parts import (
-    compare_methods,
-    fool_it,
-    listen,
-    show_lag_files,
-    show_lined_up,
-    show_over_time,
-    show_phasors,
-    show_plan,
-    show_verdict,
-    slide_it,
-)
+from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it
+from stereolag.ui.lag.parts import compare_methods, listen, show_lag_files, show_lined_up, show_over_time, show_verdict
 from stereolag.ui.navigation import bench, fragment, page, show_parts
 from stereolag.ui.results import computed_or_refused
 from stereolag.ui.sentences import LAG_METHODS, LAG_METHODS_EXPLAINED

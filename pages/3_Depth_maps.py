@@ -16,11 +16,8 @@ from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.live import LiveCamera, follow_sliders, show_live
 from stereolag.ui.depth.maps import (
-    PART,
     choose_maps,
-    coloured_alike,
     measured,
-    offer_fit,
     send_ahead,
     send_images,
     show_controls,
@@ -31,6 +28,7 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.preparing import show_doctor
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
+from stereolag.ui.depth.view import PART, coloured_alike, offer_fit
 from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import bench, fragment, page
 

@@ -21,7 +21,7 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.view import DepthView
 from tests.app import uploads
 from tests.app.pages import page_of
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import exact_key
-from stereolag.ui.depth.maps import COLOURS, FOLD, PART, SHOWN, TAB
+from stereolag.ui.depth.maps import SHOWN, TAB
+from stereolag.ui.depth.view import COLOURS, FOLD, PART
 from stereolag.ui.matcher_controls import more_key, preset_key
 from stereolag.ui.matcher_controls import more_key as more
 from stereolag.ui.matcher_controls import setting_key as setting

@@ -15,8 +15,8 @@ from stereolag.geometry.calibrating import StereoCalibration
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui import calibrate
-from stereolag.ui.depth.maps import HANDED
 from stereolag.ui.depth.preparing import KEPT
+from stereolag.ui.depth.view import HANDED
 from tests.app import uploads
 from tests.app.driving import zipped_frames
 from tests.app.pages import CALIBRATE, DEPTH, finished, linked, moved, open_page

@@ -17,8 +17,8 @@ from stereolag.figures.legends import Colours
 from stereolag.pair import Pair, PairId, Preparation, example_pair, resized
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM
-from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
 from tests.app.pages import DEPTH, finished, open_page, page_of

@@ -26,8 +26,8 @@ from stereolag.pair import Pair, PairId, Preparation, Rows, assemble_pair, prepa
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.comparing import show_scoreboard
 from stereolag.ui.depth.downloads import Download, archive, files, show_downloads
-from stereolag.ui.depth.maps import DepthView, KnownDistance
 from stereolag.ui.depth.state import recall_settings
+from stereolag.ui.depth.view import DepthView, KnownDistance
 from stereolag.ui.downloads import File
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys

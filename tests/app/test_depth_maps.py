@@ -17,9 +17,9 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui import results
 from stereolag.ui.controls import class_of
-from stereolag.ui.depth import maps
+from stereolag.ui.depth import view
 from stereolag.ui.depth.live import MovedSlider
-from stereolag.ui.depth.maps import OUTLINED
+from stereolag.ui.depth.view import OUTLINED
 from tests.app import keys
 from tests.app.pages import DEPTH, moved, open_page, open_unfolded, until
 from tests.app.reading import figures, outlines, viewers
@@ -95,7 +95,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
     computed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
-    monkeypatch.setattr(maps, "edge_path", lambda image: made.append(image) or edge_path(image))
+    monkeypatch.setattr(view, "edge_path", lambda image: made.append(image) or edge_path(image))
     app = open_unfolded(DEPTH)
     assert outlines(app) == {}
     assert made == []

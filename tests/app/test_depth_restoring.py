@@ -23,8 +23,9 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.comparing import show_all_pairs, table_of
 from stereolag.ui.depth.downloads import Download, archive, pair_files
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.maps import DepthView, coloured_alike, measured, shown_methods
+from stereolag.ui.depth.maps import measured, shown_methods
 from stereolag.ui.depth.tuning import JudgedPairs
+from stereolag.ui.depth.view import DepthView, coloured_alike
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
 from tests.app import keys
 from tests.app.depth_view import LEFT, RIGHT, SCENE, own_files, pair_of, part_on_a_set, shown

@@ -25,10 +25,10 @@ from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.background_jobs import Job
-from stereolag.ui.depth.maps import PAIR, SIZE, DepthView
 from stereolag.ui.depth.preparing import rows_key
 from stereolag.ui.depth.state import ADOPTED
 from stereolag.ui.depth.tuning import PairJob, begin_job, job_on, show_suggest, show_sweep
+from stereolag.ui.depth.view import PAIR, SIZE, DepthView
 from tests.app.depth_view import pair_of, part_of_page, part_on_a_set, small_view
 from tests.app.pages import uploaded
 from tests.app.reading import charts, labelled

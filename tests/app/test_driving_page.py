@@ -24,7 +24,7 @@ from stereolag.figures.pictures import coloured
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
-from stereolag.ui.depth.maps import HANDED
+from stereolag.ui.depth.view import HANDED
 from stereolag.ui.driving import inputs, work
 from stereolag.ui.driving.inputs import EXAMPLE, ONE, TWO
 from stereolag.ui.driving.work import LINES, OPENED, _table

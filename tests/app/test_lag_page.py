@@ -19,7 +19,7 @@ from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag import parts
 from stereolag.ui.lag.inputs import Piece, answer
-from stereolag.ui.lag.parts import judged
+from stereolag.ui.lag.panels import judged
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import pages, reading, uploads
 from tests.app.pages import LAG, moved, open_page, uploaded

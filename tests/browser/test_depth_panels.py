@@ -19,7 +19,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison
 from stereolag.ui.depth.distances import show_readout
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.view import DepthView
 from tests.app.depth_view import small_view
 from tests.browser.axe import check
 from tests.browser.parts import Parts, ShowParts, box_of, redrawn, sent

@@ -11,7 +11,7 @@ from playwright.sync_api import Locator, expect
 from stereolag import SignalLag, signal_lag
 from stereolag.core.searches import LagSearch
 from stereolag.ui.lag.inputs import RecordingPair, example_recordings
-from stereolag.ui.lag.parts import fool_it, show_phasors, show_plan, slide_by_hand
+from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_by_hand
 from tests.browser.axe import check
 from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, turned_dark

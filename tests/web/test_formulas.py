@@ -20,7 +20,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates.by_hand import ReducedSearch, reduced_search
 from stereolag.ui.depth.explaining import browser_settings
-from stereolag.ui.lag.parts import described_phasors
+from stereolag.ui.lag.panels import described_phasors
 from stereolag.ui.search.inputs import example_pictures, packed_mask, read_packed_mask
 from tests.web.node import Node
 

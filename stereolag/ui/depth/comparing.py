@@ -43,16 +43,7 @@ from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, er
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.inputs import preparation_of_sets, set_of
-from stereolag.ui.depth.maps import (
-    LEFT,
-    DepthView,
-    kept_for,
-    known_truth,
-    map_legends,
-    map_picture,
-    photograph,
-    truth_picture,
-)
+from stereolag.ui.depth.maps import map_legends, map_picture, photograph, truth_picture
 from stereolag.ui.depth.sentences import (
     UNJUDGED,
     agreement_in_words,
@@ -60,6 +51,7 @@ from stereolag.ui.depth.sentences import (
     difference_in_words,
     errors_in_words,
 )
+from stereolag.ui.depth.view import LEFT, DepthView, kept_for, known_truth
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_columns, show_chart, show_picture
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures

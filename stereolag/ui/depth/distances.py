@@ -27,14 +27,9 @@ from stereolag.geometry.scene import (
 from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.depth.maps import (
-    LEFT,
-    DepthView,
-    KnownDistance,
-    Pixel,
     choose_map,
     disparity_error,
     disparity_in_words,
-    known_key,
     map_legends,
     map_picture,
     photograph,
@@ -42,6 +37,7 @@ from stereolag.ui.depth.maps import (
     truth_picture,
 )
 from stereolag.ui.depth.sentences import length_in_words, markdown_table, metres_in_words, uncertainty_in_words
+from stereolag.ui.depth.view import LEFT, DepthView, KnownDistance, Pixel, known_key
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed

@@ -38,8 +38,9 @@ from stereolag.ui import prose
 from stereolag.ui.background_jobs import is_heavy
 from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
-from stereolag.ui.depth.maps import DepthView, choose_map, kept_for, settings_key
+from stereolag.ui.depth.maps import choose_map
 from stereolag.ui.depth.state import adopt, at_size, for_size, saved_state
+from stereolag.ui.depth.view import DepthView, kept_for, settings_key
 from stereolag.ui.downloads import (
     File,
     download_button,

@@ -46,7 +46,7 @@ from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.components import component, deliver, packed_grey_pair
-from stereolag.ui.depth.maps import DepthView, Pixel, disparity_in_words, reasons_of
+from stereolag.ui.depth.maps import disparity_in_words, reasons_of
 from stereolag.ui.depth.sentences import (
     EXAMPLE_LABELS,
     HOVER_WORDS,
@@ -59,6 +59,7 @@ from stereolag.ui.depth.sentences import (
     overlap_in_words,
     scores_in_words,
 )
+from stereolag.ui.depth.view import DepthView, Pixel
 from stereolag.ui.elements import show_chart, show_picture, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment

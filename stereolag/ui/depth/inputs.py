@@ -45,7 +45,6 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.live import LiveCamera, ask_layout
-from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.depth.preparing import (
     ask_calibration,
     ask_rectification,
@@ -57,6 +56,7 @@ from stereolag.ui.depth.preparing import (
     with_initial_range,
 )
 from stereolag.ui.depth.state import recall_pair_and_maps, recall_settings, restore
+from stereolag.ui.depth.view import FOLD, FOLD_NEXT, HANDED, PAIR, SIZE
 from stereolag.ui.elements import refusals_shown, show_note, show_offer
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.navigation import FOLD_WIDTH, head, show_try_first

@@ -32,15 +32,11 @@ from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.maps import (
     COLUMNS,
-    HANDED,
     KEY,
-    PAIR,
     SENT,
     choose_maps,
-    coloured_alike,
     computation,
     errors,
-    kept_for,
     live_picture,
     map_ahead,
     map_legends,
@@ -50,6 +46,7 @@ from stereolag.ui.depth.maps import (
     shown_methods,
 )
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
+from stereolag.ui.depth.view import HANDED, PAIR, coloured_alike, kept_for
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved

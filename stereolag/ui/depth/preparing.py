@@ -27,8 +27,8 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.background_jobs import is_heavy
 from stereolag.ui.controls import persistent
-from stereolag.ui.depth.maps import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView, kept_for
 from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
+from stereolag.ui.depth.view import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView, kept_for
 from stereolag.ui.elements import show_offer, show_refused, show_remedy
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.navigation import DEPTH_PAGE, PAGES

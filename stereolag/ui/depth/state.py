@@ -17,21 +17,8 @@ from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import Address, Choice, example_choice, warn_ignored
-from stereolag.ui.depth.maps import (
-    FIRST_PALETTE,
-    INVERTED,
-    OUTLINED,
-    PAIR,
-    PALETTE,
-    SHOWN,
-    SHOWN_AT_FIRST,
-    SIZE,
-    TAB,
-    DepthView,
-    range_key,
-    show_method,
-    shown_methods,
-)
+from stereolag.ui.depth.maps import SHOWN, SHOWN_AT_FIRST, TAB, show_method, shown_methods
+from stereolag.ui.depth.view import FIRST_PALETTE, INVERTED, OUTLINED, PAIR, PALETTE, SIZE, DepthView, range_key
 from stereolag.ui.elements import refusals_shown
 from stereolag.ui.matcher_controls import default_settings, matchers_in_use, set_controls
 

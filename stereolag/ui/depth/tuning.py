@@ -40,7 +40,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.background_jobs import Job, show_busy, this_visit, watch
 from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
-from stereolag.ui.depth.maps import DepthView, choose_map, known_truth, show_beside
+from stereolag.ui.depth.maps import choose_map, show_beside
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,
@@ -51,6 +51,7 @@ from stereolag.ui.depth.sentences import (
     value_in_words,
 )
 from stereolag.ui.depth.state import adopt
+from stereolag.ui.depth.view import DepthView, known_truth
 from stereolag.ui.elements import refusals_shown, show_refused
 from stereolag.ui.navigation import fragment
 
