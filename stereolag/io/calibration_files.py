@@ -1,6 +1,7 @@
 """The notations of calibration files: JSON, YAML, XML, INI, NPZ, MAT, ``name=value`` or rows of numbers.
 
-All become entries by name. What the names mean is up to :mod:`stereolag.io.calibration_layouts`.
+All become entries by name. What the names mean is up to :mod:`stereolag.io.calibration_layouts` and
+:mod:`stereolag.io.calibration_parts`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,8 @@ import numpy as np
 from stereolag.geometry.calibration import UNITS, Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
-from stereolag.io.calibration_layouts import FISHEYE, Layout, Parts, layout_of, lens_of, unused
+from stereolag.io.calibration_layouts import Layout, layout_of
+from stereolag.io.calibration_parts import FISHEYE, Parts, lens_of, unused
 from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 
@@ -78,7 +79,7 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     layout = layout_of(entries)
     lens = lens_of(entries)
     every = layout.read(entries)
-    idle = unused(layout, entries)
+    idle = unused(entries, layout.ignored)
     modes, problem = [], None
     for parts in every:
         try:
