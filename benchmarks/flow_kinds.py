@@ -103,6 +103,24 @@ def noisy_and_still(random: np.random.Generator) -> Frames:
     return noisy(random, frame, noise), noisy(random, frame, noise), np.zeros((2, ROWS, COLS))
 
 
+def smooth_and_still(random: np.random.Generator) -> Frames:
+    """Return a slope of the grey levels, darker towards the corners, and noise."""
+    row, col = np.mgrid[:ROWS, :COLS] / ROWS - 0.5
+    angle, noise = random.uniform(0, 2 * np.pi), random.uniform(1, 4)
+    scene = 150 + 60 * (row * np.sin(angle) + col * np.cos(angle)) - random.uniform(0, 60) * (row**2 + col**2)
+    return noisy(random, scene, noise), noisy(random, scene, noise), np.zeros((2, ROWS, COLS))
+
+
+def bricks(random: np.random.Generator) -> Frames:
+    """Return a wall of bricks, of which every other row is set off by half a brick."""
+    height, width = random.integers(14, 30), 2 * random.integers(10, 20)
+    row, col = np.mgrid[: 2 * ROWS, : 2 * COLS]
+    joints = (row % height < 2) | ((col + row // height % 2 * width // 2) % width < 2)
+    wall, (dy, dx) = np.where(joints, 60, 170), random.integers(-12, 13, 2)
+    frames = [noisy(random, wall[30 + y : 30 + y + ROWS, 30 + x : 30 + x + COLS], 2) for y, x in ((0, 0), (-dy, -dx))]
+    return frames[0], frames[1], np.stack([np.full((ROWS, COLS), float(part)) for part in (dy, dx)])
+
+
 KINDS: dict[str, Callable[[np.random.Generator], Frames]] = {
     "other photographs": other_photographs,
     "other particles": other_particles,
@@ -112,6 +130,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Frames]] = {
     "particles before a static background": before_a_background,
     "the same scene, noise": noisy_and_still,
     "the same particles": particles,
+    "a smooth scene that stands still, noise": smooth_and_still,
+    "a wall of bricks": bricks,
 }
 
 

@@ -56,10 +56,9 @@ def fetched(image: Image, flow: Flow) -> Image:
     return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def leaves_frame(flow: Flow) -> npt.NDArray[np.bool_]:
-    """Return the (H, W) mask of pixels whose flow leads out of the frame, beyond its half-pixel border."""
-    row, col = places(flow)
-    rows, cols = row.shape
+def leaves_frame(flow: Flow, shape: tuple[int, ...], step: int = 1) -> npt.NDArray[np.bool_]:
+    """Return the mask of pixels, `step` px apart, whose flow leads out of a frame, beyond its half-pixel border."""
+    (row, col), (rows, cols) = places(flow, step), shape
     return np.asarray((row < -0.5) | (row > rows - 0.5) | (col < -0.5) | (col > cols - 0.5))
 
 
@@ -97,7 +96,7 @@ def match_level(first: Image, second: Image, flow: Flow | None, window: int, rea
     assert best is not None
     found = best.found
     found[:, best.score == NO_SCORE] = 0
-    return Candidates(found, np.where(leaves_frame(found), NO_SCORE, best.score), matches.texture)
+    return Candidates(found, np.where(leaves_frame(found, first.shape), NO_SCORE, best.score), matches.texture)
 
 
 class _Best(NamedTuple):

@@ -39,6 +39,7 @@ from stereolag.motion.levels import (
     return_error,
 )
 from stereolag.motion.verdict import (
+    LEVELS,
     FlowVerdict,
     FrameRelation,
     moves_everywhere,
@@ -123,7 +124,8 @@ class FlowMap:
     reason
         (H, W) uint8, a :class:`~stereolag.stereo.matcher.Reason` for every pixel. LEFT_RIGHT: the way back from the
         second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
-        neighbours by the universal median test. AMBIGUOUS: the pixel's surroundings do not confirm the match.
+        neighbours by the universal median test. AMBIGUOUS: the pixel's surroundings do not confirm the match, or fit as
+        well at another one, as along stripes, on smooth slopes with noise, and in patterns that repeat within reach.
     verdict
         "related"; or, with no flow at all, "unrelated": the frames have nothing in common; "blank": one of them shows
         nothing, or only noise; "static background": things move everywhere before a background that does not, so that
@@ -344,7 +346,7 @@ class FlowMatcher(Settings):
             return View(still, found._replace(flow=still), still[0]), FrameRelation(verdict, ~flat)
         count = count_levels(first.shape, self.window_size, self.search, self.levels)
         firsts, seconds = (
-            Frame(one, guide, grey_level(first, second)).pyramid(count)
+            Frame(one, guide, grey_level(first, second)).pyramid(max(count, LEVELS))
             for one, guide in zip((first, second), as_eight_bit(first, second), strict=True)
         )
         flows: tuple[Flow | None, Flow | None] = (None, None)
@@ -353,7 +355,7 @@ class FlowMatcher(Settings):
             view, back = self._solve(level, firsts[level], seconds[level], there, back)
             flows = view.flow, back
             progress(1 / 4**level)
-        return view, related_frames(firsts[0], seconds[0], view.flow)
+        return view, related_frames(firsts, seconds, view.flow, self.search)
 
     def _moves_before_a_background(self, found: FrameRelation, first: Image, second: Image) -> bool:
         """Return whether frames agree better, and move everywhere, once their minimum is subtracted."""
@@ -409,9 +411,8 @@ class FlowMatcher(Settings):
         """Return the flow without unreliable displacements, its scores, and the reasons."""
         score, flat = view.candidates.score, view.candidates.texture <= least_texture(self.texture, first, second)
         same = unchanged(first, second, self.window_size) & ~flat
-        moves = same.copy()
-        moves[same] = (np.abs(view.flow[:, same]) >= 1).any(axis=0)
-        view.flow[:, same & ~moves] = 0
+        moves = same & (np.abs(view.flow) >= 1).any(axis=0) if same.any() else same
+        np.copyto(view.flow, 0, where=same & ~moves)
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
         tests: list[tuple[Mask, Reason]] = []
         if self.median_test is not None:
@@ -426,7 +427,7 @@ class FlowMatcher(Settings):
             (~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS),
             # A score is missing where the window of the second frame is flat, or outside.
             (score == NO_SCORE, Reason.LOW_TEXTURE),
-            (leaves_frame(view.flow), Reason.OUT_OF_FRAME),
+            (leaves_frame(view.flow, score.shape), Reason.OUT_OF_FRAME),
             (flat, Reason.LOW_TEXTURE),
         ]
         for where, why in tests:
@@ -436,7 +437,7 @@ class FlowMatcher(Settings):
         if self.filling and not missing.all():
             reason[missing] = Reason.FILLED
         else:
-            view.flow[:, missing] = np.nan
+            np.copyto(view.flow, np.nan, where=missing)
         return view.flow, score, reason
 
 

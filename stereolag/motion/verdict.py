@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 import cv2
@@ -9,21 +10,26 @@ import numpy as np
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image
-from stereolag.motion.candidates import Flow, leaves_frame, places
+from stereolag.motion.candidates import Flow, leaves_frame
+from stereolag.motion.evidence import (
+    NEIGHBOURHOOD,
+    OWN_AGREES,
+    STEP,
+    agreement_of,
+    at_full_size,
+    detail_of,
+    determined,
+)
 from stereolag.motion.levels import Frame
 
 FlowVerdict: TypeAlias = Literal["related", "unrelated", "blank", "static background", "identical"]
 
-DETAIL, NEIGHBOURHOOD, OWN, BLOCK, NEAR = 9, 31, 15, 10, 63
-"""Sides of squares, px of the level: the mean that is removed, so that detail remains; the area over which detail is
-compared, and around a single pixel; the blocks of which 5 × 5 predict the flow of the middle one; and the reach of a
-neighbourhood that agrees."""
+OWN, BLOCK, NEAR = 15, 10, 63
+"""Sides of squares, px of the level: the area over which detail is compared around a single pixel; the blocks of which
+5 × 5 predict the flow of the middle one; and the reach of a neighbourhood that agrees."""
 
-STEP = 2
-"""Distance of the pixels at which frames are compared at full size, px: a quarter of them tells as much."""
-
-AGREES, OWN_AGREES = 0.4, 0.3
-"""Least correlation of the detail under the predicted flow, and of a pixel's surroundings under its own flow."""
+AGREES = 0.4
+"""Least correlation of the detail under the predicted flow."""
 
 LEAST_SHARE = 0.3
 """Least share of the textured area that agrees in related frames: 0.44 or more if half of a photograph is exchanged, at
@@ -59,7 +65,7 @@ class FrameRelation(NamedTuple):
     """Whether things may move before a background that stands still."""
 
 
-def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
+def related_frames(firsts: Sequence[Frame], seconds: Sequence[Frame], flow: Flow, reach: int) -> FrameRelation:
     """Return whether the flow between two frames is more than chance, and where.
 
     A flow made to fit makes any two frames similar. Each area is therefore compared under the flow of the blocks around
@@ -69,24 +75,24 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
 
     Parameters
     ----------
-    first, second
-        The frames.
+    firsts, seconds
+        The pyramids of both frames, finest first, of :data:`LEVELS` levels or more.
     flow
         (2, H, W) px, finite.
+    reach
+        Largest motion that was searched for, px.
     """
-    nowhere = np.zeros(first.shape, np.bool_)
-    typical, hidden, step = 0.0, False, STEP if min(first.shape) >= 4 * NEIGHBOURHOOD else 1
-    for level in range(LEVELS):
+    nowhere, whole_flow = np.zeros(firsts[0].shape, np.bool_), flow
+    typical, hidden, step = 0.0, False, STEP if min(nowhere.shape) >= 4 * NEIGHBOURHOOD else 1
+    for level, (first, second) in enumerate(zip(firsts[:LEVELS], seconds[:LEVELS], strict=True)):
         if level:
-            first, second = (frame.pyramid(2)[1] for frame in (first, second))
-            size = first.shape[1], first.shape[0]
-            flow = np.stack([cv2.resize(part / 2, size, interpolation=cv2.INTER_AREA) for part in flow])
+            flow = np.stack([cv2.resize(part / 2, first.shape[::-1], interpolation=cv2.INTER_AREA) for part in flow])
             step = 1
-        details = [_detail(one.grey, one.grey_level) for one in (first, second)]
+        details = [detail_of(one.grey, one.grey_level) for one in (first, second)]
         detail = np.ascontiguousarray(details[0][::step, ::step])
         predicted = _predicted(flow, detail.shape)
-        agreement, energy = _agreement(detail, details[1], predicted, NEIGHBOURHOOD, step)
-        textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow)[::step, ::step]
+        agreement, energy = agreement_of(detail, details[1], predicted, NEIGHBOURHOOD, step)
+        textured = (energy > FAINT * energy.mean()) & ~leaves_frame(flow[:, ::step, ::step], first.shape, step)
         area = int(textured.sum()) or 1
         if level == 0:
             sampled = agreement[::2, ::2][textured[::2, ::2]]
@@ -96,9 +102,9 @@ def related_frames(first: Frame, second: Frame, flow: Flow) -> FrameRelation:
         agreeing = textured & (agreement >= AGREES)
         if np.count_nonzero(agreeing) >= LEAST_SHARE * area:
             near = np.asarray(cv2.dilate(agreeing.astype(np.uint8), np.ones((NEAR // step | 1,) * 2, np.uint8)))
-            own, _ = _agreement(detail, details[1], flow[:, ::step, ::step], OWN, step)
-            whole = cv2.resize(near * (own >= OWN_AGREES), nowhere.shape[::-1], interpolation=cv2.INTER_NEAREST)
-            return FrameRelation("related", whole > 0, typical, hidden)
+            own, _ = agreement_of(detail, details[1], flow[:, ::step, ::step], OWN, step)
+            supported = at_full_size((near > 0) & (own >= OWN_AGREES), nowhere.shape)
+            return FrameRelation("related", determined(firsts, seconds, whole_flow, supported, reach), typical, hidden)
         noise = NOISE_CORRELATES[min(level, 1)]
         if all(_continues(one) > noise for one in details):
             return FrameRelation("unrelated", nowhere, typical, hidden)
@@ -131,19 +137,12 @@ def _may_hide_a_motion(first: Frame, second: Frame, flow: Flow, agreement: Float
     standing = np.mean(np.hypot(*flow[:, ::2, ::2]) < STILL)
     begin = first.shape[1] // 3 // step * step
     part = np.s_[:, begin : max(first.shape[1] - begin, begin + NEIGHBOURHOOD)]
-    details = [_detail(one, first.grey_level) for one in without_minimum(first.grey[part], second.grey[part])]
+    details = [detail_of(one, first.grey_level) for one in without_minimum(first.grey[part], second.grey[part])]
     detail = np.ascontiguousarray(details[0][::step, ::step])
     seen = np.s_[:, begin // step : begin // step + detail.shape[1]]
-    other, _ = _agreement(detail, details[1], flow[:, *seen], NEIGHBOURHOOD, step)
+    other, _ = agreement_of(detail, details[1], flow[:, *seen], NEIGHBOURHOOD, step)
     changed = np.mean(other > np.maximum(agreement[seen], AGREES))
     return bool(changed >= CHANGED or (standing >= STANDING and _continues(details[0]) > NOISE_CORRELATES[1]))
-
-
-def _detail(image: Image, grey_level: float) -> FloatMap:
-    """Return an image without its local mean, grey levels of 255."""
-    grey = image if grey_level == 1 else image.astype(np.float32) / np.float32(grey_level)
-    mean = cv2.boxFilter(grey, cv2.CV_32F, (DETAIL, DETAIL), borderType=cv2.BORDER_REFLECT)
-    return np.asarray(cv2.subtract(grey, mean, dtype=cv2.CV_32F))
 
 
 def _predicted(flow: Flow, shape: tuple[int, ...]) -> Flow:
@@ -151,33 +150,6 @@ def _predicted(flow: Flow, shape: tuple[int, ...]) -> Flow:
     blocks = -(-flow.shape[2] // BLOCK), -(-flow.shape[1] // BLOCK)
     medians = [cv2.medianBlur(cv2.resize(part, blocks, interpolation=cv2.INTER_AREA), 5) for part in flow]
     return np.stack([cv2.resize(part, shape[::-1], interpolation=cv2.INTER_LINEAR) for part in medians])
-
-
-def _agreement(detail: FloatMap, second: FloatMap, flow: Flow, side: int, step: int) -> tuple[FloatMap, FloatMap]:
-    """Return how the detail around some pixels correlates with that of the second frame, and its energy.
-
-    Parameters
-    ----------
-    detail
-        The detail of the first frame at every `step`-th pixel of every `step`-th row.
-    second
-        The detail of the second frame at every pixel.
-    flow
-        At the same pixels as `detail`.
-    side
-        Side of the area around a pixel, px.
-    step
-        Distance of the pixels, px.
-    """
-    row, col = places(flow, step)
-    other = cv2.remap(second, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    area = side // step | 1, side // step | 1
-    joint = np.asarray(cv2.blur(detail * other, area, borderType=cv2.BORDER_REFLECT), np.float32)
-    own, others = (
-        np.asarray(cv2.sqrBoxFilter(one, cv2.CV_32F, area, borderType=cv2.BORDER_REFLECT), np.float32)
-        for one in (detail, other)
-    )
-    return joint / np.sqrt(np.maximum(own * others, np.float32(1e-6))), own
 
 
 def _continues(detail: FloatMap) -> float:

@@ -290,6 +290,44 @@ def test_the_half_of_a_frame_that_is_exchanged_has_next_to_no_flow() -> None:
     assert np.median(errors(flow, 2, 3)) < 0.1
 
 
+ROW, COL = np.mgrid[:ROWS, :COLS]
+
+
+@pytest.mark.parametrize(
+    ("scene", "verdict"),
+    [
+        (100 + 0.3 * ROW, "blank"),
+        (220 - (ROW - ROWS / 2) ** 2 / 240 - (COL - COLS / 2) ** 2 / 240, "related"),
+        (128 + 60 * np.sin(0.4 * ROW + 0.2 * COL), "related"),
+    ],
+    ids=["slope", "vignette", "stripes"],
+)
+def test_noise_is_no_motion_of_what_is_smooth_or_striped(scene: npt.NDArray[np.float64], verdict: str) -> None:
+    flow = optical_flow(as_frame(scene, 1, 2), as_frame(scene, 2, 2), search=32)
+    assert flow.verdict == verdict and flow.coverage < 0.05
+
+
+def wall(tile: int) -> npt.NDArray[np.float64]:
+    """Return a wall of different bricks, one pattern of which repeats after `tile` px."""
+    return np.tile(texture(tile, tile, seed=11, blur=1.5), (-(-ROWS // tile), -(-COLS // tile)))[:ROWS, :COLS]
+
+
+def test_a_pattern_that_repeats_within_reach_has_no_motion_and_beyond_it_one() -> None:
+    first, second = (as_frame(np.roll(wall(28), (0, dx), (0, 1)), dx, 2) for dx in (0, 6))
+    flow = optical_flow(first, second, search=48)
+    assert flow.verdict == "related" and flow.coverage < 0.05
+    assert (flow.reason == Reason.AMBIGUOUS).mean() > 0.9
+    flow = optical_flow(first, second, search=16)
+    assert flow.coverage > 0.8 and np.median(errors(flow, 0, 6)) < 0.1
+
+
+def test_a_pattern_that_goes_on_in_its_surroundings_moves_as_they_do() -> None:
+    scene = texture(ROWS, COLS, seed=12, blur=1.5)
+    scene[:, :150] = wall(28)[:, :150]
+    flow = optical_flow(as_frame(scene, 1, 2), as_frame(np.roll(scene, 6, axis=1), 2, 2), search=48)
+    assert flow.valid[20:-20, 20:130].mean() > 0.8 and np.median(errors(flow, 0, 6)) < 0.1
+
+
 def test_white_noise_that_moved_is_a_picture() -> None:
     first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
     flow = optical_flow(first, np.roll(first, -5, axis=1), search=16)
