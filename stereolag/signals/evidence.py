@@ -164,6 +164,14 @@ class Peak:
         return (1 - share) * self.clear >= _CLEAR_GAP * math.sqrt(2 * (1 - min(share, 0.9999)))
 
 
+def needed_for(searched: int, steps: int = 0, size: int = 1) -> float:
+    """Return the evidence that the best of so many lags needs, standard deviations of chance.
+
+    A path with steps is the best of many, too: each step may be at any of `size` lags.
+    """
+    return math.sqrt(2 * (math.log(searched + 1) + steps * math.log(size))) + MARGIN
+
+
 class Evidence:
     """Two recordings correlated under every weight, for the lags from `first` to `last`.
 
@@ -180,7 +188,7 @@ class Evidence:
     def __init__(self, signal_1: Samples, signal_2: Samples, first: int, last: int, searched: int) -> None:
         self.sizes = signal_1.size, signal_2.size
         self.first, self.last = first, last
-        self.needed = math.sqrt(2 * math.log(searched + 1)) + MARGIN
+        self.needed = needed_for(searched)
         self.points = transform_length(sum(self.sizes), real=True)
         rows = np.zeros((2, self.points), dtype=np.float32)
         rows[0, : signal_1.size], rows[1, : signal_2.size] = signal_1, signal_2

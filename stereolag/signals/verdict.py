@@ -24,7 +24,7 @@ from stereolag.signals.correlation import (
     overlap_slices,
 )
 from stereolag.signals.drift import follow_lag, median_line, with_steps_placed
-from stereolag.signals.evidence import MARGIN, Evidence, Peak, Samples, standardised
+from stereolag.signals.evidence import Evidence, Peak, Samples, needed_for, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.peaks import main_lobe
 from stereolag.signals.recordings import HeldRecording, Inverted, Recording
@@ -261,7 +261,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
     sizes = recordings[0].size, recordings[1].size
     first, last = lags_within(sizes, reach)
     chance = math.sqrt(2 * math.log(last - first + 2))
-    needed = chance + MARGIN
+    needed = needed_for(last - first + 1)
     height, ribbon = (math.nan, None) if found.correlation is None else _height(found.correlation, chance)
     own = found.lag + found.fraction
     few_votes = found.votes is not None and not enough_votes(found.votes, found.lag)
@@ -369,6 +369,10 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
                 best = replace(best, over_time=over_time)
             continue
         found_there = _along(over_time, samples_1, samples_2, searched)
+        if found_there.score * straight.needed <= needed_for(
+            searched, len(over_time.steps), common.stop - common.start
+        ):
+            continue
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
         # Undoing a lag that does change raises the peak over the whole curve too, not only over what lies around.
         higher = found_there.peaks[0].above >= _AS_GOOD * best.peaks[0].above
@@ -386,10 +390,10 @@ def _along(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, searc
     return _Alignment(evidence, peaks, over_time.middle, over_time.moved(peaks[0].lag) if near else None)
 
 
-def _by_sections(recordings: Recordings, lag: int, searched: int) -> _Alignment:
+def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change: bool = True) -> _Alignment:
     """Return the evidence for a lag of long recordings, by sections of them one after the other."""
     common = overlap_slices(recordings[0].size, recordings[1].size, lag)[0]
-    over_time = follow_lag(*recordings, lag)
+    over_time = follow_lag(*recordings, lag) if may_change else None
     line = over_time if over_time and over_time.shows else LagOverTime((Stretch(common.start, common.stop, lag, 0.0),))
     size = min(_SECTION, (common.stop - common.start) // _SECTIONS)
     starts = np.linspace(common.start, common.stop - size, _SECTIONS).astype(int).tolist()
@@ -406,8 +410,11 @@ def _by_sections(recordings: Recordings, lag: int, searched: int) -> _Alignment:
     samples_1, samples_2 = (standardised(np.concatenate(each)) for each in zip(*parts, strict=True))
     evidence = Evidence(samples_1, samples_2, -_SECTION_REACH, _SECTION_REACH, searched)
     peaks = evidence.peaks((0.0,))
-    moved = over_time.moved(peaks[0].lag) if line is over_time and over_time is not None else over_time
-    return _Alignment(evidence, peaks, line.middle if line is over_time else lag, moved)
+    if line is not over_time:
+        return _Alignment(evidence, peaks, lag, over_time)
+    if peaks[0].score * evidence.needed <= needed_for(searched, len(line.steps), recordings[0].size):
+        return _by_sections(recordings, lag, searched, may_change=False)
+    return _Alignment(evidence, peaks, line.middle, line.moved(peaks[0].lag))
 
 
 def _high_points(found: FoundLag, recordings: Recordings) -> list[int]:

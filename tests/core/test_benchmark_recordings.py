@@ -75,6 +75,11 @@ def test_a_lag_is_never_sure_and_wrong_and_mostly_sure_and_right_with_its_drift(
     assert {"narrow bands", "random triggers", "clocks far apart"} <= right
 
 
+@pytest.mark.parametrize("seed", [26, 1152])
+def test_no_steps_that_are_none_line_up_two_hearts(seed: int) -> None:
+    assert judged("unrelated pulses", seed).verdict != "sure"
+
+
 @pytest.mark.parametrize("seed", [910005, 920056])
 def test_no_drift_that_is_none_hides_an_inverted_recording(seed: int) -> None:
     assert judged("inverted polarity", seed).verdict == "nothing"
