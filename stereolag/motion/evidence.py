@@ -26,17 +26,17 @@ STEP = 2
 OWN_AGREES = 0.3
 """Least correlation of a pixel's surroundings under its own flow."""
 
-UNSURE, LEVELS = 0.25, (1, 2)
+UNSURE, JUDGED = 0.25, (1, 2)
 """Standard deviation of a motion, px, from which noise may have made it, and the levels at which it is judged: over a
 larger area it is smaller, and one of them will do."""
 
-REPEATS, OF_ITS_OWN, ALIKE, AS_WELL = 3, 5, 0.4, 0.95
+REPEATS, OF_ITS_OWN, ALIKE, AS_WELL = 3, 5, 0.25, 0.95
 """Most repeats tried; lags up to which every picture resembles itself, px of the level; the least correlation of a
 picture with itself at a repeat; and the share of the agreement from which another motion fits as well."""
 
-RIM, SAME, SURROUNDED, MOSTLY = 0.08, 0.5, 0.25, 0.7
-"""Least shares of both sides at a rim; difference up to which their motions are one, px of the level; least area of the
-surroundings, of that of the part; and the share of the rim along which it has to go on."""
+RIM, SAME, JUMP, SURROUNDED, MOSTLY = 0.08, 0.5, 1.5, 0.25, 0.7
+"""Least shares of both sides at a rim; difference up to which their motions are one, and from which a part ends, px of
+the level; least area of the surroundings, of that of the part; and the share of the rim along which it has to go on."""
 
 
 def detail_of(image: Image, grey_level: float) -> FloatMap:
@@ -97,22 +97,23 @@ def determined(firsts: Sequence[Frame], seconds: Sequence[Frame], flow: Flow, su
     reach
         Largest motion that was searched for, px.
     """
-    sizes = [
-        _Size.of(firsts[level], seconds[level], flow, 2**level)
-        for level in LEVELS
-        if min(firsts[level].shape) >= NEIGHBOURHOOD
+    levels = [
+        _Level.of(firsts[number], seconds[number], flow, 2**number)
+        for number in JUDGED
+        if min(firsts[number].shape) >= NEIGHBOURHOOD
     ]
-    if not sizes:
+    if not levels:
         return supported
-    supported = supported & np.logical_or.reduce([at_full_size(one.is_sharp(), supported.shape) for one in sizes])
-    elsewhere = sizes[0].fits_elsewhere(reach)
+    supported = supported & np.logical_or.reduce([at_full_size(one.is_sharp(), supported.shape) for one in levels])
+    finest = levels[0]
+    elsewhere = finest.fits_elsewhere(reach)
     if elsewhere.any():
-        step = STEP * sizes[0].factor
-        elsewhere &= ~sizes[0].goes_on(elsewhere, supported[::step, ::step])
+        step = STEP * finest.factor
+        elsewhere &= ~finest.goes_on(elsewhere, supported[::step, ::step])
     return supported & ~at_full_size(elsewhere, supported.shape)
 
 
-class _Size(NamedTuple):
+class _Level(NamedTuple):
     """Two frames at a level of their pyramids.
 
     Attributes
@@ -131,7 +132,7 @@ class _Size(NamedTuple):
     second: FloatMap
 
     @classmethod
-    def of(cls, first: Frame, second: Frame, flow: Flow, factor: int) -> _Size:
+    def of(cls, first: Frame, second: Frame, flow: Flow, factor: int) -> _Level:
         """Return the frames of a level, and a flow of the full size at it."""
         step = STEP * factor
         details = (detail_of(one.grey, one.grey_level) for one in (first, second))
@@ -162,8 +163,10 @@ class _Size(NamedTuple):
 
     def fits_elsewhere(self, reach: int) -> Mask:
         """Return where the first frame repeats, so that a motion a repeat away, up to `reach` px, would fit as well."""
-        found, largest = np.zeros(self.flow.shape[1:], np.bool_), reach / self.factor
-        for lag in self._repeats(math.ceil(2 * largest)):
+        found = np.zeros(self.flow.shape[1:], np.bool_)
+        # What is left at the finer levels can lead beyond the reach.
+        largest = np.maximum(np.abs(self.flow).max(axis=0), np.float32(reach / self.factor))
+        for lag in self._repeats(math.ceil(2 * reach / self.factor)):
             side = max(NEIGHBOURHOOD, int(2 * np.abs(lag).max()))
             least = np.maximum(AS_WELL * self._agreement(self.second, self.flow, side), OWN_AGREES)
             repeated, possible = np.zeros_like(found), np.zeros_like(found)
@@ -190,14 +193,15 @@ class _Size(NamedTuple):
         )
         alike = rim.copy()
         alike[rim] = np.abs(inner - outer).max(axis=0) < SAME
-        going_on = np.zeros(rim.shape, np.bool_)
-        count, labels = cv2.connectedComponents(np.ascontiguousarray(whole))
-        for number in range(1, count):
-            part = labels == number
-            around = rim & (cv2.dilate(part.astype(np.uint8), square) > 0)
-            if sides[1].sum() >= SURROUNDED * part.sum() and alike[around].sum() > MOSTLY * around.sum():
-                going_on |= part
-        return going_on
+        near = np.ones((3, 3), np.uint8)
+        jumps = np.max([cv2.dilate(part, near) - cv2.erode(part, near) for part in self.flow], axis=0) > JUMP
+        count, parts = cv2.connectedComponents(np.where(jumps, np.uint8(0), whole))
+        beside = cv2.dilate(parts.astype(np.float32), square).astype(np.intp)
+        area, rims, going_on = (
+            np.bincount(one.ravel(), minlength=count) for one in (parts, beside[rim], beside[alike])
+        )
+        goes_on = (sides[1].sum() >= SURROUNDED * area) & (going_on > MOSTLY * rims)
+        return np.asarray(goes_on[parts] & (parts > 0))
 
     def _agreement(self, other: FloatMap, flow: Flow, side: int) -> FloatMap:
         """Return how the first frame's detail correlates with other detail under a flow, or one for all."""

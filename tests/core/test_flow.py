@@ -27,7 +27,9 @@ from benchmarks.flow_kinds import (
 )
 from stereolag import FlowMap, Reason, optical_flow
 from stereolag.motion.candidates import Candidates, best_of_neighbours, best_of_neighbours_reference, match_level
+from stereolag.motion.evidence import determined
 from stereolag.motion.flow import FlowMatcher
+from stereolag.motion.levels import Frame as Level
 from stereolag.motion.levels import (
     edge_aware_mean,
     edge_aware_mean_reference,
@@ -326,6 +328,16 @@ def test_a_pattern_that_goes_on_in_its_surroundings_moves_as_they_do() -> None:
     scene[:, :150] = wall(28)[:, :150]
     flow = optical_flow(as_frame(scene, 1, 2), as_frame(np.roll(scene, 6, axis=1), 2, 2), search=48)
     assert flow.valid[20:-20, 20:130].mean() > 0.8 and np.median(errors(flow, 0, 6)) < 0.1
+
+
+def test_a_pattern_goes_on_no_farther_than_to_a_jump_of_its_motion() -> None:
+    scene = texture(ROWS, COLS, seed=12, blur=1.5)
+    scene[:, 80:] = wall(28)[:, 80:]
+    pyramids = [Level(one, one, 1.0).pyramid(3) for one in map(as_frame, (scene, shifted(scene, 0, 6)))]
+    flow = np.zeros((2, ROWS, COLS), np.float32)
+    flow[1] = np.where(COL < 180, 6, 6 - 28)
+    kept = determined(*pyramids, flow, np.ones((ROWS, COLS), np.bool_), 48)[20:-20]
+    assert kept[:, 20:160].mean() > 0.9 and kept[:, 200:-20].mean() < 0.1
 
 
 def test_white_noise_that_moved_is_a_picture() -> None:
