@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
+import sys
 import weakref
 from collections import deque
 from contextlib import suppress
@@ -13,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Array
+from stereolag.core.jobs import HEAP_BLOCK
 from stereolag.loops.compilation import compiled
 
 LINE = 64
@@ -69,13 +72,25 @@ def give_back() -> None:
     _free.clear()
 
 
+M_MMAP_THRESHOLD, M_TRIM_THRESHOLD = -3, -1
+"""The numbers of options in glibc's ``malloc.h``."""
+
+MOST_FREED = 2**28
+"""Freed memory that the allocator keeps, bytes."""
+
+
 @cache
 def keep_freed_memory() -> None:
-    """Let the system's allocator keep freed memory: by default glibc gives that of maps back, and gets it page by page.
+    """Let the system's allocator keep freed memory for the next job: other allocators than glibc's ignore it.
 
-    It keeps blocks as large as the largest that was ever freed, up to this size. Other allocators ignore it.
+    By default that gives large blocks back, and all beyond 64 MB; to get them again, page by page, takes a third of the
+    time of a flow between frames of a megapixel.
     """
-    np.empty(2**25 - 2**16, np.uint8)
+    if sys.platform == "linux":
+        with suppress(AttributeError):
+            mallopt = ctypes.CDLL(None).mallopt
+            mallopt(M_MMAP_THRESHOLD, HEAP_BLOCK)
+            mallopt(M_TRIM_THRESHOLD, MOST_FREED)
 
 
 @compiled(counted=False)

@@ -512,6 +512,26 @@ def test_a_forked_process_has_threads_of_its_own() -> None:
     assert code == 0
 
 
+FREED = """
+import resource
+import numpy as np
+from stereolag.loops.memory import keep_freed_memory
+keep_freed_memory()
+faults = []
+for _ in range(3):
+    blocks = [np.ones(20 * 2**20, np.uint8) for _ in range(8)]
+    del blocks
+    faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+print(faults[1] - faults[0], faults[2] - faults[1])
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only glibc gives freed memory back at once")
+def test_what_a_job_has_freed_is_there_for_the_next_one_without_fresh_pages() -> None:
+    run = subprocess.run([sys.executable, "-c", FREED], check=True, capture_output=True, text=True)
+    assert all(int(faults) < 1000 for faults in run.stdout.split())
+
+
 def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
     first = volume((3, 5, 7), np.uint16)
     view, place = first[1:, ::2].T, first.ctypes.data
