@@ -369,9 +369,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
                 best = replace(best, over_time=over_time)
             continue
         found_there = _along(over_time, samples_1, samples_2, searched)
-        if found_there.score * straight.needed <= needed_for(
-            searched, len(over_time.steps), common.stop - common.start
-        ):
+        if not _pays_its_steps(found_there, over_time, searched, samples_1.size):
             continue
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
         # Undoing a lag that does change raises the peak over the whole curve too, not only over what lies around.
@@ -412,9 +410,16 @@ def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change:
     peaks = evidence.peaks((0.0,))
     if line is not over_time:
         return _Alignment(evidence, peaks, lag, over_time)
-    if peaks[0].score * evidence.needed <= needed_for(searched, len(line.steps), recordings[0].size):
+    found = _Alignment(evidence, peaks, line.middle, line.moved(peaks[0].lag))
+    if not _pays_its_steps(found, line, searched, recordings[0].size):
         return _by_sections(recordings, lag, searched, may_change=False)
-    return _Alignment(evidence, peaks, line.middle, line.moved(peaks[0].lag))
+    return found
+
+
+def _pays_its_steps(found: _Alignment, over_time: LagOverTime, searched: int, size: int) -> bool:
+    """Return whether there is more evidence than for the best of all lags over time with as many steps."""
+    steps = len(over_time.steps)
+    return not steps or found.score * found.evidence.needed > needed_for(searched, steps, size)
 
 
 def _high_points(found: FoundLag, recordings: Recordings) -> list[int]:
