@@ -31,9 +31,6 @@ Points: TypeAlias = npt.NDArray[np.float64]
 KMH = 3.6
 """km/h per m/s."""
 
-OWN_ERROR = 0.01
-"""Error of our own motion as a share of the distance travelled; every other motion inherits it."""
-
 MOST_ERROR_KMH, MOST_SHARE = 6.0, 0.1
 """Largest error of a trusted speed: the larger of this value in km/h and this share of the speed."""
 
@@ -175,9 +172,14 @@ class MovingRegion:
     @property
     def trusted(self) -> bool:
         """Return whether the speed is accurate enough to be shown."""
-        if self.speed_kmh is None or self.speed_error_kmh is None:
-            return False
-        return self.speed_error_kmh <= max(MOST_ERROR_KMH, MOST_SHARE * self.speed_kmh)
+        return is_accurate(self.speed_kmh, self.speed_error_kmh)
+
+
+def is_accurate(speed_kmh: float | None, error_kmh: float | None) -> bool:
+    """Return whether a speed is accurate enough to be shown; one that is unknown is not."""
+    if speed_kmh is None or error_kmh is None:
+        return False
+    return error_kmh <= max(MOST_ERROR_KMH, MOST_SHARE * speed_kmh)
 
 
 def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain: float) -> Mask:
@@ -246,13 +248,13 @@ def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -
     return before > settings.threshold and before > settings.coherence * after
 
 
-def region_of(thing: Thing, distance_m: float, own: float, frame_rate: float | None) -> MovingRegion:
-    """Return the moving region of a thing; `own` is the distance travelled by the camera, metres."""
+def region_of(thing: Thing, distance_m: float, own_error_m: float, frame_rate: float | None) -> MovingRegion:
+    """Return the moving region of a thing, which inherits the error of our own motion."""
     (rows, cols), motion = thing.box, thing.shift.motion
     row, col = np.nonzero(thing.mask)
     length = float(np.linalg.norm(motion))
     along = motion / max(length, 1e-9)
-    error = float(np.sqrt(along @ thing.shift.covariance @ along + (OWN_ERROR * own) ** 2))
+    error = float(np.sqrt(along @ thing.shift.covariance @ along + own_error_m**2))
     speed, speed_error = (None, None) if frame_rate is None else (KMH * frame_rate * length, KMH * frame_rate * error)
     return MovingRegion(
         row=int(rows.start + row.min()),

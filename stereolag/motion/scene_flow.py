@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap, FloatMap, Mask
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
+from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.inputs import as_eight_bit, as_grey, as_image_pair, grey_level
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import FlowMap
 from stereolag.motion.moving_objects import (
@@ -17,67 +17,22 @@ from stereolag.motion.moving_objects import (
     Camera,
     MovingRegion,
     MovingTest,
-    Points,
     Sight,
     Views,
     above_ground,
     better_explained,
     connected,
     fitted_shift,
+    is_accurate,
     moves_as_one,
     region_of,
     whole_things,
 )
+from stereolag.motion.own_motion import Doubt, OwnMotion, estimate_own_motion, expected_errors
 from stereolag.stereo.matcher import DisparityMap
-
-MOST_POINTS = 4000
-"""Most points used, taken evenly over the image; more do not improve the motion."""
-
-CELL = 8
-"""Side of the image cells that contribute their best pixel each, if the image is given, px."""
-
-FLAT_SHARE = 0.3
-"""Share of the cells left out, those with the least structure: flow is least accurate without texture."""
-
-LEAST_DISPARITY = 2.0
-"""Least disparity used, px: farther points agree with any translation and would outvote near ones."""
-
-FEWEST_POINTS = 20
-TRIALS, CONFIDENCE = 500, 0.9999
 
 BLUR = 1.0
 """Standard deviation of the blur before the extent of things is found, px: windows are not shifted in finer steps."""
-
-PROBE = 0.5
-"""Step in disparity for the numerical derivative of a static point's flow, px."""
-
-
-@dataclass(frozen=True, eq=False)
-class OwnMotion:
-    """Motion of the static world in camera coordinates: ``X2 = rotation @ X1 + translation``.
-
-    Attributes
-    ----------
-    rotation
-        (3, 3).
-    translation
-        (3,) metres.
-    inliers
-        Share of the pixels used that agree, 0..1.
-    """
-
-    rotation: npt.NDArray[np.float64]
-    translation: npt.NDArray[np.float64]
-    inliers: float
-
-    @property
-    def travelled(self) -> npt.NDArray[np.float64]:
-        """Return the camera's displacement in first-frame coordinates, (3,) metres: X right, Y down, Z forward."""
-        return np.asarray(-self.rotation.T @ self.translation)
-
-    def moved(self, points: Points) -> Points:
-        """Return the positions of static points in camera coordinates at the second frame."""
-        return np.asarray(points @ self.rotation.T + self.translation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +56,8 @@ class SceneFlow:
         The moving things, nearest first.
     own_motion
         The motion of the static world in camera coordinates.
-    own_speed_kmh
-        Our own speed, km/h; None without a frame rate.
+    own_speed_kmh, own_speed_error_kmh
+        Our own speed and its standard error, km/h; None without a frame rate.
 
     Examples
     --------
@@ -131,6 +86,13 @@ class SceneFlow:
     regions: tuple[MovingRegion, ...]
     own_motion: OwnMotion
     own_speed_kmh: float | None
+    own_speed_error_kmh: float | None
+
+    @property
+    def doubt(self) -> Doubt:
+        """Return why our own speed is not to be shown: the doubt of our own motion, or "inaccurate"; otherwise ""."""
+        told = self.own_speed_kmh is None or is_accurate(self.own_speed_kmh, self.own_speed_error_kmh)
+        return self.own_motion.doubt or ("" if told else "inaccurate")
 
 
 def scene_flow(
@@ -212,17 +174,10 @@ def scene_flow(
             f"The frames have the shape {images[0].shape[:2]} and the disparities {here.shape}; they must "
             "have the same."
         )
-    own = estimate_own_motion(
-        before,
-        arrival,
-        camera,
-        tolerance=3 * settings.flow_error,
-        farthest=calibration.focal_px * calibration.baseline_m / LEAST_DISPARITY,
-        image=images and images[0],
-    )
+    own = estimate_own_motion(before, here, arrival, camera, settings, images and images[0])
     static = own.moved(before)
     expected = camera.seen(static)
-    errors = _expected_errors(own, expected, here, camera, settings)
+    errors = expected_errors(own, expected, here, places, camera, settings)
     deviations = (seen - expected) / errors
     sight = Sight(static, seen, camera)
     # Without a disparity in the second frame, a pixel is judged by its flow alone.
@@ -256,11 +211,10 @@ def scene_flow(
         along = (seen[:, *box][:, known] - camera.seen(static[box][known] + shift.motion)) / errors[:, *box][:, known]
         if moves_as_one(deviations[:, *box][:, known], along, settings):
             seeds.append((box, mask))
-    travelled = float(np.linalg.norm(own.travelled))
     found = []
     for thing in whole_things(seeds, sight, views, settings.smallest):
         distance = float(np.nanmedian(before[thing.box][thing.mask][:, 2]))
-        found.append((region_of(thing, distance, travelled, frame_rate), thing))
+        found.append((region_of(thing, distance, own.error_m, frame_rate), thing))
     found.sort(key=lambda one: one[0].distance_m)
     labels = np.zeros(here.shape, np.int32)
     for number, (_, thing) in enumerate(found, start=1):
@@ -273,7 +227,8 @@ def scene_flow(
         labels=labels,
         regions=tuple(region for region, _ in found),
         own_motion=own,
-        own_speed_kmh=None if frame_rate is None else KMH * frame_rate * travelled,
+        own_speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(own.travelled)),
+        own_speed_error_kmh=None if frame_rate is None else KMH * frame_rate * own.error_m,
     )
 
 
@@ -294,105 +249,3 @@ def disparity_at(disparity: FloatMap, places: FloatMap) -> FloatMap:
     y, x = (np.rint(np.where(inside, place, -1)).astype(np.intp) for place in places)
     inside &= (y >= 0) & (y < rows) & (x >= 0) & (x < cols)
     return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
-
-
-def _expected_errors(
-    own: OwnMotion, expected: DoubleMap, disparity: FloatMap, camera: Camera, settings: MovingTest
-) -> DoubleMap:
-    """Return the (3, H, W) expected errors of a static point's row, column and disparity in the second frame, px."""
-    places = np.indices(disparity.shape, dtype=np.float32)
-    varied = own.moved(camera.points(disparity + np.float32(PROBE), places))
-    slope = (camera.seen(varied) - expected) / PROBE
-    flow_error = settings.flow_error + settings.relative_error * np.hypot(*(expected[:2] - places))
-    own_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
-    return np.asarray(np.hypot(own_error, slope * settings.disparity_error))
-
-
-def estimate_own_motion(
-    points: Points,
-    places: FloatMap,
-    camera: Camera,
-    *,
-    tolerance: float,
-    farthest: float = np.inf,
-    image: Image | None = None,
-) -> OwnMotion:
-    """Return the rigid motion that takes most points to their positions in the second frame.
-
-    Parameters
-    ----------
-    points
-        (H, W, 3) metres, seen in the first frame; NaN = none.
-    places
-        (2, H, W) rows and columns of the same points in the second frame, px; NaN = none.
-    camera
-        The left camera.
-    tolerance
-        Largest reprojection error of a static point, px.
-    farthest
-        Largest depth used, metres.
-    image
-        (H, W) or (H, W, 3 | 4), the first frame: if given, its corners are used, otherwise evenly spread pixels.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 20 points, or not enough of them agree on a motion.
-
-    Notes
-    -----
-    Perspective-n-point by RANSAC, refined with Levenberg-Marquardt on all inliers (OpenCV's ``solvePnPRansac`` and
-    ``solvePnPRefineLM``). OpenCV seeds its random numbers anew in each call, so the result is deterministic.
-    """
-    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(places).all(axis=0) & (points[..., 2] < farthest)
-    usable = np.flatnonzero(known) if image is None else corners(image, known)
-    if usable.size < FEWEST_POINTS:
-        raise ValueError(f"Only {usable.size} pixels have both depth and motion; at least {FEWEST_POINTS} are needed.")
-    chosen = usable[np.linspace(0, usable.size - 1, min(usable.size, MOST_POINTS)).astype(np.intp)]
-    world = points.reshape(-1, 3)[chosen]
-    seen = np.ascontiguousarray(places.reshape(2, -1)[::-1, chosen].T).astype(np.float64)
-    found, turn, shift, agreeing = cv2.solvePnPRansac(
-        world,
-        seen,
-        camera.matrix,
-        None,
-        iterationsCount=TRIALS,
-        reprojectionError=tolerance,
-        confidence=CONFIDENCE,
-        flags=cv2.SOLVEPNP_SQPNP,  # of three points alone, P3P's motion once was a tenth off, with 95 % of the inliers
-    )
-    if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
-        raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
-    for _ in range(3):
-        turn, shift = cv2.solvePnPRefineLM(
-            world[agreeing[:, 0]], seen[agreeing[:, 0]], camera.matrix, None, turn, shift
-        )
-        rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
-        expected = camera.projected(world @ rotation.T + shift[:, 0])
-        error = np.hypot(expected[1] - seen[:, 0], expected[0] - seen[:, 1])
-        agreeing = np.flatnonzero(error < tolerance)[:, None]
-        if len(agreeing) < FEWEST_POINTS:
-            raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
-    return OwnMotion(rotation, np.asarray(shift[:, 0], np.float64), len(agreeing) / len(chosen))
-
-
-def corners(image: Image, known: Mask) -> npt.NDArray[np.intp]:
-    """Return the flat indices of the best corner of every cell among the known pixels.
-
-    The smaller eigenvalue of the structure tensor measures how distinct a window is from its neighbours (Shi & Tomasi,
-    "Good features to track", CVPR 1994).
-    """
-    grey = cv2.GaussianBlur(as_grey(image).astype(np.float32), (0, 0), 1.0)
-    strength = np.where(known, cv2.cornerMinEigenVal(grey, 7), np.float32(-1))
-    rows, cols = (side // CELL for side in strength.shape)
-    cells = strength[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL).swapaxes(1, 2)
-    flat = cells.reshape(rows, cols, CELL * CELL)
-    best, strongest = flat.argmax(axis=2), flat.max(axis=2)
-    there = strongest >= 0
-    if not there.any():
-        return np.empty(0, np.intp)
-    there &= strongest >= np.quantile(strongest[there], FLAT_SHARE)
-    row, col = np.nonzero(there)
-    inside = best[there]
-    found = (row * CELL + inside // CELL) * known.shape[1] + col * CELL + inside % CELL
-    return np.asarray(found, np.intp)

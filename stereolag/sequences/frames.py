@@ -290,14 +290,16 @@ class FrameRecord:
         Disparity and depth of the nearest obstacle; metres need a calibration.
     bad_2_percent, epe_px
         Percentage of pixels off by more than 2 px or missing, and the mean error of pixels with a disparity.
-    own_speed_kmh
-        Speed of the camera since the previous frame; only in rows of motion, whose coverage is that of the flow.
+    own_speed_kmh, own_speed_error_kmh
+        Speed of the camera since the previous frame, if known well enough, and its standard error; only in rows of
+        motion, whose coverage is that of the flow.
     moving
         Things that move against the world, nearest first: distance, and speed if known well enough.
     flicker_px
         Mean change of the disparity since the previous frame, where the picture did not change.
     problem
-        Why there is no map; of a motion, the verdict on its two frames unless they are related; otherwise "".
+        Why there is no map; of a motion, the verdict on its two frames unless they are related, or why our own speed
+        is not known; otherwise "".
     findings
         Codes of what the input doctor finds wrong with the sequence, the same in every row.
     """
@@ -314,6 +316,7 @@ class FrameRecord:
     bad_2_percent: float = math.nan
     epe_px: float = math.nan
     own_speed_kmh: float = math.nan
+    own_speed_error_kmh: float = math.nan
     moving: str = ""
     flicker_px: float = math.nan
     problem: str = ""

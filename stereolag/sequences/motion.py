@@ -27,6 +27,7 @@ from stereolag.figures.pictures import (
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import optical_flow
+from stereolag.motion.own_motion import Doubt
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.motion.verdict import FlowVerdict
 from stereolag.sequences.sources import StereoFrame, StereoSequence
@@ -313,10 +314,12 @@ class FrameMotion:
         (H, W) float32 displacement of every pixel since the previous frame, px; NaN = unknown.
     coverage
         Share of the pixels that have a flow, 0..1.
-    verdict
-        That of the :class:`~stereolag.motion.flow.FlowMap`.
     scene
-        The motion in metres; None without a calibration, or if no static scene was found.
+        The motion in metres; None without a calibration, between frames that are not related, or if our own motion is
+        in doubt.
+    problem
+        The verdict of the :class:`~stereolag.motion.flow.FlowMap` unless the frames are related; otherwise the doubt
+        of the :class:`~stereolag.motion.scene_flow.SceneFlow`.
     milliseconds
         Time for all of it.
     """
@@ -324,21 +327,28 @@ class FrameMotion:
     dy: FloatMap
     dx: FloatMap
     coverage: float
-    verdict: FlowVerdict
     scene: SceneFlow | None
+    problem: FlowVerdict | Doubt
     milliseconds: float
 
     def figures(self) -> dict[str, Any]:
         """Return the figures for the table; moving things are listed nearest first."""
-        problem = "" if self.verdict == "related" else self.verdict
-        figures = {"coverage": self.coverage, "milliseconds": self.milliseconds, "problem": problem}
+        figures: dict[str, Any] = {
+            "coverage": self.coverage,
+            "milliseconds": self.milliseconds,
+            "problem": self.problem,
+        }
         if self.scene is None:
             return figures
+        if not self.problem:
+            figures["own_speed_kmh"] = self.scene.own_speed_kmh
+            figures["own_speed_error_kmh"] = self.scene.own_speed_error_kmh
         things = (
-            f"{one.distance_m:.1f} m" + (f" {one.speed_kmh:.0f} km/h" if one.trusted else "")
+            f"{one.distance_m:.1f} m"
+            + (f" {one.speed_kmh:.0f} ± {one.speed_error_kmh:.0f} km/h" if one.trusted else "")
             for one in self.scene.regions
         )
-        return figures | {"own_speed_kmh": self.scene.own_speed_kmh, "moving": "; ".join(things)}
+        return figures | {"moving": "; ".join(things)}
 
 
 class MotionWatch:
@@ -392,8 +402,9 @@ class MotionWatch:
             flow = optical_flow(now.left, before.left, progress=progress)
         except (ValueError, OSError):
             return None
-        scene = None
-        if self._calibration is not None and disparity is not None and disparity_before is not None:
+        scene: SceneFlow | None = None
+        problem: FlowVerdict | Doubt = "" if flow.verdict == "related" else flow.verdict
+        if not problem and self._calibration is not None and disparity is not None and disparity_before is not None:
             try:
                 scene = scene_flow(
                     disparity,
@@ -403,10 +414,13 @@ class MotionWatch:
                     frames=(now.left, before.left),
                     frame_rate=self.settings.frame_rate or self._sequence.frame_rate,
                 )
-            except ValueError:  # no static scene in view
-                scene = None
+                problem = scene.doubt
+            except ValueError:
+                problem = "nothing static"
+        if scene is not None and scene.own_motion.doubt:  # what moves against the world is in doubt, too
+            scene = None
         milliseconds = 1e3 * (time.perf_counter() - start)
-        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, flow.verdict, scene, milliseconds)
+        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, problem, milliseconds)
 
     def lock_colours(self, progress: Progress | None = None) -> None:
         """Set the displacement at the rim of the colour wheel, once, from frames spread over the sequence."""

@@ -20,9 +20,12 @@ MOTION_IN_WORDS = {
     "unrelated": "No motion: this frame has nothing in common with the one before it.",
     "blank": "No motion: this frame or the one before it shows nothing but noise.",
     "static background": "No motion: things move everywhere before a background that stands still, so two motions fit.",
-    "identical": "This frame is the same as the one before it: nothing moves.",
+    "identical": "This frame repeats the one before it, to the last bit: no speed follows from it.",
+    "nothing static": "Own speed unknown: no single motion explains half of the picture.",
+    "two motions": "Own speed unknown: two motions share the picture. A bonnet or a lorry ahead may fill much of it.",
+    "inaccurate": "Own speed unknown: what is seen is too far away for it.",
 }
-"""Sentences on frames that are not simply related."""
+"""Sentences on frames that are not simply related, or whose own motion is not known."""
 
 # Why is it blank?
 

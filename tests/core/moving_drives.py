@@ -37,9 +37,9 @@ def car_mask(number: int) -> npt.NDArray[np.bool_]:
     return np.asarray(_surfaces(number, 0.0, 1)[0] == 2)
 
 
-def archive(count: int) -> bytes:
-    """Return a ZIP with left/ and right/."""
-    views = [frame(number) for number in range(count)]
+def archive(count: int, *, every: int = 1) -> bytes:
+    """Return a ZIP with left/ and right/, of the drive's every n-th frame; 0 repeats the first."""
+    views = [frame(every * number) for number in range(count)]
     sides = ("left", "right")
     return zipped({f"{side}/{n:03d}.png": image_png(getattr(views[n], side)) for n in range(count) for side in sides})
 

@@ -52,11 +52,11 @@ def cast(rotation, position, car):
     return depth, kind
 
 
-def scene(*, turn=0.01, travelled=(0.05, 0.0, 1.0), car_moves=(0.6, 0.0, 0.9), noise=0.0):
+def scene(*, turn=0.01, travelled=(0.05, 0.0, 1.0), car_moves=(0.6, 0.0, 0.9), noise=0.0, car=CAR):
     rotation = cv2.Rodrigues(np.array([0.002, turn, 0.0]))[0]
     position, car_moves = np.array(travelled), np.array(car_moves)
-    depth, kind = cast(np.eye(3), np.zeros(3), CAR)
-    moved_car = (CAR[0] + car_moves[0], CAR[1] + car_moves[0], CAR[2] + car_moves[2])
+    depth, kind = cast(np.eye(3), np.zeros(3), car)
+    moved_car = (car[0] + car_moves[0], car[1] + car_moves[0], car[2] + car_moves[2])
     depth_2, kind_2 = cast(rotation, position, moved_car)
     scale = CAMERA.focal_px * CAMERA.baseline_m
     row, col = places = np.indices(SHAPE, dtype=np.float32)
@@ -109,6 +109,38 @@ def test_a_standing_camera_stands_and_sees_who_comes():
     (car,) = found.regions
     assert car.motion_m[2] == pytest.approx(-1.2, abs=0.03)
     assert car.speed_kmh == pytest.approx(43.2, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("lorry", "doubt"), [((-4.0, 4.0, 9.0), "two motions"), ((-2.5, 4.0, 10.0), "two motions"), ((-1, 1, 9.0), "")]
+)
+def test_which_of_two_motions_is_the_world_s_is_not_claimed(lorry, doubt):
+    known = scene(car=lorry, car_moves=(0.05, 0.0, 1.0), turn=0, noise=0.1)
+    found = scene_flow(known.first, known.second, known.flow, CAMERA, frame_rate=RATE)
+    assert found.own_motion.doubt == found.doubt == doubt
+    assert doubt or found.own_speed_kmh == pytest.approx(36, abs=1)
+
+
+def test_no_motion_is_the_world_s_that_explains_less_than_half_of_it():
+    known = scene(noise=0.1)
+    dy, dx = (part.copy() for part in known.flow)
+    wild = np.random.default_rng(1).random(SHAPE) < 0.7
+    dx[wild] += np.random.default_rng(2).uniform(-40, 40, wild.sum())
+    assert scene_flow(known.first, known.second, (dy, dx), CAMERA).doubt == "nothing static"
+
+
+@pytest.mark.parametrize(
+    ("nearest", "expected", "doubt"), [(30, 0.5, ""), (8, 0.5, ""), (5, 0.5, ""), (5, 1, "inaccurate")]
+)
+def test_the_own_speed_s_error_counts_what_all_disparities_have_in_common(nearest, expected, doubt):
+    # The world as far as it is seen: the farther it is, the more a bias of a quarter of a pixel means.
+    known = scene(car_moves=(0, 0, 0), noise=0.15)
+    first = np.where(known.first < nearest, known.first - np.float32(0.25), np.float32(np.nan))
+    test = MovingTest(disparity_error=expected)
+    found = scene_flow(first, known.second - np.float32(0.25), known.flow, CAMERA, frame_rate=2 * RATE, test=test)
+    off = abs(found.own_speed_kmh - 7.2 * RATE * np.hypot(0.05, 1))
+    assert 0.4 * off < found.own_speed_error_kmh < 6 * off
+    assert found.doubt == doubt
 
 
 def test_only_the_depth_tells_of_a_thing_that_recedes_without_growing_smaller():

@@ -38,7 +38,8 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         assert car.distance_m == pytest.approx(9 + number, rel=0.03)
         true = car_mask(number)
         assert (found.scene.moving & true).sum() / (found.scene.moving | true).sum() > 0.7
-        assert found.figures()["moving"] == f"{car.distance_m:.1f} m {car.speed_kmh:.0f} km/h"
+        told = f"{car.distance_m:.1f} m {car.speed_kmh:.0f} ± {car.speed_error_kmh:.0f} km/h"
+        assert found.figures()["moving"] == told and found.figures()["problem"] == ""
         # Driving ahead moves the right half to the right and the left half to the left.
         assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
     faster = MotionWatch(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).since_before(1)
@@ -58,6 +59,11 @@ def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) ->
     assert np.ptp(arrows.astype(int), axis=2).max() > 100
 
 
+def test_no_speed_is_told_of_a_frame_that_repeats_the_one_before_it() -> None:
+    found = MotionWatch(open_sequence(archive(2, every=0)), MATCHER, CAMERA).since_before(1)
+    assert found.scene is None and found.coverage == 1 and found.figures()["problem"] == "identical"
+
+
 def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     moving, kept, film = SequenceSettings(motion=SequenceMotion()), SequenceMemory(), io.BytesIO()
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, settings=moving)
@@ -65,7 +71,8 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     told = [row for row in rows if row["method"] == MOTION]
     assert [row["number"] for row in told] == ["1", "2"]
     assert all(float(row["own_speed_kmh"]) == pytest.approx(OWN_KMH, rel=0.04) for row in told)
-    assert all(" m 7" in row["moving"] and row["moving"].endswith(" km/h") for row in told)
+    assert all(0 < float(row["own_speed_error_kmh"]) < 2 for row in told)
+    assert all(" m 7" in row["moving"] and " ± " in row["moving"] for row in told)
     assert all(row["own_speed_kmh"] == row["moving"] == "" for row in rows if row["method"] != MOTION)
     with av.open(io.BytesIO(film.getvalue())) as container:
         shown = [one.to_ndarray(format="rgb24") for one in container.decode(video=0)]
