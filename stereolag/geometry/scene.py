@@ -1,4 +1,4 @@
-"""The scene in metres: its points, the distances between them, and the ground."""
+"""The scene in metres: its points, the distances between them, the ground, and the nearest obstacle."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -287,3 +288,55 @@ def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
     slope, offset = np.polyfit(rows[agreeing[best]], medians[agreeing[best]], 1)
     rises = slope * (disparity.shape[0] - first) >= _LEAST_RISE
     return Ground(float(slope), float(-offset / slope)) if rises else None
+
+
+LEAST_OBSTACLE = 0.001
+"""Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
+
+_LOWEST, _HIGHEST = 0.2, 2.0
+"""Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
+
+_NO_SURFACE = np.iinfo(np.int16).min
+
+
+def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> float:
+    """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
+
+    They belong to surfaces as large as that: wrong matches are scattered in small patches.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) px; NaN = none.
+    measured
+        (H, W) pixels with a disparity that count; None for all. Others show the ground, if these do not.
+
+    Returns
+    -------
+    disparity
+        px; NaN if there is none. If a ground is seen, its pixels and anything overhanging the road do not count: the
+        height of a point above the ground, as a share of the camera's, is ``1 - d_ground / d``.
+
+    Raises
+    ------
+    ValueError
+        If the array is not (H, W).
+    """
+    values = np.asarray(disparity, dtype=np.float32)
+    if values.ndim != 2 or values.size == 0:
+        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
+    known = np.isfinite(values) if measured is None else measured
+    ground = ground_of(values, known) or ground_of(values)
+    least = np.zeros((len(values), 1), np.float32)
+    if ground is not None:
+        below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
+        # Both ends of the range of heights bound the disparity from below, as 1 - _HIGHEST is negative.
+        least[:, 0] = np.maximum(0, np.maximum(below / np.float32(1 - _LOWEST), below / np.float32(1 - _HIGHEST)))
+    rank = max(1, round(LEAST_OBSTACLE * values.size))
+    sixteenths = np.full(values.shape, _NO_SURFACE, np.int16)
+    sixteenths[known] = np.clip(16 * values[known], _NO_SURFACE + 1, np.iinfo(np.int16).max)
+    cv2.filterSpeckles(sixteenths, _NO_SURFACE, rank - 1, round(16 * SAME_SURFACE_PX))
+    obstacles = values[(sixteenths != _NO_SURFACE) & (values > least)]
+    if obstacles.size < rank:
+        return math.nan
+    return float(np.partition(obstacles, obstacles.size - rank)[obstacles.size - rank])

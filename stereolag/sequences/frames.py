@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scene import ground_of
+from stereolag.geometry.scene import nearest_obstacle
 from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
@@ -217,51 +216,6 @@ def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{Path(error.filename).name}: {error.strerror}." if error.filename else f"{error.strerror}."
     return " ".join(str(error).split())
-
-
-LEAST_SHARE = 0.001
-"""Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
-
-LOWEST, HIGHEST = 0.2, 2.0
-"""Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
-
-
-def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> float:
-    """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
-
-    Parameters
-    ----------
-    disparity
-        (H, W) px; NaN = none.
-    measured
-        (H, W) pixels with a disparity that count; None for all.
-
-    Returns
-    -------
-    disparity
-        px; NaN if there is none. If a ground is seen, its pixels and anything overhanging the road do not count: the
-        height of a point above the ground, as a share of the camera's, is ``1 - d_ground / d``.
-
-    Raises
-    ------
-    ValueError
-        If the array is not (H, W).
-    """
-    values = np.asarray(disparity, dtype=np.float32)
-    if values.ndim != 2 or values.size == 0:
-        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
-    known = np.isfinite(values) if measured is None else measured
-    ground = ground_of(values, known)
-    least = np.zeros((len(values), 1), np.float32)
-    if ground is not None:
-        below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
-        # Both ends of the range of heights bound the disparity from below, as 1 - HIGHEST is negative.
-        least[:, 0] = np.maximum(0, np.maximum(below / np.float32(1 - LOWEST), below / np.float32(1 - HIGHEST)))
-    obstacles = values[known & (values > least)]
-    rank = max(1, round(LEAST_SHARE * values.size))
-    if obstacles.size < rank:
-        return math.nan
-    return float(np.partition(obstacles, obstacles.size - rank)[obstacles.size - rank])
 
 
 BAD_PX = 2.0

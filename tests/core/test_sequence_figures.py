@@ -13,7 +13,7 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration, StereoSGBM
-from stereolag.geometry.scene import ground_of
+from stereolag.geometry.scene import ground_of, nearest_obstacle
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.sequences.frames import (
     COLUMNS,
@@ -21,7 +21,6 @@ from stereolag.sequences.frames import (
     FrameRecord,
     as_stored,
     figures_of,
-    nearest_obstacle,
     read_back,
     read_records,
     table_lines,
@@ -75,6 +74,8 @@ def test_noise_of_a_camera_is_no_change(unit: np.unsignedinteger) -> None:
         ([(np.s_[90:115, 50:90], 12.0), (np.s_[80:127, 180:230], 16.1)], 16.1, 0.6),
         # A bridge, three times as high as the camera, and a few wrong matches: the far wall is left.
         ([(np.s_[:12], 12.0), (np.s_[100:105, 100:110], 60.0)], 1.5, 1.5),
+        # Many wrong matches, each patch of them smaller than an obstacle.
+        ([(np.s_[100:107, col : col + 8], 60.0) for col in range(0, 300, 20)], 1.5, 1.5),
     ],
 )
 def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, within: float) -> None:
@@ -84,6 +85,14 @@ def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, withi
     assert nearest_obstacle(disparity) == pytest.approx(nearest, abs=within)
     ground = ground_of(road())
     assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
+
+
+def test_the_ground_is_that_of_the_filled_pixels_where_too_little_is_measured() -> None:
+    disparity, measured = road(), np.random.default_rng(1).random((200, 300)) < 0.2
+    measured[80:127, 180:230], disparity[80:127, 180:230] = True, 16.1
+    measured &= np.isfinite(disparity)
+    assert ground_of(disparity, measured) is None
+    assert nearest_obstacle(disparity, measured) == pytest.approx(16.1, abs=0.1)
 
 
 def test_without_a_ground_everything_counts() -> None:
