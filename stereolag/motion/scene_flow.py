@@ -53,7 +53,7 @@ class SceneFlow:
     labels
         (H, W) int32, 1 + the index of the region that a pixel belongs to; 0 elsewhere.
     regions
-        The moving things, nearest first.
+        The moving things, nearest first; none where our own motion is in doubt.
     own_motion
         The motion of the static world in camera coordinates.
     own_speed_kmh, own_speed_error_kmh
@@ -203,7 +203,7 @@ def scene_flow(
         stay = (expected[:2] - places).astype(np.float32)
         moving &= better_explained(images, np.stack([dy, dx]), stay, settings.gain) & views.standing
     seeds = []
-    for box, mask in connected(moving, settings):
+    for box, mask in () if own.doubt else connected(moving, settings):
         known = mask & np.isfinite(deviations[:, *box]).all(axis=0)
         shift = fitted_shift(sight, box, known)
         if shift is None:

@@ -315,8 +315,7 @@ class FrameMotion:
     coverage
         Share of the pixels that have a flow, 0..1.
     scene
-        The motion in metres; None without a calibration, between frames that are not related, or if our own motion is
-        in doubt.
+        The motion in metres; None without a calibration, or if no static scene was found.
     problem
         The verdict of the :class:`~stereolag.motion.flow.FlowMap` unless the frames are related; otherwise the doubt
         of the :class:`~stereolag.motion.scene_flow.SceneFlow`.
@@ -417,8 +416,6 @@ class MotionWatch:
                 problem = scene.doubt
             except ValueError:
                 problem = "nothing static"
-        if scene is not None and scene.own_motion.doubt:  # what moves against the world is in doubt, too
-            scene = None
         milliseconds = 1e3 * (time.perf_counter() - start)
         return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, problem, milliseconds)
 
