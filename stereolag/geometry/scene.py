@@ -239,7 +239,7 @@ def calibrated_by(known: Calibration | None, disparity: float, distance_m: float
 
 _COLUMNS = 8
 """One in this many columns is enough to find the ground."""
-_LEAST_ROWS = 16
+_LEAST_ROWS, _FEWEST_IN_ROW = 16, 5
 _NEAR_GROUND = 1.0
 """Largest difference of a row's disparity from the ground's line, px."""
 _LEAST_AGREEMENT = 0.4
@@ -268,7 +268,7 @@ def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
     counted = np.isfinite(lower) if known is None else known[first:, ::_COLUMNS]
     lower = np.where(counted, lower, np.float32(np.nan))
     count = counted.sum(axis=1)
-    rows = np.flatnonzero(count * 4 >= lower.shape[1])
+    rows = np.flatnonzero(count >= max(_FEWEST_IN_ROW, lower.shape[1] / 20))
     if rows.size < _LEAST_ROWS:
         return None
     # NaN is sorted last; NumPy's nanmedian takes ten times as long.

@@ -88,7 +88,7 @@ def test_the_nearest_obstacle_stands_on_the_ground(things, nearest: float, withi
 
 
 def test_the_ground_is_that_of_the_filled_pixels_where_too_little_is_measured() -> None:
-    disparity, measured = road(), np.random.default_rng(1).random((200, 300)) < 0.2
+    disparity, measured = road(), np.random.default_rng(1).random((200, 300)) < 0.05
     measured[80:127, 180:230], disparity[80:127, 180:230] = True, 16.1
     measured &= np.isfinite(disparity)
     assert ground_of(disparity, measured) is None
