@@ -5,8 +5,8 @@ from collections.abc import Callable
 import streamlit as st
 
 from stereolag import samples
-from stereolag.figures.legends import disparity_range
 from stereolag.figures.maps import image_into_map
+from stereolag.figures.pictures import disparity_range
 from stereolag.figures.templates import match_close_up
 from stereolag.figures.verdicts import place
 from stereolag.pair import example_pair

@@ -15,8 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import stereolag as sl
 from stereolag.core.arrays import Rgb
-from stereolag.figures.legends import disparity_range
-from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured
+from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured, disparity_range
 from stereolag.samples import recordings, stereo_pairs
 from stereolag.ui.navigation import ICON
 

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 
 from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image
 from stereolag.figures.charts import LEGEND_ABOVE, laid_out
-from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted
+from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, Rgba, as_rgb, fitted
 from stereolag.geometry.boards import Board, Corners
 
 SHOWN_WIDTH = 720
@@ -49,7 +48,7 @@ def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
     return picture
 
 
-def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> npt.NDArray[np.uint8]:
+def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgba:
     """Return a transparent picture, RGBA, in the proportions of `size` (width, height) with all boards detected."""
     factor = COVERED_WIDTH / size[0]
     height = max(1, round(size[1] * factor))

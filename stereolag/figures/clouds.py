@@ -9,6 +9,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from PIL import Image as PillowImage
 
+from stereolag.core.arrays import Vector
 from stereolag.figures.charts import laid_out
 from stereolag.figures.pictures import PEAK, data_url, png
 from stereolag.geometry.scene import BirdsEyeView
@@ -123,15 +124,13 @@ def _axis(title: str, low: float, high: float) -> dict[str, Any]:
     }
 
 
-def _equal_aspect(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -> dict[str, Any]:
+def _equal_aspect(low: Vector, high: Vector) -> dict[str, Any]:
     """Return the aspect ratio of the drawn box, longest side 2, for the same scale in every direction."""
     sides = 2 * (high - low) / (high - low).max()
     return {"aspectmode": "manual", "aspectratio": dict(zip("xyz", sides.tolist(), strict=True))}
 
 
-def _camera(
-    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], distance: float, turned: float, raised: float
-) -> dict[str, Any]:
+def _camera(low: Vector, high: Vector, distance: float, turned: float, raised: float) -> dict[str, Any]:
     """Return a camera at the origin that looks at the point straight ahead at `distance`, turned about that point.
 
     Plotly measures a camera from the middle of the drawn box, in the units of its sides.

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from PIL import Image as PillowImage
 
-from stereolag.core.arrays import FloatMap, Rgb, percentiles
+from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset
 from stereolag.figures.pictures import (
@@ -21,9 +20,9 @@ from stereolag.figures.pictures import (
     colour_wheel,
     coloured,
     data_url,
+    disparity_range,
     palette,
     png,
-    thinned,
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import ply
@@ -39,9 +38,6 @@ PALETTES: dict[str, Rgb] = {
     "turbo": palette(cv2.COLORMAP_TURBO),
 }
 """Palettes to choose from, far to near; none contains the grey of no disparity."""
-
-ROUNDED_TO = 4
-"""Px to which the ends of a range are rounded, so that small changes of a map do not shift its colours."""
 
 WHEEL_PX = 144
 """Diameter of the wheel, shown at half that size."""
@@ -68,19 +64,6 @@ class Colours:
     high: float
     palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
     outlines: str = ""
-
-
-def disparity_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
-    """Return the disparities, px, at the ends of the colours, which leave out the outermost 1 % at either end.
-
-    Given only the ground truth, the range does not depend on the settings; given the maps to compare, they share one.
-    """
-    known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
-    if known.size == 0:
-        return 0.0, float(ROUNDED_TO)
-    low, high = percentiles(known, 1, 99)
-    first = np.floor(low / ROUNDED_TO) * ROUNDED_TO
-    return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
 
 
 def searched_range(results: Collection[DisparityMap]) -> tuple[float, float]:
@@ -150,7 +133,7 @@ def wheel_legend(title: str, largest: float) -> Legend:
     return Legend(title, (), words, False, picture=data_url(png(colour_wheel(largest, WHEEL_PX))))
 
 
-def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
+def hexadecimal(colour: Sequence[int] | Rgb) -> str:
     """Return an RGB colour as #rrggbb."""
     return "#{:02x}{:02x}{:02x}".format(*(int(part) for part in colour))
 

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereolag.assess.explaining import MatchExplanation
-from stereolag.core.arrays import Box, Indices
+from stereolag.core.arrays import Array, Box, Indices, Vector
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
 from stereolag.figures.charts import DASHES, laid_out, rings
@@ -237,9 +236,7 @@ def _score_range(seen: MatchExplanation) -> tuple[float, float]:
     return low, high + 0.12 * (high - low)
 
 
-def _line(
-    x: npt.NDArray[Any], y: npt.NDArray[np.float64], colour: str, name: str, *, markers: bool = False
-) -> go.Scatter:
+def _line(x: Array, y: Vector, colour: str, name: str, *, markers: bool = False) -> go.Scatter:
     return go.Scatter(
         x=x,
         y=y.astype(np.float32),

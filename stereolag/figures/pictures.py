@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
 
-from stereolag.core.arrays import FloatMap, Mask, Rgb
+from stereolag.core.arrays import FloatMap, Mask, Rgb, percentiles
 from stereolag.core.inputs import Image
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -36,6 +36,9 @@ FRAME = (255, 0, 160)
 """Colour of frames around places in an image: a pink that hardly any image contains."""
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+
+ROUNDED_TO = 4
+"""Px to which the ends of a range are rounded, so that small changes of a map do not shift its colours."""
 
 NO_ANSWER = (140, 140, 140)
 """A neutral grey, which viridis does not contain."""
@@ -85,6 +88,19 @@ def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
     return values[::every, ::every]
 
 
+def disparity_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
+    """Return the disparities, px, at the ends of the colours, which leave out the outermost 1 % at either end.
+
+    Given only the ground truth, the range does not depend on the settings; given the maps to compare, they share one.
+    """
+    known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
+    if known.size == 0:
+        return 0.0, float(ROUNDED_TO)
+    low, high = percentiles(known, 1, 99)
+    first = np.floor(low / ROUNDED_TO) * ROUNDED_TO
+    return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
+
+
 def png(picture: npt.NDArray[np.uint8]) -> bytes:
     """Return a grey, RGB or RGBA image as the bytes of a PNG, compressed as fast as possible."""
     if picture.ndim == 3:
@@ -101,9 +117,10 @@ def jpeg(picture: Rgb) -> bytes:
     return data.tobytes()
 
 
-def data_url(data: bytes, media_type: str = "image/png") -> str:
-    """Return a file as a data URL."""
-    return f"data:{media_type};base64,{base64.b64encode(data).decode('ascii')}"
+def data_url(data: bytes) -> str:
+    """Return the address of a PNG or JPEG that contains the picture itself."""
+    kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def palette(colour_map: int) -> Rgb:

@@ -10,10 +10,9 @@ from typing import TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.figures.charts import legend
 from stereolag.figures.pictures import (
@@ -92,9 +91,7 @@ def match_close_up(
     return png(shown)
 
 
-def score_map_png(
-    score_map: npt.NDArray[np.float32], matches: Sequence[TemplateMatch], factor: int | None = None
-) -> bytes:
+def score_map_png(score_map: FloatMap, matches: Sequence[TemplateMatch], factor: int | None = None) -> bytes:
     """Return the score of every place as a PNG: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
 
     A pixel that stands for `factor` × `factor` places, as many as the page has room for unless given, shows the best of

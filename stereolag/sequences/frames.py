@@ -27,7 +27,7 @@ from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
 from stereolag.sequences.motion import Steadiness, matched, motion_since, steadied
-from stereolag.sequences.sources import FrameReader, StereoSequence, Truth
+from stereolag.sequences.sources import FrameReader, StereoSequence
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.version import VERSION
@@ -100,7 +100,7 @@ class MatchedFrame(Generic[AnyMap]):
     left: Image | None = None
     maps: Mapping[str, AnyMap] = field(default_factory=dict)
     problem: str = ""
-    truth: Truth | None = None
+    truth: FloatMap | None = None
 
 
 def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame[DisparityMap]:
@@ -183,7 +183,7 @@ def _steadied(
 
 
 def _handed_back(
-    task: FrameTask, left: Image, maps: Mapping[str, FrameMap], truth: Truth | None
+    task: FrameTask, left: Image, maps: Mapping[str, FrameMap], truth: FloatMap | None
 ) -> MatchedFrame[FrameMap]:
     shown = left if task.in_colour else as_grey(left)
     return MatchedFrame(task.number, shown, maps, truth=truth if task.with_truth else None)
@@ -284,7 +284,7 @@ COLUMNS: Mapping[str, Callable[[str], Any]] = {
 """The columns of the table, and how their cells are read."""
 
 
-def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibration | None) -> dict[str, float]:
+def figures_of(result: DisparityMap, truth: FloatMap | None, calibration: Calibration | None) -> dict[str, float]:
     """Return those fields of a :class:`FrameRecord` that follow from one frame alone.
 
     A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.

@@ -46,7 +46,7 @@ LEAST_SHARE = 0.001
 
 def still_pixels(
     before: npt.ArrayLike, now: npt.ArrayLike, *, levels: float = STILL_LEVELS, size: int = NEIGHBOURHOOD
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """Return the mask of pixels at which a picture did not change.
 
     Parameters

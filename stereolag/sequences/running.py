@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, Protocol
 import numpy as np
 
 from stereolag.core.jobs import Progress
-from stereolag.figures.pictures import as_rgb
+from stereolag.figures.pictures import as_rgb, disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.loops.bands import available_cores, lone_threads
 from stereolag.sequences.frames import (
@@ -45,7 +45,7 @@ from stereolag.sequences.motion import (
     still_pixels,
 )
 from stereolag.sequences.sources import StereoSequence
-from stereolag.sequences.video import SequenceVideo, VideoWriter, common_range, panels
+from stereolag.sequences.video import SequenceVideo, VideoWriter, panels
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 LOCAL = "local"
@@ -445,8 +445,8 @@ class _Job:
         coming = self._computed([*(chosen if missing else ()), *(one for one in self._missing if one not in chosen)])
         sampled = {number: next(coming) if missing else self._read_back(number) for number in chosen}
         if chosen:
-            maps = [one.disparity for frame in sampled.values() for one in frame.maps.values()]
-            self._target.set_colours(common_range(maps))
+            maps = [one.disparity[::4, ::4] for frame in sampled.values() for one in frame.maps.values()]
+            self._target.set_colours(disparity_range(maps))
         for number in range(len(self._sequence)):
             self._look()
             if number in missing:

@@ -12,10 +12,10 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.assess.findings import Finding
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
+from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
@@ -34,15 +34,13 @@ USUAL_RATE = 10.0
 MAX_ARCHIVED = 20_000
 """Most files in an archive of frames."""
 
-Truth: TypeAlias = npt.NDArray[np.float32]
-
 
 class StereoFrame(NamedTuple):
     """One frame: the simultaneous pictures of both cameras, and the true disparity, px, if known."""
 
     left: Image
     right: Image
-    truth: Truth | None = None
+    truth: FloatMap | None = None
 
     def turned(self, quarters: int) -> tuple[Image, Image]:
         """Return both pictures turned by quarters, counter-clockwise."""

@@ -25,9 +25,6 @@ CODEC: Final = "libx264"
 MOST_WIDTH = 3840
 """Largest width that decoders in browsers and phones reliably accept, px."""
 
-ROUNDED_TO = 4
-"""Step to which the ends of a colour range are rounded, px."""
-
 FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
 AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
 """Encodes every picture before the next one arrives, so that each piece ends exactly with its second."""
@@ -66,16 +63,6 @@ class SequenceVideo:
                 raise ValueError(
                     f"colours are {low:g} and {high:g} px; allowed are two finite numbers, the lower first."
                 )
-
-
-def common_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
-    """Return the ends of the colour range, px: it covers the maps' disparities except the outermost 1 % at each end."""
-    known = np.concatenate([np.empty(0, np.float32), *(one[::4, ::4][np.isfinite(one[::4, ::4])] for one in maps)])
-    if not known.size:
-        return 0.0, float(ROUNDED_TO)
-    low, high = np.percentile(known, (1, 99))
-    first = float(np.floor(low / ROUNDED_TO) * ROUNDED_TO)
-    return first, max(float(np.ceil(high / ROUNDED_TO) * ROUNDED_TO), first + ROUNDED_TO)
 
 
 def panels(

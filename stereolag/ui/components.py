@@ -19,10 +19,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
-from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.arrays import Array, FloatMap, Rgb
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.figures.pictures import coloured, data_url, png
 from stereolag.figures.templates import relief
@@ -173,12 +172,12 @@ def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) 
     return packed_item({**header, "steps": SCORE_STEPS}, parts).data
 
 
-def scores_as_colours(scores: npt.NDArray[np.floating[Any]]) -> Rgb:
+def scores_as_colours(scores: Array) -> Rgb:
     """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of the code."""
     return _in_two_bytes(np.where(np.isnan(scores), 0, np.rint((scores + 1) * SCORE_STEPS) + 1))
 
 
-def _in_two_bytes(codes: npt.NDArray[np.floating[Any]]) -> Rgb:
+def _in_two_bytes(codes: Array) -> Rgb:
     high, low = np.divmod(codes.astype(np.uint16), 256)
     return np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)
 

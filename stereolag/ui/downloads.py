@@ -15,10 +15,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
+from stereolag.core.arrays import Vector
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import format_bytes, limits
 from stereolag.io.images import image_file
@@ -34,7 +33,7 @@ MOST_BYTES = 256 * 2**20
 """Limit for all such files together, bytes; the newest is kept whatever its size."""
 
 
-def show_player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
+def show_player(signal: Vector, sampling_rate: float, name: str) -> None:
     """Show a player for a recording, (samples,), at the largest volume that does not clip."""
     sound = wav(signal, sampling_rate)
     st.audio(sound, format=_private_type("audio/wav", sound), alt=f"Recording of {name}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import streamlit as st
 
 from stereolag.core.jobs import Progress
 from stereolag.core.typography import NO_BREAK, typeset
+from stereolag.figures.pictures import data_url
 from stereolag.ui import prose
 from stereolag.ui.components import component
 
@@ -85,17 +85,11 @@ def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: 
     fails if the next slider position has already replaced the file.
     """
     st.image(
-        data_address(data),
+        data_url(data),
         caption and typeset(caption),
         width="stretch" if stretch else "content",
         alt=alt and typeset(alt),
     )
-
-
-def data_address(data: bytes) -> str:
-    """Return the address of a PNG or JPEG that contains the picture itself."""
-    kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 PATIENCE_S = 0.5

@@ -12,11 +12,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 from isal import isal_zlib
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import Array, Rgb
 from stereolag.core.typography import typeset
 from stereolag.figures.legends import Colours, Legend
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
@@ -61,7 +60,7 @@ class Reading:
         For disparities: returns the scale for the depth shown beside them.
     """
 
-    values: npt.NDArray[Any]
+    values: Array
     label: str = ""
     unit: str = ""
     digits: int = 2

@@ -12,7 +12,8 @@ import numpy as np
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.legends import Colours, disparity_range
+from stereolag.figures.legends import Colours
+from stereolag.figures.pictures import disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import pfm
 from stereolag.pair import Pair, PairId, example_pair

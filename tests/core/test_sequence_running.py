@@ -36,7 +36,7 @@ from stereolag.sequences import (
 from stereolag.sequences.frames import FrameMap, FrameTask, MatchedFrame, read_back
 from stereolag.sequences.running import in_order
 from stereolag.sequences.sources import FrameReader, StereoFrame
-from stereolag.sequences.video import VideoPieces, VideoWriter, common_range, panels, whole_video
+from stereolag.sequences.video import VideoPieces, VideoWriter, panels, whole_video
 from stereolag.stereo.matcher import PixelMatches
 
 FAST = preset("fast", num_disparities=16)
@@ -317,13 +317,6 @@ def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Pa
     assert [picture.shape for picture in shown(target.getvalue())] == [(76, 3840, 3)] * 2
     with pytest.raises(ValueError, match=r"video ends in '\.avi'"):
         VideoWriter(tmp_path / "a.avi", 10, 1)
-
-
-def test_colours_of_nothing_and_of_one_disparity() -> None:
-    nothing = np.full((8, 8), math.nan, np.float32)
-    assert common_range([nothing]) == (0, 4)
-    assert common_range([]) == (0, 4)
-    assert common_range([nothing, np.full((8, 8), 9, np.float32)]) == (8, 12)
 
 
 def test_memory_keeps_the_same_and_touches_no_disk(

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag.core.typography import typeset
-from stereolag.figures.clouds import birds_eye, point_cloud
+from stereolag.figures.clouds import Colours, Points, birds_eye, point_cloud
 from stereolag.figures.pictures import PEAK, as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import (
@@ -171,8 +170,8 @@ class Space:
         All points seen from above; None if there are none.
     """
 
-    points: npt.NDArray[np.float32]
-    colours: npt.NDArray[np.uint8]
+    points: Points
+    colours: Colours
     kept: int
     flying: int
     farthest: float

@@ -12,8 +12,8 @@ import streamlit as st
 
 from stereolag import Calibration, DisparityMap
 from stereolag.core.arrays import FloatMap
-from stereolag.figures.legends import PALETTES, Colours, disparity_range, searched_range
-from stereolag.figures.pictures import edge_path, thinned
+from stereolag.figures.legends import PALETTES, Colours, searched_range
+from stereolag.figures.pictures import disparity_range, edge_path, thinned
 from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag.core.arrays import Vector
@@ -152,7 +151,7 @@ def blocks_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
 
 
 @typesets
-def run_times_in_words(seconds: npt.NDArray[np.float64]) -> str:
+def run_times_in_words(seconds: Vector) -> str:
     """Return how long the runs took."""
     shortest, median, longest = (duration(float(one)) for one in np.percentile(seconds, (0, 50, 100)))
     return f"Times of {seconds.size} runs: {shortest} to {longest}, median {median}."

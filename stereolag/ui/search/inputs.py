@@ -15,11 +15,10 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag import read_image, samples
-from stereolag.core.arrays import Box
+from stereolag.core.arrays import Array, Box
 from stereolag.core.inputs import Image, as_image
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
@@ -252,12 +251,12 @@ def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
     )
 
 
-def packed_mask(mask: npt.NDArray[Any]) -> str:
+def packed_mask(mask: Array) -> str:
     """Return a mask as base64 text: one bit per pixel, row by row, 1 for pixels that count."""
     return base64.b64encode(np.packbits(mask > 0).tobytes()).decode("ascii")
 
 
-def read_packed_mask(value: object, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+def read_packed_mask(value: object, shape: tuple[int, int]) -> Image:
     """Return the mask encoded by :func:`packed_mask`, 255 where the template counts and 0 elsewhere.
 
     Parameters

@@ -18,7 +18,7 @@ import streamlit as st
 from stereolag.core.jobs import Estimate
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.figures.pictures import FRAME, fitted, jpeg, png
+from stereolag.figures.pictures import FRAME, data_url, fitted, jpeg, png
 from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
 from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
@@ -40,7 +40,7 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item, packed_score_map, packed_search
 from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
-from stereolag.ui.elements import Number, announce, data_address, in_columns, show_line, show_picture
+from stereolag.ui.elements import Number, announce, in_columns, show_line, show_picture
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, remembered
 from stereolag.ui.search.inputs import LEAST_SIDE, PICTURES, PictureAndTemplate, read_box
@@ -272,8 +272,8 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 def _funnel_data(inputs: PictureAndTemplate) -> bytes:
     """Return the data for the browser, as JSON."""
     told = {
-        "picture": data_address(jpeg(fitted(inputs.picture, FUNNEL_WIDTH))),
-        "template": data_address(figures.what_counts(inputs.template, inputs.mask)),
+        "picture": data_url(jpeg(fitted(inputs.picture, FUNNEL_WIDTH))),
+        "template": data_url(figures.what_counts(inputs.template, inputs.mask)),
         "rows": inputs.picture.shape[0],
         "cols": inputs.picture.shape[1],
         "height": inputs.template.shape[0],
