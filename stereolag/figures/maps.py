@@ -140,13 +140,9 @@ def difference_picture(difference: FloatMap) -> Rgb:
 def agreement_picture(agreeing: npt.NDArray[np.uint8], methods: int, image: Image) -> Rgb:
     """Return the number of agreeing methods as colours over the image."""
     palette = np.array([NO_ANSWER, ALL_DIFFER, *[SOME_AGREE] * (methods - 2), ALL_AGREE], dtype=np.uint8)
-    return tinted(palette[agreeing], image)
-
-
-def tinted(colours: Rgb, image: Image) -> Rgb:
-    """Return colours shaded by the brightness of an image, to show where in the scene they are."""
+    # Shaded by the brightness of the image, to show where in the scene they are.
     shade = (0.65 + 0.35 * brightness(image).astype(np.float32) / 255)[:, :, None]
-    return np.rint(colours * shade).astype(np.uint8)
+    return np.rint(palette[agreeing] * shade).astype(np.uint8)
 
 
 REASON_COLOURS: dict[Reason, Colour] = {

@@ -31,10 +31,10 @@ from stereolag.motion.own_motion import Doubt
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.motion.verdict import FlowVerdict
 from stereolag.sequences.sources import StereoFrame, StereoSequence
-from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import preset
 
-STILL_LEVELS = 3.0
+STILL_LEVELS = 3
 """Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""
 
 NEIGHBOURHOOD = 7
@@ -44,19 +44,13 @@ LEAST_SHARE = 0.001
 """Least share of the pixels for a meaningful figure."""
 
 
-def still_pixels(
-    before: npt.ArrayLike, now: npt.ArrayLike, *, levels: float = STILL_LEVELS, size: int = NEIGHBOURHOOD
-) -> Mask:
+def still_pixels(before: npt.ArrayLike, now: npt.ArrayLike) -> Mask:
     """Return the mask of pixels at which a picture did not change.
 
     Parameters
     ----------
     before, now
         (H, W), (H, W, 3) or (H, W, 4): two frames of one camera, of one size.
-    levels
-        Mean absolute change of a neighbourhood up to which it counts as still, grey levels of 255.
-    size
-        Side of the neighbourhood, px.
 
     Returns
     -------
@@ -64,8 +58,8 @@ def still_pixels(
         (H, W) bool.
     """
     frames = as_eight_bit(as_grey(as_image(before, "before")), as_grey(as_image(now, "now")))
-    change = cv2.blur(cv2.absdiff(*frames), (size, size))
-    return np.asarray(change <= np.uint8(min(levels, 255)))  # as floats they take ten times as long
+    change = cv2.blur(cv2.absdiff(*frames), (NEIGHBOURHOOD, NEIGHBOURHOOD))
+    return np.asarray(change <= np.uint8(STILL_LEVELS))  # as floats they take ten times as long
 
 
 def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> float:
@@ -201,8 +195,7 @@ def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: 
     even if they differ, provided neither the picture nor the measured pixels around them changed.
     """
     carried = _fetched(before.disparity, motion, cv2.INTER_LINEAR)
-    measured = _measured(now)
-    witnesses = measured & motion.same & (_fetched(_measured(before).astype(np.uint8), motion, cv2.INTER_NEAREST) > 0)
+    witnesses = now.measured & motion.same & (_fetched(before.measured.astype(np.uint8), motion, cv2.INTER_NEAREST) > 0)
     carried += _drift(carried, now.disparity, witnesses)
     agreeing = motion.same & (np.abs(carried - now.disparity) <= np.float32(settings.limit))
     out = np.where(agreeing, (carried + now.disparity) / 2, now.disparity)
@@ -211,10 +204,6 @@ def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: 
         guessed &= _quiet(before, now, np.float32(QUIET_LIMITS * settings.limit))
         out[guessed] = (before.disparity[guessed] + now.disparity[guessed]) / 2
     return np.asarray(out, np.float32)
-
-
-def _measured(one: DisparityMap) -> Mask:
-    return np.asarray((one.reason == np.uint8(Reason.MEASURED)) & one.valid)
 
 
 def _fetched(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) -> np.ndarray:
@@ -256,7 +245,7 @@ def _approach(carried: FloatMap, now: FloatMap, witnesses: Mask) -> np.float32:
 
 def _quiet(before: DisparityMap, now: DisparityMap, limit: np.float32) -> Mask:
     """Return the mask of pixels around which nearly all measured pixels kept their disparity."""
-    both, size = _measured(before) & _measured(now), (QUIET_SIZE, QUIET_SIZE)
+    both, size = before.measured & now.measured, (QUIET_SIZE, QUIET_SIZE)
     kept = both & (np.abs(now.disparity - before.disparity) <= limit)
     counts = [cv2.blur(one.astype(np.float32), size) for one in (kept, both)]
     return np.asarray(counts[0] >= np.float32(QUIET_SHARE) * counts[1])

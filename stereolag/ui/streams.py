@@ -147,9 +147,7 @@ class Stream:
             if carried.number == self._number:
                 return
             self._number = carried.number
-            if len(carried.data) > most.max_live_message_mb * 2**20:
-                raise _Closed(TOO_LARGE)
-            message = parse_message(carried.data, self.kind)
+            message = _taken(carried.data, self.kind)
             if now - self._began > SECONDS_PER_MINUTE * most.max_live_minutes:
                 raise _Closed(TOO_LONG)
             self._keep_place()
@@ -290,6 +288,16 @@ def parse_message(data: bytes, kind: type[M]) -> M:
     return kind.model_validate({**(header.model_extra or {}), "parts": parts})
 
 
+def _taken(data: bytes, kind: type[M]) -> M:
+    """Return a message of a kind, unless it is larger than allowed or anything else, which ends its stream."""
+    if len(data) > limits().max_live_message_mb * 2**20:
+        raise _Closed(TOO_LARGE)
+    try:
+        return parse_message(data, kind)
+    except ValueError:
+        raise _Closed(MALFORMED) from None
+
+
 def _refuse_early(socket: WebSocket, most_bytes: int) -> None:
     """Have the server refuse a larger message as soon as it is announced, before any of it is kept.
 
@@ -393,14 +401,8 @@ async def _receive(socket: WebSocket, stream: Stream, arrived: asyncio.Queue[Mes
         if received["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(received.get("code", 1000))
         data = received.get("bytes")
-        if data is None:
-            raise _Closed(MALFORMED)
-        if len(data) > limits().max_live_message_mb * 2**20:
-            raise _Closed(TOO_LARGE)
         try:
-            arrived.put_nowait(parse_message(data, stream.kind))
-        except ValueError:
-            raise _Closed(MALFORMED) from None
+            arrived.put_nowait(_taken(data or b"", stream.kind))
         except asyncio.QueueFull:
             raise _Closed(FLOOD) from None
 

@@ -46,11 +46,12 @@ def _prefix(kind: type[StereoMatcher]) -> str:
     return "" if kind is METHODS[0] else f"{kind.short_name}."
 
 
-def _first_settings(pair: Pair) -> dict[str, StereoMatcher]:
-    return {_prefix(kind): default_settings(kind, pair) for kind in METHODS}
-
-
-DEPTH_ADDRESS: Address[Pair] = Address("depth.address", _choices, _first_settings, set_controls)
+DEPTH_ADDRESS: Address[Pair] = Address(
+    "depth.address",
+    _choices,
+    lambda pair: {_prefix(kind): default_settings(kind, pair) for kind in METHODS},
+    set_controls,
+)
 
 
 def recall_pair_and_maps() -> None:

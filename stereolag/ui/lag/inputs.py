@@ -283,10 +283,6 @@ def _first_search(pair: RecordingPair) -> dict[str, LagSearch]:
     return {"": LagSearch(**{name: value for name, value in known.items() if value is not None})}
 
 
-def _set_controls(search: LagSearch, pair: RecordingPair) -> None:
-    adopt_values(search, partial(lag_key, pair=pair))
-
-
 def lag_key(name: str, pair: RecordingPair) -> str:
     """Return the key of a control; all except the method belong to the recordings."""
     return "lag.method" if name == "method" else f"lag.{name}.{pair.digest}"
@@ -308,6 +304,6 @@ LAG_ADDRESS: Address[RecordingPair] = Address(
     "lag.address",
     lambda: {"recordings": example_choice(RECORDINGS, samples.recordings(), LIVE)},
     _first_search,
-    _set_controls,
+    lambda search, pair: adopt_values(search, partial(lag_key, pair=pair)),
     _check_search,
 )
