@@ -36,7 +36,7 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
-    from stereolag.io.results import search_figures
+    from stereolag.io.results import left_out_in_words, search_figures
 
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
@@ -46,7 +46,8 @@ def run(arguments: Sequence[str]) -> int:
         (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}
-    tell(figures, "\n".join([*_told(result, query), *_left_out(result), *lines]), as_json=options.json)
+    said = filter(None, (*_told(result, query), left_out_in_words(result), *lines))
+    tell(figures, "\n".join(said), as_json=options.json)
     return DONE if result.found else DOUBTFUL
 
 
@@ -61,12 +62,6 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
         return [f"Not found{NOT_FOUND_BUT[result.reason]}: {_place(result.best)}{_remark(result.best)}."]
     said = f"Not found: no place scores {query.min_score:g} or more."
     return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
-
-
-def _left_out(result: sl.TemplateSearch) -> list[str]:
-    """Return a line if places have no score because the image has no data there."""
-    share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
-    return [f"{share} of the places hold missing values and were left out."] if result.left_out else []
 
 
 NOT_FOUND_BUT = {

@@ -180,10 +180,9 @@ def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float])
 
 
 def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
-    """Return the scores near the peak and the curve fitted to them, whose maximum is the disparity."""
+    """Return the scores near a peak that is not at the edge, and the curve fitted to them: its top is the disparity."""
     figure = go.Figure()
-    if seen.peak is None or seen.at_edge:
-        return figure
+    assert seen.peak is not None
     near = np.abs(seen.dx - seen.peak[1]) <= FIT_REACH
     fine = np.linspace(-1.5, 1.5, 121)
     curve = seen.fit(fine)

@@ -107,6 +107,14 @@ def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, An
     return {"command": "find", "found": result.found} | figures | {"settings": query.model_dump()}
 
 
+def left_out_in_words(result: TemplateSearch) -> str:
+    """Return how many places have no score because the image has no data there, as a sentence; empty if none."""
+    if not result.left_out:
+        return ""
+    share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
+    return f"{share} of the places hold missing values and were left out."
+
+
 def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
     """Return :func:`search_figures` as an indented JSON document; a figure that is NaN or infinite is null."""
     return figures_json(search_figures(result, query), indent=2) + "\n"

@@ -86,11 +86,15 @@ def keep_freed_memory() -> None:
     By default that gives large blocks back, and all beyond 64 MB; to get them again, page by page, took a quarter of
     the time of a flow between frames of 0.35 to 0.9 megapixels.
     """
+    ask_allocator("mallopt", M_MMAP_THRESHOLD, HEAP_BLOCK)
+    ask_allocator("mallopt", M_TRIM_THRESHOLD, MOST_FREED)
+
+
+def ask_allocator(call: str, *arguments: int) -> None:
+    """Call a function of glibc's allocator; another allocator has none of this name and is left as it is."""
     if sys.platform == "linux":
         with suppress(AttributeError):
-            mallopt = ctypes.CDLL(None).mallopt
-            mallopt(M_MMAP_THRESHOLD, HEAP_BLOCK)
-            mallopt(M_TRIM_THRESHOLD, MOST_FREED)
+            getattr(ctypes.CDLL(None), call)(*arguments)
 
 
 @compiled(counted=False)

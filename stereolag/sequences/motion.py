@@ -26,7 +26,7 @@ from stereolag.figures.pictures import (
     with_outlines,
 )
 from stereolag.geometry.calibration import Calibration
-from stereolag.motion.flow import optical_flow
+from stereolag.motion.flow import FlowMap, optical_flow
 from stereolag.motion.own_motion import Doubt
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.motion.verdict import FlowVerdict
@@ -299,10 +299,8 @@ class FrameMotion:
 
     Attributes
     ----------
-    dy, dx
-        (H, W) float32 displacement of every pixel since the previous frame, px; NaN = unknown.
-    coverage
-        Share of the pixels that have a flow, 0..1.
+    back
+        The flow back to the previous frame.
     scene
         The motion in metres; None without a calibration, or if no static scene was found.
     problem
@@ -312,9 +310,7 @@ class FrameMotion:
         Time for all of it.
     """
 
-    dy: FloatMap
-    dx: FloatMap
-    coverage: float
+    back: FlowMap
     scene: SceneFlow | None
     problem: FlowVerdict | Doubt
     milliseconds: float
@@ -322,7 +318,7 @@ class FrameMotion:
     def figures(self) -> dict[str, Any]:
         """Return the figures for the table; moving things are listed nearest first."""
         figures: dict[str, Any] = {
-            "coverage": self.coverage,
+            "coverage": self.back.coverage,
             "milliseconds": self.milliseconds,
             "problem": self.problem,
         }
@@ -405,8 +401,7 @@ class MotionWatch:
                 problem = scene.doubt
             except ValueError:
                 problem = "nothing static"
-        milliseconds = 1e3 * (time.perf_counter() - start)
-        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, problem, milliseconds)
+        return FrameMotion(flow, scene, problem, 1e3 * (time.perf_counter() - start))
 
     def lock_colours(self, progress: Progress | None = None) -> None:
         """Set the displacement at the rim of the colour wheel, once, from frames spread over the sequence."""
@@ -426,14 +421,15 @@ class MotionWatch:
     def drawn(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:
         """Return the left picture with moving things outlined, and the picture of the flow."""
         picture = as_rgb(left)
-        if motion is None or motion.dx.shape != picture.shape[:2]:
+        if motion is None or motion.back.dx.shape != picture.shape[:2]:
             return picture, np.full_like(picture, NO_ANSWER)
+        dy, dx = -motion.back.dy, -motion.back.dx
         if self.settings.arrows:
             spacing = max(8, round(picture.shape[1] * ARROW_EVERY))
             dim = (picture * np.float32(DIMMED)).astype(np.uint8)
-            seen = with_arrows(dim, motion.dy, motion.dx, spacing=spacing)
+            seen = with_arrows(dim, dy, dx, spacing=spacing)
         else:
-            colours = flow_colours(motion.dy, motion.dx, self.largest or 1.0)
+            colours = flow_colours(dy, dx, self.largest or 1.0)
             seen = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))
         if motion.scene is None:
             return picture, seen

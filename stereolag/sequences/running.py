@@ -437,12 +437,13 @@ class _Job:
         """Yield every frame to match, and finished ones that the video or the motion needs."""
         chosen: list[int] = []
         if self._writer is not None and self._target.colours is None:
-            numbers = self._missing or range(len(self._sequence))
-            places = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), SAMPLED)).round().astype(int))
-            chosen = [numbers[place] for place in places]
+            among = self._missing or range(len(self._sequence))
+            places = np.unique(np.linspace(0, len(among) - 1, min(len(among), SAMPLED)).round().astype(int))
+            chosen = [among[place] for place in places]
         missing = set(self._missing)
         # The frames chosen for the colours come first, and the others at once behind them.
-        coming = self._computed([*(chosen if missing else ()), *(one for one in self._missing if one not in chosen)])
+        numbers = [*(chosen if missing else ()), *(one for one in self._missing if one not in chosen)]
+        coming = in_order(self._runner, self._submit, map(self._task, numbers), self._look)
         sampled = {number: next(coming) if missing else self._read_back(number) for number in chosen}
         if chosen:
             maps = [one.disparity[::4, ::4] for frame in sampled.values() for one in frame.maps.values()]
@@ -455,9 +456,6 @@ class _Job:
                 self._motion is not None and (number, MOTION) not in self._target.records
             ):
                 yield self._read_back(number)
-
-    def _computed(self, numbers: Iterable[int]) -> Iterator[MatchedFrame[FrameMap]]:
-        return in_order(self._runner, self._submit, map(self._task, numbers), self._look)
 
     def _submit(self, task: FrameTask) -> Pending:
         if task.steadiness is None:

@@ -5,14 +5,12 @@ The page stays responsive meanwhile, shows the progress and can cancel it.
 
 from __future__ import annotations
 
-import ctypes
 import functools
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
@@ -238,9 +236,7 @@ def give_memory_back() -> None:
     inside.forget_ended_sessions()
     memory.give_back()
     inside.freeze_imports()
-    if sys.platform == "linux":
-        with suppress(AttributeError):  # only glibc retains freed memory, and has this call to release it
-            ctypes.CDLL(None).malloc_trim(0)
+    memory.ask_allocator("malloc_trim", 0)
 
 
 BETWEEN_LOOKS_S = 0.4

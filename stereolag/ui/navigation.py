@@ -50,7 +50,7 @@ def page(title: str) -> Iterator[None]:
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
     this_visit()
-    inside.show_style(STYLE, inside.PAGE_STYLE)
+    st.html(f"<style>{inside.PAGE_STYLE}{STYLE.read_text(encoding='utf-8')}</style>")
     with st.container(horizontal=True, gap="small", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)

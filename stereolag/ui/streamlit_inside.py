@@ -111,11 +111,6 @@ button[data-testid="stBaseButton-primary"]:is(:hover, :focus-visible, :active) {
 """Styles of Streamlit's own elements that no theme option reaches; the classes st-key-… are documented, and in CSS."""
 
 
-def show_style(sheet: Path, inside: str) -> None:
-    """Apply a style sheet to the page, after these styles of Streamlit's own elements."""
-    st.html(f"<style>{inside}{sheet.read_text(encoding='utf-8')}</style>")
-
-
 # Runs of a page
 
 

@@ -293,7 +293,7 @@ def test_what_is_frozen_becomes_the_recordings_of_the_page() -> None:
     assert "32,000 samples, 16,000 Hz, channel 2 of 2" in "\n".join(one.value for one in app.caption).replace(
         "\xa0", " "
     )
-    digest = kept["frozen"].file.digest
+    digest = kept["frozen"][0].digest
     assert app.number_input(key=f"lag.speed.{digest} 1 {digest} 2").value == 340
     app.number_input(key=f"lag.max_lag.{digest} 1 {digest} 2").set_value(100).run()
     assert address(app) == {"recordings": "live", "max_lag": "100"}

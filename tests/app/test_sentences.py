@@ -28,6 +28,7 @@ from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.figures import verdicts
 from stereolag.figures.match import window_grid
 from stereolag.io.clocks import Recording
+from stereolag.io.results import left_out_in_words
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import phasors
 from stereolag.stereo.evaluation import CoverageCurve
@@ -140,7 +141,7 @@ def test_searches(snapshot: Snapshot) -> None:
     for name, one in results.items():
         said[name] = [verdicts.headline(one), verdicts.framed_in_words(one)]
         if one.found:
-            more = search.found_in_words(one), search.nearest_in_words(one), search.left_out_in_words(one)
+            more = search.found_in_words(one), search.nearest_in_words(one), left_out_in_words(one)
             said[name] += [sentence for sentence in more if sentence]
         else:
             said[name].append(search.why_not_found(one, TemplateQuery()))

@@ -41,7 +41,7 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         told = f"{car.distance_m:.1f} m {car.speed_kmh:.0f} ± {car.speed_error_kmh:.0f} km/h"
         assert found.figures()["moving"] == told and found.figures()["problem"] == ""
         # Driving ahead moves the right half to the right and the left half to the left.
-        assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
+        assert np.nanmedian(found.back.dx[:60, COLS - 60 :]) < 0 < np.nanmedian(found.back.dx[:60, :60])
     faster = MotionWatch(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).since_before(1)
     assert faster.scene.own_speed_kmh == pytest.approx(2 * OWN_KMH, rel=0.04)
 
@@ -49,7 +49,7 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
 def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) -> None:
     watch = MotionWatch(drive, MATCHER, None)
     found = watch.since_before(1)
-    assert found is not None and found.scene is None and found.coverage > 0.7
+    assert found is not None and found.scene is None and found.back.coverage > 0.7
     left = drive.frame(1).left
     picture, flow = watch.drawn(left, found)
     assert (picture[..., 0] == left).all() and flow.shape == (ROWS, COLS, 3)
@@ -61,7 +61,7 @@ def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) ->
 
 def test_no_speed_is_told_of_a_frame_that_repeats_the_one_before_it() -> None:
     found = MotionWatch(open_sequence(archive(2, every=0)), MATCHER, CAMERA).since_before(1)
-    assert found.scene is None and found.coverage == 1 and found.figures()["problem"] == "identical"
+    assert found.scene is None and found.back.coverage == 1 and found.figures()["problem"] == "identical"
 
 
 def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:

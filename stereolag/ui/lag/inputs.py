@@ -86,20 +86,22 @@ def choose_recordings() -> RecordingPair:
 def _live_recordings() -> RecordingPair:
     """Listen to the visitor's microphones; return what was frozen, and stop the page here while nothing was."""
     _panel()
-    frozen: Frozen | None = open_stream("lag", Piece).kept.get("frozen")
-    pair = None if frozen is None else _frozen_pair(frozen)
+    frozen = open_stream("lag", Piece).kept.get("frozen")
+    pair = None if frozen is None else _frozen_pair(*frozen)
     if pair is None:
         LAG_ADDRESS.write_choices()
         st.stop()
     return pair
 
 
-def _frozen_pair(frozen: Frozen) -> RecordingPair | None:
-    """Return what was frozen as a pair; if a channel cannot be used, show why and return the last one."""
-    file = frozen.file
+def _frozen_pair(file: Upload[Recording], speed: float) -> RecordingPair | None:
+    """Return what was frozen as a pair; if a channel cannot be used, show why and return the last one.
+
+    It is a recording of two channels as if from a file, with the speed of the wave that the visitor set, m/s.
+    """
     digest = f"{file.digest} 1 {file.digest} 2"
-    speed = None if frozen.speed == LagSearch().speed else frozen.speed
-    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=speed), f"{RECORDINGS}.live", digest)
+    known = None if speed == LagSearch().speed else speed
+    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=known), f"{RECORDINGS}.live", digest)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -216,14 +218,6 @@ class Piece(Message):
         return self
 
 
-@dataclass(frozen=True)
-class Frozen:
-    """A recording of two channels as if from a file, and the speed of the wave that the visitor set, m/s."""
-
-    file: Upload[Recording]
-    speed: float
-
-
 @fragment
 def _panel() -> None:
     panel = st.container()
@@ -255,7 +249,7 @@ def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | N
         # A recording of two channels, as if it had been read from a file.
         recording = Recording(np.stack(listening.signals), listening.sampling_rate)
         digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
-        kept["frozen"] = Frozen(Upload(digest, recording), speed)
+        kept["frozen"] = Upload(digest, recording), speed
     heard = listening.measured(speed=speed, max_lag=max_lag)
     shown = _shown(heard, piece.rate, speed, piece.devices)
     return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data

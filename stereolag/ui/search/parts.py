@@ -21,7 +21,7 @@ from stereolag.figures import templates as figures
 from stereolag.figures.pictures import FRAME, data_url, fitted, jpeg, png
 from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
 from stereolag.io.programs import find_command, find_script
-from stereolag.io.results import matches_csv, matches_json
+from stereolag.io.results import left_out_in_words, matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch, estimate_search
 from stereolag.templates.by_hand import Anchor, anchors, reduced_search
 from stereolag.templates.following import LARGEST, SMALLEST, Followed, Follower
@@ -52,7 +52,6 @@ from stereolag.ui.search.sentences import (
     differences,
     followed_in_words,
     found_in_words,
-    left_out_in_words,
     lesson,
     nearest_in_words,
     numbers_of,

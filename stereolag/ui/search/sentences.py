@@ -45,14 +45,6 @@ def found_in_words(result: TemplateSearch) -> str:
     return f"{remark} The score is of those alone." if found_by_parts(result) else remark
 
 
-def left_out_in_words(result: TemplateSearch) -> str:
-    """Return how many places have no score because the image has no data there, as a sentence; empty if none."""
-    if not result.left_out:
-        return ""
-    share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
-    return f"{share} of the places hold missing values and were left out."
-
-
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     """Return why the best place is not good enough, and advice on settings to try."""
     sampled = query.method == "sampled"
