@@ -64,9 +64,8 @@ def run(arguments: Sequence[str]) -> int:
     result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
     figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
     words = _in_words(result, settings, facts, assumed)
-    if apart:
-        words += f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first."
-    tell(figures, words, as_json=options.json)
+    clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
+    tell(figures, words + clocks, as_json=options.json)
     if options.aligned:
         from stereolag.io.recordings import write_aligned
 

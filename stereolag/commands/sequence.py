@@ -245,14 +245,12 @@ def _move(bar: tqdm[Any], state: SequenceState) -> None:
 
 
 def _in_words(figures: dict[str, Any]) -> list[str]:
+    before = f"; {figures['finished_before']:,} finished before" if figures["finished_before"] else ""
+    damaged = f"; {len(figures['damaged']):,} damaged" if figures["damaged"] else ""
     said = (
         f"{figures['matched']:,} of {figures['frames']:,} frames matched in {figures['elapsed_s']:.1f} s, "
-        f"{figures['frames_per_second']:.1f} a second"
+        f"{figures['frames_per_second']:.1f} a second{before}{damaged}"
     )
-    if figures["finished_before"]:
-        said += f"; {figures['finished_before']:,} finished before"
-    if figures["damaged"]:
-        said += f"; {len(figures['damaged']):,} damaged"
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
     doubts = [f"doubtful: {finding['sentence']}" for finding in figures["findings"]]
     return [said, f"written to {to}", *doubts]

@@ -9,13 +9,13 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -58,30 +58,16 @@ _CONNECTS_S = "10s"
 _COUNTS_S = 5.0
 
 
-class Pending(Protocol):
-    """A frame being matched somewhere."""
+Pending: TypeAlias = Future[MatchedFrame[FrameMap]]
+"""A frame being matched somewhere; Dask has futures of its own, with the same methods."""
 
-    def result(self, timeout: float | None = None) -> MatchedFrame[FrameMap]:
-        """Wait for the frame; raise ``TimeoutError`` if it is not ready in time."""
+Runner: TypeAlias = "ThreadRunner | DaskRunner"
+"""Matches several frames at once, and can steady each with the previous one.
 
-    def cancel(self) -> object:
-        """Cancel the frame, if it has not begun."""
-
-
-class Runner(Protocol):
-    """Matches several frames at once, and can steady each with the previous one."""
-
-    at_once: int
-    """The largest number of frames in flight, which bounds memory however long the sequence is."""
-
-    crashes: tuple[type[Exception], ...]
-    """Raised by a frame that repeatedly kills its worker; it counts as damaged."""
-
-    def match(self, task: FrameTask) -> Any:
-        """Return a promise of a frame's own maps, to be passed to :meth:`submit`, usually twice."""
-
-    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Pending:
-        """Start a frame as soon as there is room for it; with promises, steadied by the previous frame."""
+`match` returns a promise of a frame's own maps, to be passed to `submit`, usually twice, which starts a frame: with
+promises, steadied by the previous one. `at_once` is the largest number of frames in flight, which bounds memory however
+long the sequence is; `crashes` are raised by a frame that repeatedly kills its worker, and counts as damaged.
+"""
 
 
 def in_order(
@@ -233,7 +219,7 @@ class DaskRunner:
     client
         A ``distributed.Client``.
     crashes
-        As in :class:`Runner`.
+        As in :data:`Runner`.
     """
 
     def __init__(self, client: Any, crashes: tuple[type[Exception], ...]) -> None:

@@ -193,9 +193,9 @@ def _own() -> BoardPictures | None:
     if given is None:
         return None
     names, pairs, pixels, alone = given.content
-    description = f"{len(names)} pairs, matched by name."
-    if alone:
-        description += f" Not used, without a partner or no pictures: {', '.join(map(quote, alone[:MOST_NAMED]))}."
+    named = ", ".join(map(quote, alone[:MOST_NAMED]))
+    unused = f" Not used, without a partner or no pictures: {named}." if alone else ""
+    description = f"{len(names)} pairs, matched by name.{unused}"
     return BoardPictures(names, pairs, pixels, description, hashlib.sha256(given.digest.encode()).hexdigest(), False)
 
 

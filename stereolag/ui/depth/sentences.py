@@ -205,17 +205,15 @@ def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
 @typesets
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:
     """Return the text beside the figure of overlapping windows; `asked` is the overlap in the settings, 0..1."""
-    overlap = f"{percent(asked)} overlap"
-    if percent(asked) != percent(grid.overlap):
-        overlap += f" ({percent(grid.overlap)} in whole pixels)"
-    said = (
-        f"{grid.middle.height} px windows, {overlap}: one every {grid.step} px, so "
+    there = percent(grid.overlap)
+    actual = f" ({there} in whole pixels)" if percent(asked) != there else ""
+    which = ORDINALS.get(grid.every, f"{grid.every}th")
+    left_out = f" Only every {which} window and dot is drawn." if grid.every > 1 else ""
+    return (
+        f"{grid.middle.height} px windows, {percent(asked)} overlap{actual}: one every {grid.step} px, so "
         f"{counted(grid.values, 'value')} in this cut. Each dot is the centre of a window and becomes one value of the "
-        "map."
+        f"map.{left_out}"
     )
-    if grid.every > 1:
-        said += f" Only every {ORDINALS.get(grid.every, f'{grid.every}th')} window and dot is drawn."
-    return said
 
 
 def metres_in_words(calibration: Calibration | None, entered: str) -> str:

@@ -170,10 +170,8 @@ def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     }
     for name, signal in in_columns(heard.items()):
         player(signal, rate, name)
-    said = heard_in_words(result)
-    if max(first.size, second.size) > most:
-        said += f" Only {LONGEST_S} s are played."
-    prose.caption(said)
+    shortened = f" Only {LONGEST_S} s are played." if max(first.size, second.size) > most else ""
+    prose.caption(f"{heard_in_words(result)}{shortened}")
 
 
 AUDIBLE_RATES = (3_000, 384_000)
