@@ -10,7 +10,7 @@ from stereolag.ui.lag.inputs import LAG_ADDRESS, RecordingPair, choose_recording
 from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it
 from stereolag.ui.lag.parts import compare_methods, listen, show_lag_files, show_lined_up, show_over_time, show_verdict
 from stereolag.ui.navigation import bench, fragment, page, show_parts
-from stereolag.ui.results import computed_or_refused
+from stereolag.ui.results import computed_or_refused, kept_for
 from stereolag.ui.sentences import LAG_METHODS, LAG_METHODS_EXPLAINED
 
 PARTS = {
@@ -44,9 +44,7 @@ def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
         "lag",
         lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
         estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
-        inputs=pair.digest,
-        settings=search.model_dump_json(),
-        shared=pair.shared,
+        **kept_for(pair, search.model_dump_json()),
         label="Sliding one recording along the other …",
     )
 

@@ -11,7 +11,7 @@ from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_picture
 from stereolag.ui.navigation import bench, fragment, page, show_parts
-from stereolag.ui.results import computed_or_refused
+from stereolag.ui.results import computed_or_refused, kept_for
 from stereolag.ui.search.inputs import TEMPLATE_ADDRESS, PictureAndTemplate, choose_pictures, with_painted_mask
 from stereolag.ui.search.parts import (
     damage_it,
@@ -76,9 +76,7 @@ def search(inputs: PictureAndTemplate, query: TemplateQuery) -> TemplateSearch |
             scales=query.arguments["scales"],
             rotations=query.arguments["rotations"],
         ),
-        inputs=inputs.digest,
-        settings=query.model_dump_json(),
-        shared=inputs.shared,
+        **kept_for(inputs, query.model_dump_json()),
         label="Sliding the template over the image …",
     )
 

@@ -55,7 +55,7 @@ from stereolag.ui.elements import (
     show_refused,
 )
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
-from stereolag.ui.results import Refusal, attempted, computed, computed_in_turn, computed_or_refused
+from stereolag.ui.results import Inputs, Refusal, attempted, computed, computed_in_turn, computed_or_refused, kept_for
 from stereolag.ui.sentences import percent
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
@@ -113,7 +113,7 @@ PICTURE_S, MEGAPIXEL_S = 0.15, 0.12
 
 
 @dataclass(frozen=True, eq=False)
-class BoardPictures:
+class BoardPictures(Inputs):
     """Pairs of pictures of one board.
 
     Attributes
@@ -124,12 +124,6 @@ class BoardPictures:
         Left and right pictures, decoded on demand.
     pixels
         Number of pixels of one picture.
-    description
-        Text about them on the page.
-    digest
-        Identifies the pictures.
-    shared
-        Whether they are an example.
     example
         Name of the example; None for the visitor's own pictures.
     """
@@ -137,9 +131,6 @@ class BoardPictures:
     names: tuple[str, ...]
     pairs: Pairs
     pixels: int
-    description: str
-    digest: str
-    shared: bool
     example: str | None = None
 
     def estimate(self, pairs: int) -> Estimate:
@@ -174,7 +165,7 @@ def _example(name: str) -> BoardPictures:
         f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
         f"can be checked. The right picture of pair {WRONG_PAIR + 1} is from another moment."
     )
-    return BoardPictures(names, pairs, pairs[0][0].size, description, f"drawn {name}", True, name)
+    return BoardPictures(description, f"drawn {name}", True, names, pairs, pairs[0][0].size, name)
 
 
 @in_fold(KEY)
@@ -196,7 +187,7 @@ def _own() -> BoardPictures | None:
     named = ", ".join(map(quote, alone[:MOST_NAMED]))
     unused = f" Not used, without a partner or no pictures: {named}." if alone else ""
     description = f"{len(names)} pairs, matched by name.{unused}"
-    return BoardPictures(names, pairs, pixels, description, hashlib.sha256(given.digest.encode()).hexdigest(), False)
+    return BoardPictures(description, hashlib.sha256(given.digest.encode()).hexdigest(), False, names, pairs, pixels)
 
 
 MOST_NAMED = 4
@@ -291,9 +282,7 @@ def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Ref
         "board",
         attempted(lambda _: guess_board(pictures.pairs, size)),
         pictures.estimate(min(GUESSED_FROM, len(pictures.names))),
-        inputs=pictures.digest,
-        settings=f"{size} {GUESSED_FROM}",
-        shared=pictures.shared,
+        **kept_for(pictures, f"{size} {GUESSED_FROM}"),
         label="Looking for the board …",
     )
 
@@ -304,9 +293,7 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
         "corners",
         lambda progress: find_boards(pictures.pairs, board, progress=progress),
         pictures.estimate(len(pictures.names)),
-        inputs=pictures.digest,
-        settings=repr(board),
-        shared=pictures.shared,
+        **kept_for(pictures, repr(board)),
         label="Looking for corners …",
     )
 
@@ -343,9 +330,7 @@ def calibrated(
         "calibration",
         lambda _: calibrate_boards(views, square_m, leave_out=leave_out),
         Estimate(MEMORY, PAIR_S * len(views)),
-        inputs=pictures.digest,
-        settings=f"{views.board!r} {square_m} {sorted(leave_out)}",
-        shared=pictures.shared,
+        **kept_for(pictures, f"{views.board!r} {square_m} {sorted(leave_out)}"),
         label="Calibrating …",
     )
 
@@ -436,9 +421,7 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
     shown = computed(
         "corners drawn",
         drawn,
-        inputs=pictures.digest,
-        settings=f"{views.board!r} {number}",
-        shared=pictures.shared,
+        **kept_for(pictures, f"{views.board!r} {number}"),
         label="Drawing the corners …",
     )
     for side, picture, corners in in_columns(zip(("Left", "Right"), shown, (left, right), strict=True), gap="small"):
@@ -460,9 +443,7 @@ def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, resu
         data = computed(
             "rectified",
             drawn,
-            inputs=pictures.digest,
-            settings=f"{number} {result.board!r} {result.used} {result.square_m}",
-            shared=pictures.shared,
+            **kept_for(pictures, f"{number} {result.board!r} {result.used} {result.square_m}"),
             label="Rectifying the pair …",
         )
         name = f"Pair {pictures.names[number]}, rectified"

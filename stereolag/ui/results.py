@@ -19,11 +19,27 @@ import streamlit as st
 from cachetools import LRUCache
 
 from stereolag.core.jobs import Estimate, Progress, limits, silent
+from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.background_jobs import Job, is_heavy, show_busy, this_visit, watch
 from stereolag.ui.elements import PATIENCE_S, show_refused, shown_progress
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What a page measures: text about it, what identifies it, and whether it is an example, shared by all visitors."""
+
+    description: str
+    digest: str
+    shared: bool
+
+
+def kept_for(inputs: Inputs | Pair, settings: str = "") -> dict[str, Any]:
+    """Return what identifies a result about some inputs: the arguments of that name of :func:`computed`."""
+    return {"inputs": inputs.digest, "settings": settings, "shared": inputs.shared}
+
 
 SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20

@@ -28,7 +28,7 @@ from tests.programs import run_program
 def recordings() -> RecordingPair:
     """Return recordings of different sizes from the examples', 123 samples apart."""
     sound = noise(4123)
-    return RecordingPair(1000 * sound[123:] + 40, sound[:3900], 8000.0, None, "Noise.", "noise", False)
+    return RecordingPair("Noise.", "noise", False, 1000 * sound[123:] + 40, sound[:3900], 8000.0, None)
 
 
 def lag_of(pair: RecordingPair, search: LagSearch) -> sl.SignalLag:
@@ -98,7 +98,7 @@ def test_the_zip_of_a_search_finds_it_again(dtype: type, masked: bool, tmp_path:
     if masked:
         template[:, :10], mask = 0, np.full((20, 30, 3), 255, np.uint8)
         mask[:, :10] = 0
-    inputs = PictureAndTemplate(picture, template, "Noise.", "noise", False, mask)
+    inputs = PictureAndTemplate("Noise.", "noise", False, picture, template, mask)
     query = TemplateQuery(min_score=0.9)
     result = sl.match_template(picture, template, mask=mask, **query.arguments, seed=0)
     files = match_files.match_files(inputs, result, query)
@@ -119,7 +119,7 @@ def test_the_zip_of_a_search_finds_it_again(dtype: type, masked: bool, tmp_path:
 @pytest.mark.parametrize("blank", [False, True])
 def test_where_nothing_is_found_the_best_place_is_framed_if_there_is_one(blank: bool) -> None:
     picture = np.full((60, 80, 3), 9, np.uint8) if blank else texture(60, 80)
-    inputs = PictureAndTemplate(picture, texture(9, 9, seed=1), "Noise.", "noise", False)
+    inputs = PictureAndTemplate("Noise.", "noise", False, picture, texture(9, 9, seed=1))
     query = TemplateQuery(min_score=0.9)
     result = sl.match_template(inputs.picture, inputs.template, **query.arguments)
     files = {file.name: file for file in match_files.match_files(inputs, result, query)}

@@ -51,12 +51,12 @@ from stereolag.ui.depth.sentences import (
     difference_in_words,
     errors_in_words,
 )
-from stereolag.ui.depth.view import LEFT, DepthView, kept_for, known_truth
+from stereolag.ui.depth.view import LEFT, DepthView, known_truth
 from stereolag.ui.downloads import download_button
 from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_columns, show_chart, show_picture
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused
+from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused, kept_for
 from stereolag.ui.sentences import duration, percent
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"

@@ -40,7 +40,7 @@ from stereolag.ui.depth.comparing import estimates_so_far, evaluations
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import choose_map
 from stereolag.ui.depth.state import adopt, at_size, for_size, saved_state
-from stereolag.ui.depth.view import DepthView, kept_for, settings_key
+from stereolag.ui.depth.view import DepthView, settings_key
 from stereolag.ui.downloads import (
     File,
     download_button,
@@ -52,7 +52,7 @@ from stereolag.ui.downloads import (
 )
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import refusals_shown
-from stereolag.ui.results import computed_in_turn
+from stereolag.ui.results import computed_in_turn, kept_for
 from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import upload
 

@@ -46,12 +46,12 @@ from stereolag.ui.depth.maps import (
     shown_methods,
 )
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
-from stereolag.ui.depth.view import HANDED, PAIR, coloured_alike, kept_for
+from stereolag.ui.depth.view import HANDED, PAIR, coloured_alike
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved
 from stereolag.ui.navigation import CONTROLS_WIDTH, bench, fragment
-from stereolag.ui.results import computed_at_once, remembered
+from stereolag.ui.results import computed_at_once, kept_for, remembered
 from stereolag.ui.streamlit_inside import in_this_session
 from stereolag.ui.streams import Message, Stream, address_of, close_stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN

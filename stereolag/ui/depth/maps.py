@@ -24,7 +24,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
-from stereolag.ui.depth.view import INVERTED, LEFT, RIGHT, TRUTH, DepthView, Pixel, kept_for, settings_key
+from stereolag.ui.depth.view import INVERTED, LEFT, RIGHT, TRUTH, DepthView, Pixel, settings_key
 from stereolag.ui.elements import Number as Figure
 from stereolag.ui.elements import announce, in_columns, refusals_shown, show_picture, show_refused
 from stereolag.ui.linked_pictures import (
@@ -45,7 +45,7 @@ from stereolag.ui.matcher_controls import (
     preset_key,
     set_controls,
 )
-from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, remembered
+from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, kept_for, remembered
 from stereolag.ui.sentences import duration, percent
 from stereolag.ui.streamlit_inside import Container, give_head_start
 

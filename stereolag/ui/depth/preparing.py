@@ -28,11 +28,11 @@ from stereolag.ui import prose
 from stereolag.ui.background_jobs import is_heavy
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
-from stereolag.ui.depth.view import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView, kept_for
+from stereolag.ui.depth.view import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView
 from stereolag.ui.elements import show_offer, show_refused, show_remedy
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
 from stereolag.ui.navigation import DEPTH_PAGE, PAGES
-from stereolag.ui.results import computed, computed_before, computed_in_turn
+from stereolag.ui.results import computed, computed_before, computed_in_turn, kept_for
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import OWN, no_files_yet, upload_named
 
@@ -190,9 +190,7 @@ def prepared(pair: Pair, preparation: Preparation) -> Pair:
         return computed(
             step,
             lambda progress: make(),
-            inputs=pair.digest,
-            settings=settings,
-            shared=pair.shared,
+            **kept_for(pair, settings),
             label=STEPS[step],
         )
 

@@ -18,7 +18,7 @@ from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST
-from stereolag.ui.results import remembered
+from stereolag.ui.results import kept_for, remembered
 from stereolag.ui.sentences import percent
 
 Pixel = tuple[int, int]
@@ -96,11 +96,6 @@ class DepthView:
     def kept(self, name: str, more: str = "") -> dict[str, Any]:
         """Return what identifies a result about one map, as :func:`.kept_for` does; `more` is what else it needs."""
         return kept_for(self.pair, f"{settings_key(self.results[name])} {more}")
-
-
-def kept_for(pair: Pair, settings: str = "") -> dict[str, Any]:
-    """Return what identifies a result about a pair: see :func:`stereolag.ui.results.computed`."""
-    return {"inputs": pair.digest, "settings": settings, "shared": pair.shared}
 
 
 def settings_key(result: DisparityMap) -> str:

@@ -49,7 +49,7 @@ from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_remedy
 from stereolag.ui.matcher_controls import matchers_in_use
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed, kept_for
 from stereolag.ui.streams import Message, frame, open_stream
 from stereolag.ui.uploads import (
     LIVE,
@@ -168,9 +168,7 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
         diagnosis = computed(
             "diagnosis of a drive",
             lambda progress: diagnose_sequence(sequence),
-            inputs=pair.digest,
-            settings=str(sequence.turn),
-            shared=False,
+            **kept_for(pair, str(sequence.turn)),
             label="Looking over a few frames …",
         )
     found = None if diagnosis is None else diagnosis.suggested_range

@@ -31,6 +31,7 @@ from stereolag.ui.lag.sentences import (
     upload_limits,
 )
 from stereolag.ui.navigation import fragment, head, show_try_first
+from stereolag.ui.results import Inputs
 from stereolag.ui.streams import Message, Whole, connected, open_stream
 from stereolag.ui.uploads import (
     LIVE,
@@ -48,16 +49,13 @@ RECORDINGS = "recordings"
 
 
 @dataclass(frozen=True, eq=False)
-class RecordingPair:
+class RecordingPair(Inputs):
     """Two recordings and their properties; None if unknown."""
 
     signal_1: Vector
     signal_2: Vector
     sampling_rate: float | None
     speed: float | None
-    description: str
-    digest: str
-    shared: bool
 
     @property
     def longest_lag(self) -> int:
@@ -110,7 +108,7 @@ def example_recordings(name: str) -> RecordingPair:
     example = samples.recordings()[name]
     signal_1, signal_2 = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
     return RecordingPair(
-        signal_1, signal_2, example.sampling_rate, example.speed, example.description, f"recordings {name}", True
+        example.description, f"recordings {name}", True, signal_1, signal_2, example.sampling_rate, example.speed
     )
 
 
@@ -172,13 +170,13 @@ def _pair(
     one, other = at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2))
     facts = own_facts((one, other), (channel_1, channel_2), (first.content.highest, second.content.highest))
     return RecordingPair(
+        f"Your own recordings.  \n{facts}",
+        digest,
+        False,
         as_signal(one.channels[0], "The recording of sensor 1"),
         as_signal(other.channels[0], "The recording of sensor 2"),
         one.sampling_rate or other.sampling_rate,
         None,
-        f"Your own recordings.  \n{facts}",
-        digest,
-        False,
     )
 
 

@@ -41,7 +41,7 @@ from stereolag.ui.lag.sentences import (
     own_in_words,
 )
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import remembered
+from stereolag.ui.results import kept_for, remembered
 
 # Slide it
 
@@ -64,9 +64,7 @@ def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False
     own = remembered(
         "excerpt",
         lambda: _excerpt(pair, result),
-        inputs=pair.digest,
-        settings=f"{result.lag} {result.verdict}",
-        shared=pair.shared,
+        **kept_for(pair, f"{result.lag} {result.verdict}"),
     )
     examples = json.loads(own) + ([] if small else _slides())
     component("sliding")(

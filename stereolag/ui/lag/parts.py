@@ -38,7 +38,7 @@ from stereolag.ui.lag.sentences import (
     run_times_in_words,
     waveforms_in_words,
 )
-from stereolag.ui.results import computed_or_refused, remembered
+from stereolag.ui.results import computed_or_refused, kept_for, remembered
 from stereolag.ui.sentences import CURVES, LAG_METHODS, duration
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
@@ -212,9 +212,7 @@ def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
     return remembered(
         "aligned recording",
         lambda: np.asarray(align(pair.signal_1, pair.signal_2, lag), dtype=np.float64),
-        inputs=pair.digest,
-        settings=f"{result.lag_subsample} {result.over_time}",
-        shared=pair.shared,
+        **kept_for(pair, f"{result.lag_subsample} {result.over_time}"),
     )
 
 
@@ -312,9 +310,7 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
         "lag methods",
         measure,
         total,
-        inputs=pair.digest,
-        settings=search.model_dump_json(exclude={"method"}),
-        shared=pair.shared,
+        **kept_for(pair, search.model_dump_json(exclude={"method"})),
         label="Measuring …",
     )
     if found is not None:
@@ -360,9 +356,7 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
         "lag run times",
         measure,
         total,
-        inputs=pair.digest,
-        settings=f"{runs} {search.model_dump_json()}",
-        shared=pair.shared,
+        **kept_for(pair, f"{runs} {search.model_dump_json()}"),
         label="Measuring …",
     )
     if seconds is not None:

@@ -29,7 +29,7 @@ from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.controls import adopt_values, persistent
 from stereolag.ui.elements import in_columns, show_refused
 from stereolag.ui.navigation import head, show_try_first
-from stereolag.ui.results import remembered
+from stereolag.ui.results import Inputs, remembered
 from stereolag.ui.uploads import (
     LIVE,
     OWN,
@@ -47,7 +47,7 @@ PICTURES = "pictures"
 
 
 @dataclass(frozen=True, eq=False)
-class PictureAndTemplate:
+class PictureAndTemplate(Inputs):
     """An image, the template to find in it, and a mask: above 0 where the template counts, None to use its alpha.
 
     `place` is the (row, col) of the template's top-left pixel, known for an example and for a template cut from the
@@ -56,9 +56,6 @@ class PictureAndTemplate:
 
     picture: Image
     template: Image
-    description: str
-    digest: str
-    shared: bool
     mask: Image | None = None
     place: tuple[int, int] | None = None
     by_hand: tuple[str, ...] = ()
@@ -122,11 +119,11 @@ def example_pictures(name: str) -> PictureAndTemplate:
     """Return one of the bundled images with its template."""
     example = samples.mazes()[name]
     return PictureAndTemplate(
-        read_image(example.picture),
-        read_image(example.template),
         example.description,
         f"maze {name}",
         True,
+        read_image(example.picture),
+        read_image(example.template),
         place=(example.row, example.col),
     )
 
@@ -176,11 +173,11 @@ def _cut(image: Image, description: str, digest: str, *, shared: bool) -> Pictur
     """Ask for a box in an image, whose pixels become the template; the result is private to the visitor."""
     box = box_in(image, digest=digest, shared=shared, key=f"{PICTURES}.cut")
     return PictureAndTemplate(
-        image,
-        image[box.slices],
         f"{description} The cut-out finds itself: ask for more matches, or damage the image below.",
         f"{digest} cut {box.row} {box.col} {box.height} {box.width}",
         False,
+        image,
+        image[box.slices],
         place=(box.row, box.col),
         by_hand=("template you cut out",) if shared else (),
     )
@@ -200,7 +197,7 @@ def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Imag
         )
     digest = " ".join(one.digest for one in (picture, template, mask) if one)
     marked = None if mask is None else _fitting_mask(mask.content, small)
-    return PictureAndTemplate(image, small, "Your own images.", digest, False, marked)
+    return PictureAndTemplate("Your own images.", digest, False, image, small, marked)
 
 
 def _fitting_mask(mask: Image, template: Image) -> Image:

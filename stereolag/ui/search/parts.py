@@ -42,7 +42,7 @@ from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
 from stereolag.ui.elements import Number, announce, in_columns, show_line, show_picture
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, remembered
+from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, kept_for, remembered
 from stereolag.ui.search.inputs import LEAST_SIDE, PICTURES, PictureAndTemplate, read_box
 from stereolag.ui.search.sentences import (
     FOLLOWING_WORDS,
@@ -126,7 +126,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
     """Return a drawing of a search, cached: the page reruns for other controls too."""
-    return remembered(what, draw, inputs=inputs.digest, settings=query.model_dump_json(), shared=inputs.shared)
+    return remembered(what, draw, **kept_for(inputs, query.model_dump_json()))
 
 
 def _score(match: TemplateMatch | None) -> str:
@@ -257,9 +257,7 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         shown = computed(
             "funnel",
             lambda _: _funnel_data(inputs),
-            inputs=inputs.digest,
-            settings="",
-            shared=inputs.shared,
+            **kept_for(inputs),
             label="Looking for rare pixels …",
         )
     except ValueError as error:
@@ -313,9 +311,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query
         "template search by OpenCV",
         lambda _: opencv_search(inputs.picture, inputs.template, mask=inputs.mask),
         estimate_opencv(inputs.picture.shape, masked),
-        inputs=inputs.digest,
-        settings="",
-        shared=inputs.shared,
+        **kept_for(inputs),
         label="Searching with OpenCV …",
     )
     if theirs is None:
@@ -349,9 +345,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: Templat
         "degraded search",
         lambda _: _tried(inputs, place, degradation, min_score),
         _estimate_trials(inputs),
-        inputs=inputs.digest,
-        settings=f"{degradation.model_dump_json()} {place} {min_score}",
-        shared=inputs.shared,
+        **kept_for(inputs, f"{degradation.model_dump_json()} {place} {min_score}"),
         label="Searching the damaged image …",
     )
     if attempts is None:
