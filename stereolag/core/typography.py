@@ -36,6 +36,16 @@ def four_digits(number: float) -> str:
     return f"{number:,.4g}" if number < 9999.5 else f"{number:,.0f}"
 
 
+def duration(seconds: float) -> str:
+    """Return a duration with a suitable unit."""
+    return typeset(f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:,.2f} s")
+
+
+def percent(share: float) -> str:
+    """Return a share, 0..1, as a percentage."""
+    return typeset(f"{share * 100:.0f} %")
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number of things: "1 sample", "1,024 samples"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"

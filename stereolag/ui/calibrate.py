@@ -17,7 +17,7 @@ import streamlit as st
 
 from stereolag.core.inputs import as_image
 from stereolag.core.jobs import Estimate, limits
-from stereolag.core.typography import typesets
+from stereolag.core.typography import percent, typesets
 from stereolag.figures.boards import coverage_picture, error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg, png
 from stereolag.geometry.boards import (
@@ -56,7 +56,6 @@ from stereolag.ui.elements import (
 )
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import Inputs, Refusal, attempted, computed, computed_in_turn, computed_or_refused, kept_for
-from stereolag.ui.sentences import percent
 from stereolag.ui.streamlit_inside import Container
 from stereolag.ui.uploads import (
     LIVE,

@@ -2,20 +2,6 @@
 
 from __future__ import annotations
 
-from stereolag.core.typography import typeset
-from stereolag.stereo.matcher import Reason
-
-
-def duration(seconds: float) -> str:
-    """Return a duration with a suitable unit."""
-    return typeset(f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:,.2f} s")
-
-
-def percent(share: float) -> str:
-    """Return a share, 0..1, as a percentage."""
-    return typeset(f"{share * 100:.0f} %")
-
-
 MOTION_IN_WORDS = {
     "unrelated": "No motion: this frame has nothing in common with the one before it.",
     "blank": "No motion: this frame or the one before it shows nothing but noise.",
@@ -26,8 +12,6 @@ MOTION_IN_WORDS = {
     "inaccurate": "Own speed unknown: what is seen is too far away for it.",
 }
 """Sentences on frames that are not simply related, or whose own motion is not known."""
-
-# Why is it blank?
 
 CHOICE_NAMES = {
     "zncc": "ZNCC",
@@ -43,16 +27,6 @@ CHOICE_NAMES = {
     "hh4": "4",
 }
 """Display names of the choices in settings."""
-
-REASONS_EXPLAINED = {
-    Reason.FILLED: "Not measured: filled in from the surface behind.",
-    Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
-    Reason.LOW_TEXTURE: "The window is nearly blank, like a bare wall: there is nothing to compare.",
-    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeating pattern, or a smooth surface.",
-    Reason.LEFT_RIGHT: "Matched from the right image, the disparity differs: usually something nearer hides the point.",
-    Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
-    Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may be beyond it.",
-}
 
 
 # Methods of the lag page and the template search page

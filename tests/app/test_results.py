@@ -13,10 +13,9 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import Estimate, Progress
-from stereolag.core.typography import typeset
+from stereolag.core.typography import duration, typeset
 from stereolag.ui import background_jobs, results
 from stereolag.ui.background_jobs import HEAVY_MEMORY, Job
-from stereolag.ui.sentences import duration
 from tests.app.pages import page_of, until
 
 

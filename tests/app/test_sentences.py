@@ -352,7 +352,7 @@ def test_every_code_has_words() -> None:
     assert {one.remedy for one in ILL} - {None} == {*Remedy}
     assert {*REMEDIES_DONE} == {*Remedy} - {Remedy.SET_RANGE}
     assert {*verdicts.REASON_WORDS} == {*sl.Reason}
-    assert {*sentences.REASONS_EXPLAINED} == {*sl.Reason} - {sl.Reason.MEASURED}
+    assert {*depth.REASONS_EXPLAINED} == {*sl.Reason} - {sl.Reason.MEASURED}
     assert {*depth.HOVER_WORDS["kinds"]} == {*MatchKind}
     assert {*depth.EXAMPLE_LABELS} == {*depth.NO_EXAMPLE} == {*ExampleKind}
     of_lag, of_search = ({*get_args(one.model_fields["method"].annotation)} for one in (LagSearch, TemplateQuery))

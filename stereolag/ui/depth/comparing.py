@@ -24,6 +24,7 @@ from stereolag.assess.judging import (
 )
 from stereolag.core.arrays import FloatMap
 from stereolag.core.jobs import Estimate, Progress, part
+from stereolag.core.typography import duration, percent
 from stereolag.figures.legends import hexadecimal, strip_legend, word_legend
 from stereolag.figures.maps import (
     ALL_AGREE,
@@ -57,7 +58,6 @@ from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_column
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused, kept_for
-from stereolag.ui.sentences import duration, percent
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
 ALL_PAIRS = "depth.all_pairs"

@@ -11,6 +11,7 @@ import streamlit as st
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.jobs import format_bytes, limits
+from stereolag.core.typography import duration
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
 from stereolag.io.calibrations import calibration_json
@@ -53,7 +54,6 @@ from stereolag.ui.downloads import (
 from stereolag.ui.downloads import archive as zip_of
 from stereolag.ui.elements import refusals_shown
 from stereolag.ui.results import computed_in_turn, kept_for
-from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import upload
 
 KEY = "depth.take"

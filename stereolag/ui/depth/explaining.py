@@ -26,6 +26,7 @@ from stereolag.assess.explaining import (
 )
 from stereolag.core.arrays import Box
 from stereolag.core.inputs import Image, as_grey
+from stereolag.core.typography import percent
 from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.maps import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.figures.match import (
@@ -51,6 +52,7 @@ from stereolag.ui.depth.sentences import (
     EXAMPLE_LABELS,
     HOVER_WORDS,
     NO_EXAMPLE,
+    REASONS_EXPLAINED,
     RIGHT_PX,
     all_blanks_in_words,
     fit_in_words,
@@ -63,7 +65,6 @@ from stereolag.ui.depth.view import DepthView, Pixel
 from stereolag.ui.elements import show_chart, show_picture, shown_progress
 from stereolag.ui.linked_pictures import Mark, Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import REASONS_EXPLAINED, percent
 
 INSPECTION, BLANKS = "depth.inspection", "depth.blanks"
 ROWS_AROUND = 8

@@ -15,6 +15,7 @@ from stereolag import DisparityMap, Evaluation, Reason, evaluate, preset
 from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import ReasonMap
 from stereolag.core.inputs import Image
+from stereolag.core.typography import duration, percent
 from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.pictures import as_rgb, coloured, png
 from stereolag.figures.verdicts import REASON_WORDS
@@ -46,7 +47,6 @@ from stereolag.ui.matcher_controls import (
     set_controls,
 )
 from stereolag.ui.results import computed, computed_at_once, computed_before, computed_in_turn, kept_for, remembered
-from stereolag.ui.sentences import duration, percent
 from stereolag.ui.streamlit_inside import Container, give_head_start
 
 SHOWN = "depth.maps"

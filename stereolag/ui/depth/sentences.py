@@ -15,11 +15,10 @@ from stereolag.assess.suggestion import Outcome
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
-from stereolag.core.typography import counted, typesets
+from stereolag.core.typography import counted, percent, typesets
 from stereolag.figures.match import WindowGrid
 from stereolag.figures.verdicts import REASON_WORDS, blanks_in_words
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.ui.sentences import percent
 
 REMEDIES_OFFERED = {
     Remedy.MIRROR_RIGHT: "Mirror the right image",
@@ -170,6 +169,17 @@ def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None =
 def photograph_in_words(image: Image) -> str:
     """Return the size of a photograph in words."""
     return f"photograph, {image.shape[1]:,} by {image.shape[0]:,} pixels"
+
+
+REASONS_EXPLAINED = {
+    Reason.FILLED: "Not measured: filled in from the surface behind.",
+    Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
+    Reason.LOW_TEXTURE: "The window is nearly blank, like a bare wall: there is nothing to compare.",
+    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeating pattern, or a smooth surface.",
+    Reason.LEFT_RIGHT: "Matched from the right image, the disparity differs: usually something nearer hides the point.",
+    Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
+    Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may be beyond it.",
+}
 
 
 @typesets

@@ -12,6 +12,7 @@ import streamlit as st
 
 from stereolag import Calibration, DisparityMap
 from stereolag.core.arrays import FloatMap
+from stereolag.core.typography import percent
 from stereolag.figures.legends import PALETTES, Colours, searched_range
 from stereolag.figures.pictures import disparity_range, edge_path, thinned
 from stereolag.pair import Pair
@@ -19,7 +20,6 @@ from stereolag.ui import prose
 from stereolag.ui.controls import persistent
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST
 from stereolag.ui.results import kept_for, remembered
-from stereolag.ui.sentences import percent
 
 Pixel = tuple[int, int]
 

@@ -16,6 +16,7 @@ import streamlit as st
 from cachetools import LRUCache
 
 from stereolag.core.jobs import Estimate
+from stereolag.core.typography import duration
 from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
@@ -30,7 +31,7 @@ from stereolag.ui.downloads import download_button
 from stereolag.ui.driving.inputs import EXAMPLE, KEY, MOTION_TITLE, ORIGIN, TRUTH_TITLE, Drive, DriveSettings, title_of
 from stereolag.ui.elements import announce, show_refused
 from stereolag.ui.navigation import DEPTH_PAGE, failures_answered
-from stereolag.ui.sentences import MOTION_IN_WORDS, duration
+from stereolag.ui.sentences import MOTION_IN_WORDS
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4

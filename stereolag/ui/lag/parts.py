@@ -11,7 +11,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import Estimate, Progress, limits, part
 from stereolag.core.searches import LagSearch, SignalMethod
-from stereolag.core.typography import typeset
+from stereolag.core.typography import duration, typeset
 from stereolag.figures import recordings as figures
 from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
 from stereolag.io.programs import lag_command, lag_script
@@ -39,7 +39,7 @@ from stereolag.ui.lag.sentences import (
     waveforms_in_words,
 )
 from stereolag.ui.results import computed_or_refused, kept_for, remembered
-from stereolag.ui.sentences import CURVES, LAG_METHODS, duration
+from stereolag.ui.sentences import CURVES, LAG_METHODS
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
 

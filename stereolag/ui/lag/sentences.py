@@ -11,7 +11,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
-from stereolag.core.typography import four_digits, together, typeset, typesets
+from stereolag.core.typography import duration, four_digits, together, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MOST_NAMED, verdict_in_words
@@ -21,7 +21,6 @@ from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances, Slide
 from stereolag.signals.listening import Heard
 from stereolag.signals.over_time import LagOverTime
-from stereolag.ui.sentences import duration
 
 ECHO_S = 0.03
 """Seconds; sounds closer together are heard as one (Haas, 1951)."""

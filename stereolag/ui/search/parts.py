@@ -17,6 +17,7 @@ import streamlit as st
 
 from stereolag.core.jobs import Estimate
 from stereolag.core.searches import TemplateQuery
+from stereolag.core.typography import duration
 from stereolag.figures import templates as figures
 from stereolag.figures.pictures import FRAME, data_url, fitted, jpeg, png
 from stereolag.figures.verdicts import doubtful, framed_in_words, headline, is_cut_off, place
@@ -60,7 +61,6 @@ from stereolag.ui.search.sentences import (
     why_no_score_map,
     why_not_found,
 )
-from stereolag.ui.sentences import duration
 from stereolag.ui.streams import Message, Stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 

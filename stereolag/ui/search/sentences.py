@@ -8,14 +8,14 @@ from typing import Any, Final
 import numpy as np
 
 from stereolag.core.searches import TemplateQuery
-from stereolag.core.typography import typeset
+from stereolag.core.typography import duration, typeset
 from stereolag.figures.pictures import FRAME
 from stereolag.figures.verdicts import EQUAL, is_cut_off, place, remark_on
 from stereolag.templates import TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
 from stereolag.templates.following import Followed
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
-from stereolag.ui.sentences import TEMPLATE_METHODS, duration
+from stereolag.ui.sentences import TEMPLATE_METHODS
 
 RESEMBLES = 0.7
 """Least score of a place told as a look-alike."""
