@@ -68,7 +68,9 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
         "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
         "zaxis": _axis(f"height, {unit}", low[2], high[2]),
         "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
-        **_equal_aspect(low, high),
+        # The longest side is 2, and the scale the same in every direction.
+        "aspectmode": "manual",
+        "aspectratio": dict(zip("xyz", (2 * (high - low) / (high - low).max()).tolist(), strict=True)),
     }
     return laid_out(figure, HEIGHT, {}, {}, margin=0, scene=scene)
 
@@ -122,12 +124,6 @@ def _axis(title: str, low: float, high: float) -> dict[str, Any]:
         "gridcolor": "rgba(128,128,128,0.25)",
         "zeroline": False,
     }
-
-
-def _equal_aspect(low: Vector, high: Vector) -> dict[str, Any]:
-    """Return the aspect ratio of the drawn box, longest side 2, for the same scale in every direction."""
-    sides = 2 * (high - low) / (high - low).max()
-    return {"aspectmode": "manual", "aspectratio": dict(zip("xyz", sides.tolist(), strict=True))}
 
 
 def _camera(low: Vector, high: Vector, distance: float, turned: float, raised: float) -> dict[str, Any]:

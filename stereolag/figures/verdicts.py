@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.typography import four_digits, together, typesets
+from stereolag.core.typography import counted, four_digits, together, typesets
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
@@ -137,14 +137,11 @@ def curve_in_words(result: SignalLag) -> str:
     if result.verdict == "sure":
         return f"{searched}: one clear peak at {result.lag:,}, score {result.score:.3f}."
     if result.verdict == "ambiguous":
-        return f"{searched}: highest at {result.lag:,}, and {_others(len(result.rivals))} about as high."
+        others = f"{counted(len(result.rivals), 'other peak')} {'is' if len(result.rivals) == 1 else 'are'}"
+        return f"{searched}: highest at {result.lag:,}, and {others} about as high."
     if result.judgement.opposite_lag is not None:
         return f"{searched}: no peak, but a clear trough at {result.judgement.opposite_lag:,}."
     return f"{searched}: no peak is beyond chance; the highest point is at {result.lag:,}."
-
-
-def _others(count: int) -> str:
-    return "1 other peak is" if count == 1 else f"{count} other peaks are"
 
 
 EQUAL = 0.005

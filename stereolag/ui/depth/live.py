@@ -99,8 +99,9 @@ def ask_layout(key: str) -> Layout | None:
     """Ask how both views stand in one picture; None: as it shows itself."""
     layouts: dict[Layout | None, str] = {None: "As the picture shows"}
     layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
-    name = persistent(f"{key}.layout")
-    chosen: Layout | None = st.selectbox("Both views", [*layouts], format_func=layouts.__getitem__, **name, width=260)
+    chosen: Layout | None = st.selectbox(
+        "Both views", [*layouts], format_func=layouts.__getitem__, **persistent(f"{key}.layout"), width=260
+    )
     return chosen
 
 

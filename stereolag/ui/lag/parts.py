@@ -330,11 +330,11 @@ def _table_of_methods(
     for method, estimate in estimates.items():
         result = lags.get(method)
         if result is None:
-            rows.append((LAG_METHODS[method], "–", "–", "left out", typeset(f"about {duration(estimate.seconds)}")))
+            rows.append((LAG_METHODS[method], "–", "–", "left out", f"about {duration(estimate.seconds)}"))
             continue
         lag = typeset(f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})")
-        took = typeset(duration(result.elapsed_s))
-        rows.append((LAG_METHODS[method], lag, typeset(f"{result.score:.3f}"), result.verdict, took))
+        score = typeset(f"{result.score:.3f}")
+        rows.append((LAG_METHODS[method], lag, score, result.verdict, duration(result.elapsed_s)))
     titles = ("Method", "Lag, samples", "Score", "Verdict", "Time")
     return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
 
