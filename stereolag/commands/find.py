@@ -33,8 +33,7 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
     parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
     add_frames(parser, "the image", "the template")
-    flags = SettingsFlags(parser, TemplateQuery())
-    options, query = flags.parsed(arguments)
+    options, query = SettingsFlags(parser, TemplateQuery()).parsed(arguments)
 
     from stereolag.io.results import left_out_in_words, search_figures
 

@@ -32,8 +32,7 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("--tracks", nargs=2, metavar=("A", "B"), default=("1", "1"), help=tracks)
     aligned = "write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone"
     parser.add_argument("--aligned", type=Path, metavar="FILE", help=aligned)
-    flags = SettingsFlags(parser, LagSearch())
-    options, settings = flags.parsed(arguments)
+    options, settings = SettingsFlags(parser, LagSearch()).parsed(arguments)
     if options.aligned and options.aligned.suffix.lower() not in (".wav", ".csv"):
         parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
 

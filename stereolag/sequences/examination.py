@@ -78,8 +78,7 @@ def _frames_late(sequence: StereoSequence, places: list[int]) -> int:
     """Return by how many frames the right pictures are late, if another pairing has rows that match; otherwise 0."""
     scores = {}
     for late in range(-FARTHEST, FARTHEST + 1):
-        rows = [_rows_apart(sequence, place, late) for place in places]
-        known = [row for row in rows if row is not None]
+        known = [row for place in places if (row := _rows_apart(sequence, place, late)) is not None]
         if 2 * len(known) > len(places):
             scores[late] = float(np.median(known))
     return min(scores, key=lambda late: scores[late], default=0)

@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
-from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import as_rgb, disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.loops.bands import available_cores, lone_threads
@@ -60,6 +59,9 @@ _COUNTS_S = 5.0
 
 Pending: TypeAlias = Future[MatchedFrame[FrameMap]]
 """A frame being matched somewhere; Dask has futures of its own, with the same methods."""
+
+Promise: TypeAlias = Callable[[], MatchedFrame[DisparityMap]]
+"""Returns a frame's own maps, which are computed once."""
 
 Runner: TypeAlias = "ThreadRunner | DaskRunner"
 """Matches several frames at once, and can steady each with the previous one.
@@ -177,11 +179,18 @@ class ThreadRunner:
         self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def match(self, task: FrameTask) -> LazyFrame:
-        """Return a promise of a frame: the first thread that needs it matches it."""
-        return LazyFrame(task, self._stop_here)
+    def match(self, task: FrameTask) -> Promise:
+        """Return a promise of a frame: the first thread that asks matches it while others wait; none can deadlock."""
+        lock = threading.Lock()
+        found = cache(partial(match_frame, task, self._stop_here))
 
-    def submit(self, task: FrameTask, own: LazyFrame | None = None, before: LazyFrame | None = None) -> Pending:
+        def promised() -> MatchedFrame[DisparityMap]:
+            with lock:
+                return found()
+
+        return promised
+
+    def submit(self, task: FrameTask, own: Promise | None = None, before: Promise | None = None) -> Pending:
         """Start a frame as soon as a thread is free."""
 
         def frame() -> MatchedFrame[FrameMap]:
@@ -193,22 +202,6 @@ class ThreadRunner:
     def _stop_here(self, fraction: float) -> None:
         if self._stop.is_set():
             raise CancelledError
-
-
-class LazyFrame:
-    """A frame's own maps, computed by the first thread to ask while others wait; it cannot deadlock."""
-
-    def __init__(self, task: FrameTask, progress: Progress) -> None:
-        self._task, self._progress = task, progress
-        self._lock = threading.Lock()
-        self._found: MatchedFrame[DisparityMap] | None = None
-
-    def __call__(self) -> MatchedFrame[DisparityMap]:
-        """Return the maps, matching the frame if nobody has yet."""
-        with self._lock:
-            if self._found is None:
-                self._found = match_frame(self._task, self._progress)
-            return self._found
 
 
 class DaskRunner:
@@ -231,15 +224,14 @@ class DaskRunner:
         """Have a worker match a frame and keep the result."""
         return self._client.submit(match_frame, task, pure=False)
 
-    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Pending:
+    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Any:
         """Send a frame to a worker: with promises, to the one that has its maps."""
         if time.monotonic() - self._looked > _COUNTS_S:
             # The number of frames in flight follows the workers, which come and go.
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
             self.at_once = max(4, 3 * sum(worker["nthreads"] for worker in workers))
-        pending: Pending = self._client.submit(encoded_frame, task, own, before, pure=False)
-        return pending
+        return self._client.submit(encoded_frame, task, own, before, pure=False)
 
 
 @dataclass(frozen=True)
