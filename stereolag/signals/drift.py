@@ -280,7 +280,7 @@ def _step_place(recording_1: Recording, recording_2: Recording, before: Stretch,
         products = part * on_first_clock(part_2, LagOverTime((here,)), first, last - first)
         agreed.append(np.concatenate(([0.0], np.cumsum(products))))
     until, since = agreed
-    gains = until[: until.size - missing] - since[missing:]
+    gains = until[: max(0, until.size - missing)] - since[missing:]
     return first + int(np.argmax(gains)) if gains.size else before.end
 
 

@@ -522,13 +522,15 @@ class WeightedCurve:
 
         Heights are compared as if all overlaps were equally long. Within the envelope, and where the recordings' own
         repetition explains the other peak, two heights are equal that differ by less than ``_CLEAR_GAP`` deviations of
-        their difference; elsewhere if the other is ``_ALIKE`` as high and beyond chance itself.
+        their difference; elsewhere if the other is ``_ALIKE`` as high and beyond chance itself. There, a longer overlap
+        is no reason to expect more: sounds that both made by themselves, as a bell, fit as often at many lags.
         """
         evidence = self._evidence
         index, overlap = round(peak.lag) - evidence.first, evidence.overlap
         comparable = evidence.long_enough & (overlap >= 0.25 * overlap[index])
         factor = np.where(comparable, overlap[index] / np.maximum(overlap, 1), np.float32(0))
-        heights = self.curve * factor
+        as_found = np.where(comparable, np.maximum(factor, 1), np.float32(0))
+        heights = self.curve * as_found
         heights[max(0, index - 1) : index + 2] = 0
         high = np.flatnonzero(heights[1:-1] >= _LEAST_RIVAL * peak.height) + 1
         high = high[(heights[high] >= heights[high - 1]) & (heights[high] > heights[high + 1])]
@@ -550,6 +552,7 @@ class WeightedCurve:
             exchanged = 2 * abs(apart) / float(overlap[index])
             clear = _CLEAR_GAP * math.sqrt(2 * (1 - alike)) / deviations
             equal = alike >= _REPEATS and 1 - share < clear + exchanged
-            if equal or (not near and share >= _ALIKE and height >= 0.9 * evidence.needed * self.deviation):
+            alone = height * float(as_found[other]) / peak.height
+            if equal or (not near and alone >= _ALIKE and height >= 0.9 * evidence.needed * self.deviation):
                 found.append(evidence.first + other + offset)
         return found

@@ -213,12 +213,17 @@ class _Alignment:
         if self.changes or not found:
             return found
         near = 4 * self.evidence.curves[self.peaks[0].weight].envelope + 32
+        sizes = recordings[0].size, recordings[1].size
+        overlap = overlap_length(*sizes, np.round([self.lag, *found]).astype(int))
         least = _RIVAL * overlap_pearson(*recordings, round(self.lag))
-        overlap = overlap_length(recordings[0].size, recordings[1].size, np.array([round(self.lag)]))[0]
-        if least < _RIVAL * _VISIBLE / math.sqrt(overlap):
+        if least < _RIVAL * _VISIBLE / math.sqrt(overlap[0]):
             return found
+        # In a longer overlap, as much agreement is a smaller share.
+        shares = np.maximum(overlap[1:] / overlap[0], 1).tolist()
         return [
-            lag for lag in found if abs(lag - self.lag) <= near or overlap_pearson(*recordings, round(lag)) >= least
+            lag
+            for lag, share in zip(found, shares, strict=True)
+            if abs(lag - self.lag) <= near or share * overlap_pearson(*recordings, round(lag)) >= least
         ]
 
     @property

@@ -130,6 +130,29 @@ def test_a_sound_that_comes_twice_has_one_rival_without_spacing() -> None:
     assert result.judgement.spacing is None
 
 
+def rung(seed: int) -> np.ndarray:
+    """Return two noises with one bell in both, four times at times of their own."""
+    random = np.random.default_rng(seed)
+    bell = random.normal(size=600) * np.exp(-np.arange(600) / 150)
+    pair = 0.05 * random.normal(size=(2, 9000))
+    for sound in pair:
+        for start in random.integers(0, 8400, 4):
+            sound[start : start + 600] += bell
+    return pair
+
+
+@pytest.mark.parametrize("seed", [5, 7, 12])
+def test_a_bell_heard_at_unrelated_times_fits_at_many_lags_though_their_overlaps_differ(seed: int) -> None:
+    result = signal_lag(*rung(seed))
+    assert result.verdict == "ambiguous"
+    overlap = overlap_length(9000, 9000, np.array([result.lag, *result.rivals]))
+    assert overlap.max() > 1.3 * overlap.min()
+
+
+def test_a_step_longer_than_what_lies_around_it_is_placed() -> None:
+    assert all(0 < step.place < 9000 for step in signal_lag(*rung(19)).steps)
+
+
 def test_few_votes_are_named_and_are_no_ties() -> None:
     results = [signal_lag(*unrelated("noise and noise", 10_000, 4 * n), method="sampled", seed=n) for n in range(2)]
     assert [(result.verdict, result.ties) for result in results] == [("nothing", 1)] * 2
