@@ -260,12 +260,13 @@ class Evidence:
                     seen.append(index)
                     found.append(replace(curve.measure(index), weight=number))
         found.sort(key=lambda peak: (-peak.score, -peak.above))
-        # One weight is enough to count the samples that carry the agreement at a lag.
+        # One weight is enough to count the samples that carry the agreement at a lag, if it finds enough of them: the
+        # more colour a weight leaves, the fewer are independent.
         known: list[Peak] = []
         for peak in found:
             reach = max(3, self.curves[peak.weight].lobe)
             same = next((other for other in known if abs(other.lag - peak.lag) <= reach), None)
-            if same is not None:
+            if same is not None and (same.carried >= self.needed or peak.score <= 1):
                 carried, carriers = same.carried, same.carriers
             elif peak.score > _WORTH_COUNTING or not known:
                 carried, carriers = self.curves[peak.weight].carried(round(peak.lag))

@@ -6,6 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+import scipy.signal
 import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
@@ -53,6 +54,16 @@ def test_many_impulses_that_meet_are_sure_though_a_few_hold_nearly_all_of_the_en
     result = signal_lag(impulses[500:] + first, impulses[:6000] + second)
     assert (result.verdict, result.lag) == ("sure", 500)
     assert signal_lag(impulses[500:] + first, others[:6000] + second).verdict == "nothing"
+
+
+@pytest.mark.parametrize("seed", [5, 6, 15])
+def test_sensors_that_follow_steps_slowly_agree_in_the_samples_that_whitening_leaves(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    steps = np.repeat(random.choice([0, 1, 4, 20], 60, p=[0.5, 0.2, 0.2, 0.1]), 45)[:2600]
+    followed = scipy.signal.lfilter([5.0], [1, -0.97], steps)
+    first, second = scipy.signal.lfilter([2.0], [1, -0.8], random.normal(size=(2, 2400)))
+    result = signal_lag(followed[200:] + first, followed[:2400] + second)
+    assert (result.verdict, result.lag) == ("sure", 200)
 
 
 @pytest.mark.parametrize("method", METHODS)
