@@ -438,6 +438,7 @@ _ZONES = {
 
 _DATE = (
     r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[A-Za-z]{3,9})\.?(?P=mark)(?P<third>\d{1,4})(?!\d)"
+    r"|(?P<dd>\d{1,2})\.(?P<mm>\d{1,2})\.(?=,?\s*\d{1,2}:)"
     r"|(?P<month>[A-Za-z]{3,9})\.? +(?P<day>\d{1,2}),? +(?P<year>\d{4})|(?P<packed>(?:19|20)\d{6})"
 )
 _CLOCK = (
@@ -457,6 +458,11 @@ EARLIEST_S = 60
 
 _Date: TypeAlias = tuple[str, str, str, str]
 
+_NO_YEAR, _LEAP_YEAR = "..", "2000"
+"""What stands between the parts of a date without a year, and the year that counts its days."""
+
+_YEAR_DAYS = 365
+
 
 def is_stamp(text: str) -> bool:
     """Return whether a text is a date, a time of day, or both."""
@@ -470,11 +476,13 @@ def date_and_clock(text: str) -> tuple[bool, bool]:
         return False, False
     # Six or eight digits alone are a number.
     is_packed = bool(found["packed"] and found["hms"])
-    return is_packed or bool(found["first"] or found["month"]), is_packed or bool(found["h"])
+    return is_packed or bool(found["first"] or found["dd"] or found["month"]), is_packed or bool(found["h"])
 
 
 def read_stamps(texts: Sequence[str]) -> Times:
     """Return the times that texts give, each a date, a time of day, or both; NaN for texts that give none that exists.
+
+    Where all are like 10.15.00 and no dates that follow each other, they are times of day.
 
     Where day and month cannot be told apart, those are taken that make the times follow most closely; if they still
     cannot be told apart, the times count from midnight. Times of day go on after midnight. Of two numbers, the first
@@ -496,6 +504,10 @@ def read_stamps(texts: Sequence[str]) -> Times:
     milliseconds = len({len(one["f"]) for one in clocks if one["point"] == ":"}) > 1
     dates = [_date(one) if one else None for one in found]
     days, is_clear = _days({one for one in dates if one}, any(one["half"] for one in clocks))
+    dotted = not clocks and all(one[1] == "." and len(one[3]) < 4 for one in dates if one)
+    apart = np.abs(np.diff([days[one] for one in dates if one])) if days else np.empty(0)
+    if dotted and any(dates) and (not days or (apart.size and np.median(apart) >= _YEAR_DAYS)):  # 10.15.00
+        return read_stamps([text.replace(".", ":") for text in texts])
     if any(dates) and not days:
         return Times(np.full(len(texts), np.nan), 0.0, "start", 1.0)
     first_day = min(days.values(), default=0)
@@ -531,6 +543,8 @@ def _date(one: re.Match[str]) -> _Date | None:
         return one["packed"][:4], "-", one["packed"][4:6], one["packed"][6:]
     if one["month"]:
         return one["day"], "-", one["month"], one["year"]
+    if one["dd"]:
+        return one["dd"], _NO_YEAR, one["mm"], _LEAP_YEAR
     return (one["first"], one["mark"], one["second"], one["third"]) if one["first"] else None
 
 
@@ -548,12 +562,15 @@ def _days(dates: set[_Date], half_days: bool) -> tuple[dict[_Date, int], bool]:
     likely = [order for order, span in spans.items() if span == min(spans.values())]
     european = any("." in one for one in dates)
     chosen = "mdy" if half_days and not european and "mdy" in likely else likely[0]
-    return orders[chosen], european or half_days or all(orders[chosen] == orders[order] for order in likely)
+    is_clear = european or half_days or all(orders[chosen] == orders[order] for order in likely)
+    return orders[chosen], is_clear and not any(_NO_YEAR in one for one in dates)
 
 
 def _day(parts: _Date, order: str) -> int:
     """Return the day of a date, from 1970, in the given order unless it says its own; ValueError if there is none."""
-    first, _, second, third = parts
+    first, mark, second, third = parts
+    if mark == _NO_YEAR:
+        order = "dmy"
     if second.isalpha():
         name = second[:3].lower()
         second, order = str(_MONTHS.index(_OTHER_MONTHS.get(name, name)) + 1), "dmy"

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import io
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import date, datetime, timedelta
 from typing import Literal, TypeAlias
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import numpy.typing as npt
@@ -30,15 +27,21 @@ from stereolag.io.clocks import (
 )
 from stereolag.io.column_clocks import FEWEST_ROWS, MOSTLY, UNIX_S, column_name, is_time, on_own_clock, unit_of
 from stereolag.io.formats import WHAT
-from stereolag.io.sources import HEADER_BYTES, quote
+from stereolag.io.plain_lines import (
+    ALLOWED,
+    BLOCK,
+    decoded,
+    is_of_objects,
+    without_comments,
+    without_labels,
+    without_nuls,
+    written_plainly,
+)
+from stereolag.io.sources import quote
 
-ALLOWED = "allowed are numbers, times and words in columns separated by comma, semicolon, tab, bar or space"
-MAX_TEXT_BYTES = 64 * 2**20
 MAX_LINE = 100_000
 """Most characters of a line among those by which columns are recognised."""
 MAX_FIELDS = 1000
-BLOCK = 2**20
-"""Characters parsed at a time."""
 
 MOST_LINES = 200
 """Most lines above the columns, and below them."""
@@ -50,41 +53,26 @@ MOST_TURNS = 20
 SPARSE = 0.05
 """Share of rows below which a column counts as empty."""
 
-MOST_MENDED = 5
-LINES_PER_MENDED = 100
-"""At most `MOST_MENDED` lines may hold a NUL byte, and at most one in `LINES_PER_MENDED`."""
-
 Kind: TypeAlias = Literal["number", "stamp", "word", "missing"]
 
 _SEPARATORS = (";", "\t", ",", "|", None)
-_STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
-"""NUL characters directly after a complete number."""
-_SPACES = dict.fromkeys(map(ord, "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}"), " ")
-_COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
-_SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
-"""A space after a sign, or before AM and PM, where it does not separate columns."""
-_MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
-"""What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
-_SERIES = re.compile(
-    r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, "
-    r"(?P<start>\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?), "
-    r"(?:SLIST\b.*\n(?P<values>(?:(?!TIMESERIES).*(?:\n|\Z))*?)(?=TIMESERIES|\Z)|TSPAIR\b.*\n)",
-    re.MULTILINE,
-)
-"""A stretch of a seismogram as text: six samples a line after their start and rate, or one a line behind its time."""
-_MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
-_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 _MISSING = re.compile(
-    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*|[-+*?.]+)?",
+    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*|[-+]?∞|[-+*?.]+)?",
     re.IGNORECASE,
 )
+_SECTION = re.compile(r"\[[\w ]+\]")
+"""A line that names what follows: "[data]"."""
 _WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})*(?P<rest>(?!(?P=mark))[.,]\d*)?")
 """A number whose thousands are set apart; 1,234 or 1.234 may be one."""
 
-_RATE = re.compile(r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate", re.IGNORECASE)
+_RATE = re.compile(
+    r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate|actigraph\b.*\bat\b"
+    r"|\brate(?=\W{1,3}[\d.,]+ ?k?(?:hz|sa?/s|sps)\b)",
+    re.IGNORECASE,
+)
 _STEP = re.compile(
-    r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\bxinc\w*|\bdt\b", re.IGNORECASE
+    r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\b[xt]inc\w*|\bdt\b", re.IGNORECASE
 )
 _QUANTITY = re.compile(
     r"[\s,;:=|\"]*(?:[(\[](?P<within>(?:1 ?/)?[a-zµμ /]+)[)\]])?[\s,;:=|\"(\[]*"
@@ -100,41 +88,6 @@ _PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
 _PER = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
 _PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 
-# Times that are written out plainly before anything else is looked at.
-
-_Plainer: TypeAlias = str | Callable[[re.Match[str]], str]
-
-
-def _by_month(ordinal: re.Match[str]) -> str:
-    """Return a day of the year as a date, or as it is if the year has no such day."""
-    day = date(int(ordinal[1]), 1, 1) + timedelta(int(ordinal[3]) - 1)
-    return f"{day}T" if day.year == int(ordinal[1]) else ordinal[0]
-
-
-def _in_hours(local: re.Match[str]) -> str:
-    """Return a time with its zone in hours instead of by name, or as it is if there is no such time or zone."""
-    with suppress(ValueError, KeyError):
-        return datetime.fromisoformat(local[1]).replace(tzinfo=ZoneInfo(local[2])).isoformat()
-    return local[0]
-
-
-_RARE_STAMPS: tuple[tuple[re.Pattern[str], _Plainer], ...] = (
-    (  # Mon May 13 10:15:00 2024, as C, Python and `date` write it
-        re.compile(
-            r"\b[A-Z][a-z]{2} (?P<month>[A-Z][a-z]{2}) {1,2}(?P<day>\d{1,2}) (?P<clock>\d\d:\d\d:\d\d(?:\.\d+)?)"
-            r"(?: (?P<zone>[A-Z]{3,4}))? (?P<year>(?:19|20)\d\d)\b"
-        ),
-        r"\g<day>-\g<month>-\g<year> \g<clock>\g<zone>",
-    ),
-    # 2024-134T10:15:00, a day of the year
-    (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _by_month),
-    (  # 2024-05-13 10:15:00 Europe/Berlin
-        re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d+)?)?) ?\[?([A-Z][a-z]+/[A-Z]\w+)\]?"),
-        _in_hours,
-    ),
-    (re.compile(r"(Z|[+-]\d\d:?\d\d)\[[\w/]+\]"), r"\1"),  # 10:15:00+02:00[Europe/Berlin], as Java writes it
-)
-
 
 def read_columns(data: bytes, track: int | str = 1) -> Recording:
     """Return the columns of a text as channels, on the clock that its times or its heading give.
@@ -144,7 +97,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     are their heading; lines below are left out. Values may be missing (empty, NaN, "---") in up to half of a column,
     and lie on a straight line between their neighbours. NUL bytes after a number are removed from a few lines (at most
     5, and one in a hundred). If several sensors take turns, line by line, named in a column of words ("acc", "gyr",
-    "acc"), each is a track.
+    "acc"), each is a track. Lines may name their values ("t:20 value:3", or an object of JSON), if all name the same.
 
     Parameters
     ----------
@@ -159,19 +112,19 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         No column of numbers, too long a text, a field that is neither a number nor missing, a line with another count
         of fields, or times that go back; the error names the line, the column and the field.
     """
-    whole, mended = _without_nuls(_decoded(data))
-    for pattern, plainer in _RARE_STAMPS if ":" in whole else ():
-        if pattern.search(whole, 0, BLOCK):
-            whole = pattern.sub(plainer, whole)
-    if whole.startswith("TIMESERIES "):
-        whole = _SERIES.sub(_one_a_line, whole)
-    whole = _written(whole, "$€£¥", _MONEY, "")
-    whole = _written(whole, "dD", _FORTRAN, "e")
-    separated = ", " if "," in whole else " "
-    whole = _written(whole, ("-> ", "["), _MONITOR, rf"\g<time>\g<within>{separated}")
-    text = _written(whole, ("#", "%", "//"), _COMMENT, "")
-    text = _written(text, ("+ ", "- ", "M", "m"), _SPACED, r"\1\2")
-    layout = _layout(text, whole)
+    whole, mended = without_nuls(decoded(data))
+    whole = written_plainly(whole)
+    text = without_comments(whole)
+    layout = None if is_of_objects(text) else _layout(text, whole)
+    if layout is None:
+        lines = enumerate(text.split("\n"), start=1)
+        said = next((f": line {number} is {quote(line.strip())}" for number, line in lines if line.strip()), "")
+        text, labels = without_labels(text)
+        layout = _layout(text, text) if labels else None
+        if layout is None:
+            raise ValueError(f"No line of the text holds a number{said}; {ALLOWED}.")
+        if len(labels) == len(layout.kinds):
+            layout = replace(layout, names=tuple(labels))
     text, below = _without_footer(text, layout)
     number = chosen_track(layout.turns, track)
     if len(layout.turns) > 1:
@@ -201,6 +154,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     notes = list(recording.notes)
     if words:
         notes.append(f"words left out: {', '.join(words)}")
+    if clock and clock.epoch == "start" and clock.rounding == 60:
+        notes.append("times read as hours and minutes")
     if below:
         notes.append(f"{below} line{'s' * (below > 1)} below the columns left out")
     mended += int(np.isnan(table).any(axis=0).sum())
@@ -210,55 +165,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
 
 
-def _written(text: str, marks: Iterable[str], pattern: re.Pattern[str], plainly: str) -> str:
-    """Return a text with the matches of a pattern written plainly; looked for, which takes long, only beside a mark."""
-    return pattern.sub(plainly, text) if any(mark in text for mark in marks) else text
-
-
-# The text and its lines.
-
-
-def _decoded(data: bytes) -> str:
-    if len(data) > MAX_TEXT_BYTES:
-        raise ValueError(
-            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_TEXT_BYTES / 1e6:.0f} MB are accepted: save it as "
-            "WAV or NPY instead."
-        )
-    even, odd = (data[start:HEADER_BYTES:2].count(0) for start in (0, 1))
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = data.decode("utf-16", errors="replace")
-    elif max(even, odd) > 0.4 * min(len(data), HEADER_BYTES) and min(even, odd) == 0:  # UTF-16 without its mark
-        text = data.decode("utf-16-be" if even else "utf-16-le", errors="replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("latin-1")
-    text = text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
-    return text.replace("\N{MINUS SIGN}", "-").translate(_SPACES)
-
-
-def _without_nuls(text: str) -> tuple[str, int]:
-    """Return the text without stray NUL characters, and the number of lines that had some."""
-    if "\0" not in text:
-        return text, 0
-    allowed = min(MOST_MENDED, (text.count("\n") + 1) // LINES_PER_MENDED)
-    mended = _STRAY_NULS.sub("", text)
-    lines = {text.count("\n", 0, found.start()) for found in itertools.islice(_STRAY_NULS.finditer(text), allowed + 1)}
-    if "\0" in mended or len(lines) > allowed:
-        raise ValueError(f"Line {text.count(chr(10), 0, text.index(chr(0))) + 1} holds a NUL byte; {ALLOWED}.")
-    return mended, len(lines)
-
-
-def _one_a_line(series: re.Match[str]) -> str:
-    """Return a stretch of a seismogram as columns of times and samples, below their names."""
-    values = (series["values"] or "").split()
-    with suppress(ValueError, ZeroDivisionError):
-        after = np.round(np.arange(len(values)) * (1e9 / float(series["rate"]))).astype("timedelta64[ns]")
-        times = np.datetime64(series["start"], "ns") + after
-        rows = (f"{time} {value}\n" for time, value in zip(times, values, strict=True))
-        return f"time {series['name']}\n{''.join(rows)}"
-    return series[0]
+# Lines.
 
 
 def _split(lines: Sequence[str], separator: str | None) -> list[list[str]]:
@@ -326,8 +233,8 @@ class _Layout:
         return [column for column, one in enumerate(self.kinds) if one == kind]
 
 
-def _layout(text: str, whole: str) -> _Layout:
-    """Return how a text is to be read; comments, which may be its heading, are in `whole` alone."""
+def _layout(text: str, whole: str) -> _Layout | None:
+    """Return how a text is to be read, None if no line holds a number; comments, its heading, are in `whole` alone."""
     lines = ((number, line.strip("\n")) for number, line in enumerate(io.StringIO(text), start=1))
     probed = list(itertools.islice(((number, line) for number, line in lines if line.strip()), PROBED))
     for number, line in probed:
@@ -335,14 +242,14 @@ def _layout(text: str, whole: str) -> _Layout:
             raise ValueError(f"Line {number} has {len(line):,} characters; at most {MAX_LINE:,} are accepted.")
     found = [one for separator in _SEPARATORS if (one := _layout_by(probed, separator))]
     if not found:
-        said = f": line {probed[0][0]} is {quote(probed[0][1].strip())}" if probed else ""
-        raise ValueError(f"No line of the text holds a number{said}; {ALLOWED}.")
+        return None
     if found[0].separator == "," and _is_one_column([line for _, line in probed], found[0]):
         found = [one for one in found if one.separator is None] or found
     most = max(one.rows for one in found)
     best = min((one for one in found if 2 * one.rows >= most), key=lambda one: len(one.of("word")))
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
-    heading = [line for line in heading if line][-MOST_LINES:]
+    heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION.fullmatch(line))]
+    heading = heading[-MOST_LINES:]
     best = _with_turns(best, [line for _, line in probed])
     rows = [row for row in _split([line for _, line in probed], best.separator) if _is_row(row, best)]
     columns = ([row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds)))

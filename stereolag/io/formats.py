@@ -70,7 +70,7 @@ SOUND_FORMATS = (
 
 
 ARRAY_SUFFIXES = ("npy", "npz", "mat")
-COLUMN_SUFFIXES = ("csv", "txt", "tsv", "dat", "asc", "lvm", "log")
+COLUMN_SUFFIXES = ("csv", "txt", "tsv", "dat", "asc", "lvm", "log", "json", "jsonl")
 RECORDING_SUFFIXES = (*(ending for one in SOUND_FORMATS for ending in one.suffixes), *ARRAY_SUFFIXES, *COLUMN_SUFFIXES)
 ACCEPTED = (
     f"{', '.join(one.name for one in SOUND_FORMATS if one.is_audio)}; the sound of MP4, M4A, MOV, MKV, WebM, AVI, AAC, "
@@ -101,7 +101,12 @@ FOREIGN_FORMATS = tuple(
         (rb"\x7fELF|MZ.{0,20}\0", "a program", _NO_RECORDING),
         (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _AS_NUMBERS),
         (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
-        (rb"\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))", "a JSON file", _AS_NUMBERS),
+        # But columns may be an object a line.
+        (
+            rb"(?!\s*\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z))\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))",
+            "a JSON file",
+            _AS_NUMBERS,
+        ),
     )
 )
 """Files of other kinds by their beginning: what they are, and what to do with them."""

@@ -109,6 +109,19 @@ ELAPSED = {
     "Rigol": rows(lambda i: f"{i},{A[i]},{B[i]},,", "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,0,5.0e-03"),
     "clock of hours": rows(lambda i: f"0:00:{i / RATE:06.3f},{A[i]},{B[i]}", "Elapsed,A,B"),
     "clock of minutes": rows(lambda i: f"00:{i / RATE:06.3f},{A[i]},{B[i]}", "Elapsed,A,B"),
+    "hours of days elapsed": rows(lambda i: f"0 days 00:00:{i / RATE:09.6f},{A[i]},{B[i]}", ",A,B"),
+    "PhysioNet": rows(
+        lambda i: f"'0:{i / RATE:06.3f}',{A[i]},{B[i]}", "'Elapsed time','A','B'\n'hh:mm:ss.mmm','mV','mV'"
+    ),
+    "labels": timed("t:{},A:{},B:{}", "Starting up"),
+    "labels and spaces": timed("t:{} A:{} B:{}"),
+    "labels and signs of equality": timed("time_s={};A={};B={}"),
+    "objects a line": rows(lambda i: f'{{"t": {i / RATE}, "A": {A[i]}, "B": {B[i]}, "id": "s1", "ok": true}}'),
+    "objects in one line": "[" + timed('{{"t":{},"A":{},"B":{}}}').replace("\n", ",") + "]",
+    "names, then a mark of what follows": timed("{} {} {}", "[column names]\ntime A B\n[data]"),
+    "a bare rate in the heading": rows(lambda i: f"{A[i]},{B[i]}", "# rate: 200 Hz"),
+    "ActiGraph": rows(lambda i: f"{A[i]},{B[i]}", "--- Created By ActiGraph GT3X+ date format M/d/yyyy at 200 Hz ---"),
+    "Rigol's interval": rows(lambda i: f"{A[i]},{B[i]},,", "CH1V,CH2V,t0 = -1.2E-03, tInc = 5.0E-03,"),
     "UTF-8 with its mark": ("\ufeff" + timed("{},{},{}", "t,A,B")).encode(),
     "UTF-16": timed("{}\t{}\t{}", "Zeit [ms]\tA [µV]\tB [µV]", 1e-3, 0).encode("utf-16"),
     "UTF-16 without its mark": timed("{}\t{}\t{}", "t\tA\tB").encode("utf-16-le"),
@@ -156,6 +169,10 @@ DATED = {
     "in the last column, behind the numbers of the rows": rows(
         lambda i: f"{i},{A[i]},{B[i]},{stamp('%Y-%m-%d %H:%M:%S.%f+00:00')(i)}", ",A,B,when"
     ),
+    "objects a line with dates": dated("%Y-%m-%dT%H:%M:%S.%LZ", '{{"time": "{}", "A": {}, "B": {}}}'),
+    "dots within the time of day": dated("%d.%m.%Y %H.%M.%S", "{},{},{}", "Time,A,B"),
+    "dashes within the time of day": dated("%Y-%m-%d_%H-%M-%S", "{},{},{}", "Time,A,B"),
+    "dots in a column of its own": dated("%d.%m.%Y;%H.%M.%S", "{};{};{}", "Datum;Zeit;A;B"),
     "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
     "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
     "Unix without a heading": timed("{} {} {}", start=START_S),
@@ -169,6 +186,9 @@ DATED = {
 
 
 CLOCK_OF_DAY = {
+    "dots": dated("%H.%M.%S", "{};{};{}", "Zeit;A;B"),
+    "a word behind": dated("%H:%M:%S.%L Uhr", "{};{};{}", "Zeit;A;B"),
+    "a date without a year": dated("%d.%m. %H:%M:%S.%L", "{};{};{}", "Zeit;A;B"),
     "serial monitor, commas": dated("%H:%M:%S.%L", "{} -> {},{}"),
     "serial monitor, spaces": dated("%H:%M:%S.%L", "{} -> {} {}"),
     "serial monitor, brackets": dated("%H:%M:%S.%L", "[{}] {} {}"),
@@ -196,7 +216,7 @@ def test_times_give_the_rate_and_are_no_channel(name: str) -> None:
         ("1, 2\n3, 4", [[1, 3], [2, 4]]),
         ("U\n0,5\n1,05\n-0,25", [[0.5, 1.05, -0.25]]),
         ("# a remark\nV, V\n% another\n1,2\n// 7\n3,4 # at the end", [[1, 3], [2, 4]]),
-        ("Rate: 44100 Hz\nSensor 1\n\n1\n2", [[1, 2]]),
+        ("Gain: 44100 dB\nSensor 1\n\n1\n2", [[1, 2]]),
     ],
 )
 def test_columns_of_numbers(text: str | bytes, expected: list[list[float]]) -> None:
@@ -366,6 +386,8 @@ def test_dates_are_told_from_other_digits(heading: str, pattern: str, seconds: f
         ("%d/%m/%Y %H:%M:%S.%L", 0.1, EVENING, 72_000),  # a date that can be read both ways
         ("%H%M%S", 1, START, 36_000),
         ("%H%M%S.5", 1, START, 36_000.5),
+        ("%Hh%M", 60, START, 36_000),
+        ("%d.%m. %H:%M", 600, EVENING, 72_000),
         ("%-H%M", 300, datetime(2024, 5, 13, 1, 30, tzinfo=UTC), 5_400),
     ],
 )
@@ -692,6 +714,7 @@ REFUSED = {
         lambda i: f"{i},[{A[i]}]", "t,A"
     ),
     "holds 1 sample; at least 2": "7\n",
+    "Line 3 holds v, t, and the lines before it t, v; a line must": "t:1,v:2\nt:2,v:2\nv:2,t:3\n",
     "Line 31 holds a NUL byte; allowed are": rows(lambda i: f"{A[i]};{B[i]}" + "\0" * (30 <= i < 36)),
     "Line 11 holds a NUL byte": rows(lambda i: "1.5\0002;3" if i == 10 else f"{A[i]};{B[i]}"),
     "Line 11 holds a NUL byte; allowed": rows(lambda i: "\0" if i == 10 else f"{A[i]};{B[i]}"),
