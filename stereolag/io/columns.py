@@ -117,8 +117,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     text = without_comments(whole)
     layout = None if is_of_objects(text) else _layout(text, whole)
     if layout is None:
-        lines = enumerate(text.split("\n"), start=1)
-        said = next((f": line {number} is {quote(line.strip())}" for number, line in lines if line.strip()), "")
+        every = enumerate(text.split("\n"), start=1)
+        said = next((f": line {number} is {quote(line.strip())}" for number, line in every if line.strip()), "")
         text, labels = without_labels(text)
         layout = _layout(text, text) if labels else None
         if layout is None:

@@ -88,7 +88,6 @@ _AGREED = 1.5, 2.5, 1.2
 _BETWEEN = math.pi / 2
 """Between two samples, a curve is at most this many times as high as on them."""
 
-_FAINT, _TOWERING = 0.7, 10.0
 _ALONE = 2.5
 _CORE = 3
 """A peak this many times as high as everything more than so many lags beside it repeats nowhere, not even in cycles."""
@@ -153,10 +152,6 @@ class Peak:
     above: float = 0.0
     clear: float = 0.0
     repetition: float = 0.0
-
-    def is_beyond_chance(self, needed: float) -> bool:
-        """Return whether it is beyond chance beside a better one: few events tower over everything but themselves."""
-        return self.score > 1 or (self.score > _FAINT and self.above > _TOWERING * needed)
 
     def is_above(self, other: Peak) -> bool:
         """Return whether this peak is clearly higher than another one that belongs to the same cycles."""
@@ -275,6 +270,16 @@ class Evidence:
             score = min(peak.score, carried / self.needed)
             known.append(replace(peak, score=score, carried=carried, carriers=carriers))
         return sorted(known, key=lambda peak: (-peak.score, -peak.clear))
+
+    def beside(self, peak: Peak, known: Sequence[float]) -> Peak:
+        """Return a peak with the evidence that it has beside better ones, which are no part of its surroundings."""
+        if peak.score > 1 or peak.above < self.needed:
+            return peak
+        curve = self.curves[peak.weight]
+        alone = curve.measure(round(peak.lag) - self.first, known)
+        carried, carriers = curve.carried(round(alone.lag)) if alone.score > 1 else (0.0, 0.0)
+        score = min(alone.score, carried / self.needed)
+        return replace(alone, weight=peak.weight, score=score, carried=carried, carriers=carriers)
 
     def smeared(self) -> list[float]:
         """Return the lags around which the whitened curves have the most power: clocks apart smear a peak over many."""
@@ -404,8 +409,8 @@ class WeightedCurve:
                 best, place = float(excess[top]), top * (_CELL // 2) + scale
         return place
 
-    def measure(self, index: int) -> Peak:
-        """Return the peak whose envelope contains an index, with the evidence of its height."""
+    def measure(self, index: int, known: Sequence[float] = ()) -> Peak:
+        """Return the peak whose envelope contains an index, with the evidence of its height beside known peaks."""
         needed, scale = self._evidence.needed, self.deviation
         most = _BETWEEN * max(float(self.curve[index]) / scale, self._over_local(index) / _WORTH_COUNTING)
         if most < needed:
@@ -426,7 +431,8 @@ class WeightedCurve:
             factor, repeated = self._repetition(offset, part, middle)
             part = part - repeated
         rest = np.where(self._evidence.long_enough[low:end], part, 0.0)
-        rest[max(0, middle - self.lobe) : middle + self.lobe + 1] = 0
+        for place in (middle, *(round(lag) - self._evidence.first - low for lag in known)):
+            rest[max(0, place - self.lobe) : max(0, place + self.lobe + 1)] = 0
         around = [
             rest[max(0, middle - reach) : middle + reach + 1]
             for reach in _SCALES

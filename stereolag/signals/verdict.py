@@ -230,15 +230,15 @@ class _Alignment:
     def arrivals(self) -> tuple[Arrival, ...]:
         """All lags beyond chance, each once."""
         found: list[Arrival] = []
-        for peak in self.peaks if self.score > 1 else ():
-            curve = self.evidence.curves[peak.weight]
-            lag = self.shift + peak.lag
+        for given in self.peaks if self.score > 1 else ():
+            curve = self.evidence.curves[given.weight]
             apart = max(3, curve.envelope)
-            beyond = peak.is_beyond_chance(self.evidence.needed)
-            if beyond and all(abs(lag - one.lag) > apart for one in found):
-                best = next(one for one in self.peaks if one.weight == peak.weight)
-                if peak is best or not curve.repeats(best, peak):
-                    found.append(Arrival(lag, peak.score * self.evidence.needed))
+            if any(abs(self.shift + given.lag - one.lag) <= apart for one in found):
+                continue
+            peak = self.evidence.beside(given, [one.lag - self.shift for one in found])
+            best = next(one for one in self.peaks if one.weight == peak.weight)
+            if peak.score > 1 and (given is best or not curve.repeats(best, peak)):
+                found.append(Arrival(self.shift + peak.lag, peak.score * self.evidence.needed))
         return tuple(found)
 
     def is_at(self, lag: float) -> bool:

@@ -333,6 +333,13 @@ def test_the_drift_is_that_of_all_stretches_by_their_errors() -> None:
     assert LagOverTime((Stretch(0, 500, 0.0, 5e-6),)).ppm == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("seed", [26, 3051])
+def test_the_louder_of_two_arrivals_does_not_hide_the_other_in_its_surroundings(seed: int) -> None:
+    given = trial("louder echo", seed)
+    arrivals = signal_lag(*given.recordings, sampling_rate=given.rate).arrivals
+    assert [one.lag for one in arrivals] == pytest.approx(given.lags[::-1], abs=0.5)
+
+
 def test_an_echo_is_an_arrival_and_no_step() -> None:
     random = np.random.default_rng(3)
     sound = coloured(60_000, 0.5, random)
