@@ -62,6 +62,7 @@ _MISSING = re.compile(
 )
 _SECTION = re.compile(r"\[[\w ]+\]")
 """A line that names what follows: "[data]"."""
+_NINES = re.compile(r"-?9{3,}(?:\.9+)?")
 _WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})*(?P<rest>(?!(?P=mark))[.,]\d*)?")
 """A number whose thousands are set apart; 1,234 or 1.234 may be one."""
@@ -130,6 +131,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     if len(layout.turns) > 1:
         text = _of_one(text, layout, layout.turns[number - 1])
     table, stamps, lines = _read(text, layout)
+    table = _without_nines(table)
     columns = layout.of("number")
     for index, row in np.argwhere(np.isinf(table))[:1]:
         raise _unreadable(lines[row], f"{table[index, row]:g}", columns[index], layout, "finite numbers")
@@ -488,6 +490,21 @@ def _read(text: str, layout: _Layout) -> tuple[npt.NDArray[np.float64], dict[int
         parts.append(table)
         lines.append(places)
     return np.concatenate(parts, axis=1), stamps, np.concatenate(lines)
+
+
+def _without_nines(table: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return a table with NaN for -9999, 9999.9 and the like, where the rest of a column is nowhere near.
+
+    Loggers write them for a missing value. The rest is near if it comes as close as its own values lie apart.
+    """
+    for column in table:
+        for extreme in (np.nanmin(column), np.nanmax(column)) if np.isfinite(column).any() else ():
+            rest = column[(column != extreme) & np.isfinite(column)]
+            if not _NINES.fullmatch(f"{extreme:.10g}") or rest.size < FEWEST_ROWS:
+                continue
+            if np.abs(rest - extreme).min() > np.ptp(rest):
+                column[column == extreme] = np.nan
+    return table
 
 
 def _quick(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:

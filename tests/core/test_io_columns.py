@@ -575,7 +575,7 @@ WITH_LOST = [
     ("{B},{A}", [50, 51, 299], 1),
     ("{B};{A}", [0, 50], 1),
 ]
-MARKS = ("", " ", "NaN", "---", "#N/A")
+MARKS = ("", " ", "NaN", "---", "#N/A", "-9999")
 
 
 @pytest.mark.parametrize(
