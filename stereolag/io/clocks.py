@@ -506,7 +506,8 @@ def read_stamps(texts: Sequence[str]) -> Times:
     days, is_clear = _days({one for one in dates if one}, any(one["half"] for one in clocks))
     dotted = not clocks and all(one[1] == "." and len(one[3]) < 4 for one in dates if one)
     apart = np.abs(np.diff([days[one] for one in dates if one])) if days else np.empty(0)
-    if dotted and any(dates) and (not days or (apart.size and np.median(apart) >= _YEAR_DAYS)):  # 10.15.00
+    are_years = bool(apart.size) and np.median(apart) >= _YEAR_DAYS and apart.max() > _YEAR_DAYS + 1
+    if dotted and any(dates) and (not days or are_years):  # 10.15.00
         return read_stamps([text.replace(".", ":") for text in texts])
     if any(dates) and not days:
         return Times(np.full(len(texts), np.nan), 0.0, "start", 1.0)

@@ -69,13 +69,13 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Plainer], ...] = (
 _STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Plainer], ...] = (
     (  # 13.05.2024 10.15.00, 2024-05-13_10-15-00
         re.compile(
-            r"((?:19|20)\d\d-\d\d-\d\d|\b\d{1,2}(?:\.\d{1,2}\.(?:19|20)|/\d{1,2}/(?:19|20)?)\d\d)([ T_;,\t]+)"
-            r"([0-2]?\d)([.-])([0-5]\d)\4([0-5]\d)(?!\d)"
+            r"((?:19|20)\d\d-\d\d-\d\d|\b\d{1,2}(?:([.-])\d{1,2}\2(?:19|20)|/\d{1,2}/(?:19|20)?)\d\d)([ T_;,\t]+)"
+            r"([0-2]?\d)([.-])([0-5]\d)\5([0-5]\d)(?!\d)"
         ),
-        r"\1\2\3:\5:\6",
+        r"\1\3\4:\6:\7",
     ),
     (  # 10h15, 10 h 15 min 30 s
-        re.compile(r"(?<![\w.])(\d{1,2}) ?h ?([0-5]\d)(?: ?(?:mi?n?|') ?([0-5]\d))?(?: ?s)?(?!\.?\w)"),
+        re.compile(r"(?<![\w.])(\d{1,2}) ?h ?([0-5]\d)(?: ?(?:min|mn?|')(?: ?([0-5]\d)(?: ?s)?)?)?(?!\.?\w)"),
         lambda clock: ":".join(filter(None, clock.groups())),
     ),
 )
@@ -100,8 +100,8 @@ _MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 
 _LABEL = re.compile(
-    r"\"(?P<quoted>[^\"\n]{1,60})\"\s?:\s?(?=[-+\d\"ntfN])"
-    r"|(?<![\w.\"])(?P<bare>[A-Za-zµ°_][\w .()/%²°µ-]{0,40}?)\s?[:=]\s?(?=[-+]?\.?\d)"
+    r"[\"'](?P<quoted>[^\"'\n]{1,60})[\"']\s?:\s?(?=[-+\d\"'ntfNTF])"
+    r"|(?<![\w.\"'])(?P<bare>[A-Za-zµ°_][\w .()/%²°µ-]{0,40}?)\s?[:=]\s?(?=[-+]?\.?\d)"
 )
 _OBJECTS = re.compile(r"\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z)")
 _NEXT_OBJECT = re.compile(r"\}\s*,\s*\{")
@@ -184,7 +184,8 @@ def without_labels(text: str) -> tuple[str, list[str]]:
     if 2 * count <= sum(map(bool, labels)):
         return text, []
     first = labels.index(names)
-    for number, line in enumerate(lines[first:], start=first):
+    last = next(number for number in range(len(lines) - 1, -1, -1) if _labels(lines[number]) == names)
+    for number, line in enumerate(lines[first : last + 1], start=first):
         here = _labels(line)
         if here and here != names:
             raise ValueError(

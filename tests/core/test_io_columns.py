@@ -113,7 +113,7 @@ ELAPSED = {
     "PhysioNet": rows(
         lambda i: f"'0:{i / RATE:06.3f}',{A[i]},{B[i]}", "'Elapsed time','A','B'\n'hh:mm:ss.mmm','mV','mV'"
     ),
-    "labels": timed("t:{},A:{},B:{}", "Starting up"),
+    "labels": timed("t:{},A:{},B:{}", "Starting up") + "\nt:1.5,A:0",
     "labels and spaces": timed("t:{} A:{} B:{}"),
     "labels and signs of equality": timed("time_s={};A={};B={}"),
     "objects a line": rows(lambda i: f'{{"t": {i / RATE}, "A": {A[i]}, "B": {B[i]}, "id": "s1", "ok": true}}'),
@@ -171,7 +171,7 @@ DATED = {
     ),
     "objects a line with dates": dated("%Y-%m-%dT%H:%M:%S.%LZ", '{{"time": "{}", "A": {}, "B": {}}}'),
     "dots within the time of day": dated("%d.%m.%Y %H.%M.%S", "{},{},{}", "Time,A,B"),
-    "dashes within the time of day": dated("%Y-%m-%d_%H-%M-%S", "{},{},{}", "Time,A,B"),
+    "dashes within the time of day": dated("%d-%m-%Y_%H-%M-%S", "{},{},{}", "Time,A,B"),
     "dots in a column of its own": dated("%d.%m.%Y;%H.%M.%S", "{};{};{}", "Datum;Zeit;A;B"),
     "whole seconds": dated("%Y-%m-%d %H:%M:%S", "{},{},{}", "Timestamp,A,B"),
     "Unix": timed("{},{},{}", "timestamp,A,B", start=START_S),
@@ -359,6 +359,7 @@ MIDNIGHT, EVENING, OVER_MIDNIGHT, OCTOBER = (
         ("", "%y-%m-%d %H:%M", 600, EVENING),
         ("Date,A", "%Y-%m-%d", DAY_S, MIDNIGHT),
         ("Date,A", "%Y-%m-%d", 7 * DAY_S, MIDNIGHT),
+        ("Date,A", "%d.%m.%y", DAY_S, MIDNIGHT),
         ("Date,A", "%y%m%d", DAY_S, OCTOBER),  # six digits, but no time of day
         ("Date,A", "%y%m%d", 7 * DAY_S, OCTOBER),
         ("MESS_DATUM,A", "%Y%m%d", DAY_S, MIDNIGHT),
@@ -714,7 +715,7 @@ REFUSED = {
         lambda i: f"{i},[{A[i]}]", "t,A"
     ),
     "holds 1 sample; at least 2": "7\n",
-    "Line 3 holds v, t, and the lines before it t, v; a line must": "t:1,v:2\nt:2,v:2\nv:2,t:3\n",
+    "Line 3 holds v, t, and the lines before it t, v; a line must": "t:1,v:2\nt:2,v:2\nv:2,t:3\nt:4,v:2\n",
     "Line 31 holds a NUL byte; allowed are": rows(lambda i: f"{A[i]};{B[i]}" + "\0" * (30 <= i < 36)),
     "Line 11 holds a NUL byte": rows(lambda i: "1.5\0002;3" if i == 10 else f"{A[i]};{B[i]}"),
     "Line 11 holds a NUL byte; allowed": rows(lambda i: "\0" if i == 10 else f"{A[i]};{B[i]}"),
