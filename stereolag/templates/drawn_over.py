@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
-from stereolag.templates.fits import Plane, gradient
+from stereolag.templates.aligning import Plane, gradient
 from stereolag.templates.patterns import Pattern
 
 LEAST_AREA, LEAST_LONG = 4900, 1.2

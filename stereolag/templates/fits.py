@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import Any, TypeAlias
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,10 +12,8 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
+from stereolag.templates.aligning import FARTHEST, Matrix, Motions, Place, Plane, gradient
 from stereolag.templates.patterns import FULL_WEIGHT, Pattern, blurred
-
-Plane: TypeAlias = npt.NDArray[np.float32]
-Matrix: TypeAlias = npt.NDArray[np.float64]
 
 BLUR = 0.8
 """Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
@@ -40,9 +38,9 @@ CURVE, FLATTEST = 3, 0.1
 Measured: from 0.18 under gammas of 0.55 to 1.8; 0.04 where it made one round spot of another, half as wide.
 """
 
-FARTHEST, STILL = np.array([1.2, 1.2, 0.05, 0.05]), 1e-4
-"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment; and what a
-template varies less along, beside the other way, cannot tell how far it is moved: stripes along themselves."""
+SOFTEST, SHARPEST, SOFTER, OF_RIM = 1.0, -0.4, 0.02, 1.5
+"""Largest blur of a place over that of the template, its squared spread, px, and the least, of a place sharper than the
+template; the least change of it; and so many times its spread what is beyond the rim is mixed in."""
 
 SETTLED, NONE = 0.002, 1e-6
 """The alignment ends once a step moves no corner by so many px, unless told otherwise, and changes the colours by no
@@ -75,6 +73,9 @@ THROUGH = 2.0
 
 MOVES_AT_MOST = 3.0
 """Roots of a block's mean squared gradient that it changes at most when it is moved by a pixel each way."""
+
+OF_MOVED = 0.5
+"""Share of a difference that may remain where it is due to a move."""
 
 PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Shifts of a part of the template against the rest, px."""
@@ -142,26 +143,21 @@ class Fit:
         self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
         blur = _Blur(self.weights)
-        self.template = blur(self._deviations)
         self._counts = self._flat(self.weights)
-        self._given = self._flat(self.template)
-        covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
-        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
-        self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
-        # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
-        level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
-        least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
-        self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+        self._soften(blur, 0.0)
         # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
         first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
         mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
-        place = _Place(image, mean, row, col, self.shape)
+        place = Place(image, mean, row, col, self.shape)
         channels = self._given.shape[1]
         self._mixture = np.zeros((channels + 1, channels))
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
         self.seen = self.predicted = self.template
         self.variance = 0.0
         self.motion, trust = self._aligned(place, blur, posed, settled)
+        rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
+        if rim and self.weights[rim:-rim, rim:-rim].sum() > LEAST_BLOCK**2:
+            blur, trust = self._without_rim(rim, place, trust)
         self._beside = place.moved(self.motion)
         soft, lit, shown = (
             self._flat(blur.softened(one)).astype(np.float64) + mean
@@ -177,6 +173,31 @@ class Fit:
         behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
 
+    def _soften(self, blur: _Blur, softer: float) -> None:
+        """Blur the template by so much more than to compare it, a squared spread, px."""
+        self._softer = softer
+        self.template = blur(self._deviations, softer)
+        self._given = self._flat(self.template)
+        covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
+        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
+        self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
+        # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
+        level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
+        least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
+        self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+
+    def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[_Blur, Plane]:
+        """Fit the light without the rim, so many px, with which what is beyond it is mixed; return blur and trust."""
+        inner = np.zeros_like(self.weights)
+        inner[rim:-rim, rim:-rim] = 1
+        self.weights = self.weights * inner
+        self._counts, trust, blur = self._flat(self.weights), trust * self._flat(inner), _Blur(self.weights)
+        self._soften(blur, self._softer)
+        self.seen = blur(place.moved(self.motion))
+        self._mixture = self._in_light(trust)
+        self.predicted = self._as_seen(self.template)
+        return blur, trust
+
     def _keeps_white(self, pattern: Pattern, mean: Matrix, light: Matrix) -> bool:
         """Return whether what is white is seen in no colour, though the gains and the offset of a light colour it.
 
@@ -191,11 +212,12 @@ class Fit:
         kept, coloured = (median(np.ptp(one, axis=1)) for one in (seen, lit))
         return bool(is_white and kept <= NEARLY and coloured > kept + COLOURED)
 
-    def _aligned(self, place: _Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
+    def _aligned(self, place: Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
         motion = moved = np.zeros(4)
+        softened = False
         trust = self._counts
-        motions = _Motions(self.weights > 0, len(self._mixture) - 1, posed)
+        motions = Motions(self.weights > 0, len(self._mixture) - 1, posed)
         reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
         for step in range(STEPS):
             self.seen = blur(place.moved(motion))
@@ -206,13 +228,18 @@ class Fit:
             self.variance = variance if variance > rounding else 0.0
             other = self._mixture - before
             changed = self._varied(other) + float(np.square(other[-1]).sum())
-            ended = step > TRUSTING and np.abs(moved) @ reach < settled and changed < NONE * self.variance
+            still = np.abs(moved) @ reach < settled and not softened
+            ended = step > TRUSTING and still and changed < NONE * self.variance
             if step == STEPS - 1 or ended or not self.variance > 0:
                 break
             residual = self._residual()
             squares = _squares(residual)
-            moved = motions.explaining(self.predicted, residual, trust)
+            moved, softer = motions.explaining(self.predicted, residual, trust)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
+            softer = min(max(self._softer + softer, SHARPEST), SOFTEST)
+            softened = abs(softer - self._softer) > SOFTER
+            if softened:
+                self._soften(blur, softer)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
                 usual = max(0.06 * self.variance, 2 * median(squares))
                 trust = np.asarray(self._counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
@@ -256,6 +283,22 @@ class Fit:
     def explained(self) -> float:
         """Share of the variance of the place that the template explains."""
         return explained(self._flat(self.seen), self._flat(self.predicted), self._counts)
+
+    @property
+    def explained_beyond(self) -> float:
+        """The same share of what no slope or bend explains: those are in every shading."""
+        down, right = (
+            self._flat((at / side - 0.5).astype(np.float32)).astype(np.float64)
+            for at, side in zip(np.indices(self.shape), self.shape, strict=True)
+        )
+        terms = np.stack([np.ones_like(down), down, right, down * down, down * right, right * right])
+        weighted = terms * self._counts
+        products = weighted @ terms.T + 1e-9 * np.eye(len(terms))
+        seen, predicted = (
+            one - terms.T @ np.linalg.solve(products, weighted @ one)
+            for one in map(self._flat, (self.seen, self.predicted))
+        )
+        return explained(seen, predicted, self._counts)
 
     def explained_in(self, blocks: npt.NDArray[np.bool_]) -> float:
         """Return the same share of these blocks alone."""
@@ -323,7 +366,10 @@ class Fit:
     @property
     def sharp(self) -> tuple[Plane, Plane]:
         """What is predicted and what is seen, neither blurred."""
-        return self._as_seen(self._deviations), self._beside
+        own = self._deviations
+        if self._softer > SOFTER:
+            own = blurred(own, math.sqrt(self._softer), cv2.BORDER_REPLICATE)
+        return self._as_seen(own), self._beside
 
     def differences(self, *, sharp: bool = False) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
@@ -369,9 +415,9 @@ class Fit:
         least = np.sqrt(left[disagrees]) - MOVES_AT_MOST * np.sqrt(steep[disagrees])
         if (np.square(np.maximum(least, 0)) > most[disagrees]).any():
             return disagrees
-        moved = self._with_parts_moved(disagrees)
-        away = self.seen - moved
-        still = np.asarray((self.averaged(np.square(away).sum(axis=2)) > most) & disagrees)
+        moved = self.averaged(np.square(self.seen - self._with_parts_moved(disagrees)).sum(axis=2))
+        # Where a mark is another one, a move explains a little of it as well.
+        still = np.asarray((moved > np.minimum(most, OF_MOVED * left)) & disagrees)
         return disagrees if still.any() else still
 
     def _with_parts_moved(self, blocks: npt.NDArray[np.bool_]) -> Plane:
@@ -418,17 +464,17 @@ class _Blur:
     """A blur without what its weights exclude, of colours more than of brightness."""
 
     def __init__(self, weights: Plane) -> None:
+        self._counts = weights
         self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
-        self._shares = {
-            blur: np.maximum(blurred(weights, blur, cv2.BORDER_CONSTANT), 1e-3)[:, :, np.newaxis]
-            for blur in (BLUR, BLUR_OF_COLOURS, BLUR_BESIDE)
-        }
+        self._shares: dict[float, Plane] = {}
 
-    def __call__(self, image: Plane) -> Plane:
-        """Return an image blurred."""
+    def __call__(self, image: Plane, softer: float = 0.0) -> Plane:
+        """Return an image blurred, by so much more of a squared spread, px."""
         bright = _bright(image)
-        blurred = self._of(bright, BLUR)
-        return blurred if image.shape[2] == 1 else blurred + self._of(image - bright, BLUR_OF_COLOURS)
+        blurred = self._of(bright, math.sqrt(BLUR**2 + softer))
+        if image.shape[2] == 1:
+            return blurred
+        return blurred + self._of(image - bright, math.sqrt(BLUR_OF_COLOURS**2 + softer))
 
     def softened(self, image: Plane) -> Plane:
         """Return a blurred image with its brightness blurred as its colours are."""
@@ -437,6 +483,9 @@ class _Blur:
 
     def _of(self, image: Plane, blur: float) -> Plane:
         weighted = image if self._weights is None else image * self._weights
+        if blur not in self._shares:
+            inside = blurred(self._counts, blur, cv2.BORDER_CONSTANT)
+            self._shares[blur] = np.maximum(inside, 1e-3)[:, :, np.newaxis]
         return np.asarray(blurred(weighted, blur, cv2.BORDER_CONSTANT) / self._shares[blur])
 
 
@@ -444,80 +493,6 @@ def _bright(image: Plane) -> Plane:
     channels = image.shape[2]
     bright = image if channels == 1 else cv2.transform(image, BRIGHTNESS)
     return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
-
-
-class _Place:
-    """What an image shows around a place, less the template's mean."""
-
-    def __init__(self, image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, int]) -> None:
-        margin = 3
-        top, left = max(0, row - margin), max(0, col - margin)
-        part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
-        self._part = np.nan_to_num((part - mean).astype(np.float32))
-        self._corner = np.array([col - left, row - top])
-        self._shape = shape
-
-    def moved(self, motion: Matrix) -> Plane:
-        """Return the place moved by (rows, cols, logarithm of size, angle)."""
-        down, right, size, angle = motion
-        cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
-        linear = np.array([[cosine, -sine], [sine, cosine]])
-        middle = (np.array(self._shape[::-1]) - 1) / 2
-        offset = middle + self._corner + np.array([right, down]) - linear @ middle
-        moved = cv2.warpAffine(
-            self._part,
-            np.column_stack([linear, offset]),
-            self._shape[::-1],
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        return np.asarray(moved, dtype=np.float32).reshape(*self._shape, -1)
-
-
-def gradient(image: Plane) -> list[Plane]:
-    """Return the derivatives down and to the right."""
-    return [
-        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8), dtype=np.float32).reshape(image.shape)
-        for order in ((0, 1), (1, 0))
-    ]
-
-
-class _Motions:
-    """The motions of a place, as :meth:`_Place.moved` takes them.
-
-    Parameters
-    ----------
-    on
-        (rows, cols), the pixels that count.
-    channels
-        Number of channels.
-    posed
-        Whether there are changes of size and angle beside shifts.
-    """
-
-    def __init__(self, on: npt.NDArray[np.bool_], channels: int, posed: bool) -> None:
-        self._on = slice(None) if on.all() else np.repeat(on, channels)
-        self._posed = posed
-        # As long as the values of all channels: products with a short last axis take several times as long.
-        self._rows, self._cols = (
-            np.repeat(at - (side - 1) / 2, channels).astype(np.float32)
-            for at, side in zip(np.nonzero(on), on.shape, strict=True)
-        )
-
-    def explaining(self, predicted: Plane, residual: Plane, trust: Plane) -> Matrix:
-        """Return the motion that explains most of the residual of pixels that are trusted more or less."""
-        roots = np.repeat(np.sqrt(trust), predicted.shape[2])
-        down, right = (one.ravel()[self._on] * roots for one in gradient(predicted))
-        terms = [-down, -right]
-        if self._posed:
-            terms += [-(self._rows * down + self._cols * right), self._rows * right - self._cols * down]
-        weighted = np.stack(terms)
-        products = (weighted @ weighted.T).astype(np.float64)
-        energies = np.repeat(products.diagonal().reshape(-1, 2).max(axis=1), 2)
-        products[np.diag_indices(len(products))] += 1e-9 + STILL * energies
-        moved = np.zeros(4)
-        moved[: len(terms)] = np.linalg.solve(products, weighted @ (residual.ravel() * roots))
-        return moved
 
 
 def _recoloured(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
+from stereolag.templates.aligning import Plane, gradient
 from stereolag.templates.drawn_over import drawn_over, has_outline
 from stereolag.templates.fits import (
     BLUR_OF_COLOURS,
@@ -24,10 +25,8 @@ from stereolag.templates.fits import (
     DIFFERENT,
     SETTLED,
     Fit,
-    Plane,
     averaged,
     blocks_of,
-    gradient,
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, blurred, edges, nearness
 from stereolag.templates.redrawn import Redrawing, redrawing
@@ -107,6 +106,8 @@ class Identity:
     moved
         Where exactly the place is, beside what was given: px down and right, logarithm of the size, and angle,
         radians clockwise.
+    beyond
+        Share explained of what no slope or bend explains.
     """
 
     kind: Kind
@@ -116,6 +117,7 @@ class Identity:
     blocks: tuple[tuple[bool, ...], ...]
     anew: Redrawing | None = None
     moved: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    beyond: float = 1.0
 
     @property
     def is_template(self) -> bool:
@@ -183,7 +185,9 @@ def identity(
         if anew is not None:
             told = _told(_with_contrast(anew.contrast), anew.contrast, anew.gain, anew.explained, np.ones_like(agrees))
             return replace(told, anew=anew)
-    return replace(_told(kind, fit.contrast, fit.gain, fit.explained, agrees), moved=tuple(map(float, fit.motion)))
+    told = _told(kind, fit.contrast, fit.gain, fit.explained, agrees)
+    beyond = fit.explained_beyond if told.is_template and fit.is_opaque else 1.0
+    return replace(told, moved=tuple(map(float, fit.motion)), beyond=beyond)
 
 
 def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:

@@ -17,7 +17,8 @@ import numpy as np
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.fits import Plane, explained
+from stereolag.templates.aligning import Plane
+from stereolag.templates.fits import explained
 from stereolag.templates.patterns import Pattern, blurred
 
 SOFT = 0.55

@@ -412,3 +412,34 @@ def test_another_digit_in_the_badge_of_the_template_is_a_sibling(seed: int, reac
 
     kinds = [shown(with_badge(digit), with_badge(one)[BOX], 20, 20).kind for digit in (one, other)]
     assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
+@pytest.mark.parametrize(("printed", "other"), [("LM737", "LM757"), ("LM553", "LM563")])
+def test_out_of_focus_a_part_is_found_and_one_with_another_value_printed_is_not(printed: str, other: str) -> None:
+    """The pins differ more from sharp ones than the digits from one another; what is beyond the rim is mixed in."""
+
+    def part(text: str) -> Array:
+        drawn = np.full((40, 72, 3), (25, 85, 45), np.uint8)
+        drawn[:, 10:66][:, np.arange(56) % 8 < 4] = 200
+        drawn[6:34, 6:66] = 30
+        cv2.putText(drawn, text, (17, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (200, 200, 200), 1, cv2.LINE_AA)
+        return drawn
+
+    kinds = []
+    for text in (printed, other):
+        picture = photograph(0)
+        picture[60:100, 100:172] = part(text)
+        seen = cv2.GaussianBlur(picture, (0, 0), 1) + np.random.default_rng(0).normal(0, 4, picture.shape)
+        kinds.append(shown(np.clip(seen, 0, 255).astype(np.uint8), part(printed), 60, 100).kind)
+    assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
+@pytest.mark.parametrize("ground", [0, 255])
+def test_a_template_as_large_as_what_it_shows_is_found_out_of_focus(ground: int) -> None:
+    disc, picture = np.full((36, 36), 200, np.uint8), photograph(1)[:, :, 0]
+    for row, col in ((9, 9), (18, 18), (27, 27)):
+        cv2.circle(disc, (col, row), 3, 40, -1, cv2.LINE_AA)
+    picture[50:110, 90:150] = ground
+    picture[60:96, 100:136] = disc
+    seen = cv2.GaussianBlur(picture, (0, 0), 0.8)[:, :, np.newaxis]
+    assert shown(seen, disc[:, :, np.newaxis], 60, 100).is_template

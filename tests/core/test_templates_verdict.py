@@ -60,6 +60,20 @@ def test_a_few_pixels_are_not_found_where_another_place_fits_better(side: int, s
     assert not elsewhere.found and elsewhere.reason == "look_alikes"
 
 
+@pytest.mark.parametrize("seed", [11, 13])
+def test_a_smooth_piece_is_found_dimmed_and_another_one_is_not(seed: int) -> None:
+    """A slope or a bend is in every shading: both correlate at 0.99."""
+    own, other = (
+        np.clip(cv2.GaussianBlur(np.random.default_rng(one).normal(size=(150, 200)), (0, 0), 9) * 900 + 128, 0, 255)
+        for one in (seed, seed + 100)
+    )
+    row, col = (40 + 5 * seed) % 130, (60 + 9 * seed) % 180
+    template = own[row : row + 14, col : col + 14].astype(np.uint8)
+    there, elsewhere = (match_template(one.astype(np.uint8), template) for one in (0.9 * own + 10, other))
+    assert there.found and (there.matches[0].row, there.matches[0].col) == (row, col)
+    assert not elsewhere.found
+
+
 @pytest.mark.parametrize(
     ("best", "rival", "clear"),
     [(1, 0.9, True), (0.76, 0.34, True), (0.62, 0.6, False), (1, 1, False), (0.3, 0.9, False)],
