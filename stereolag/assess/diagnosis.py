@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from stereolag.assess.features import FEWEST_MATCHES, Correspondences
 from stereolag.assess.findings import (
     BENT_PX,
+    SURE_SHARE,
     Finding,
     FindingCode,
     Remedy,
@@ -27,14 +29,13 @@ from stereolag.assess.findings import (
     judge_sides,
     judged,
 )
-from stereolag.assess.layout import Anaglyph, find_views, likely_layout, mirrored_matches, repetition
+from stereolag.assess.layout import Anaglyph, find_views, flat, likely_layout, mirrored_matches, repetition
 from stereolag.assess.orientation import (
     LENS_LEFT,
     bend_of,
     best_rectification,
     find_correspondences,
     match_noise,
-    robust_fit,
     row_spread,
     vertical_plane,
 )
@@ -310,7 +311,7 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     """Judge the relative orientation of the views."""
     offset = median(points.dy)
     spread = 1.4826 * median(np.abs(points.dy - offset))
-    (_, sine, growth), residuals = vertical_plane(points)
+    (central, across, down), residuals = vertical_plane(points)
     grid, lens = bend_of(points)
     bent, noise, ends = row_spread(residuals), match_noise(points, residuals), percentiles(residuals, 2, 98)
     bend = float(np.std(grid))
@@ -327,15 +328,18 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         lens=lens,
     )
     # The remedy for bent rows also corrects offset and rotation; that for a rotation also the offset.
-    turns = {"rotation_deg": float(np.degrees(sine)), "scale": float(1 + growth)}
+    turns = {"rotation_deg": math.degrees(math.atan2(across, 1 - down)), "scale": 1 / math.hypot(across, 1 - down)}
     rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if rows.remedy is None else None, **turns)
+    if not rotation.healthy:  # the median of the matches would tell where they are, off the centre of the rotation
+        offset = float(central)
     alone = rows.remedy is None and rotation.healthy
     moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
     if straight is None or rows.remedy is None:
         return judge_sides(*disparities_of(points)), moved, rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = percentiles(disparities, 2, 98)
-    in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
+    shares = [float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1)]
+    in_front, behind = (0.0, 0.0) if max(shares) > SURE_SHARE and flat(points) else shares
     sides = judge_raw_sides(float(lowest), float(highest), in_front, behind)
     return sides, moved, rotation, rows
 
@@ -439,10 +443,8 @@ def _levelling(points: Correspondences) -> DoubleMap:
     It removes dy, and dx stays unchanged at the centre.
     """
     centre = centre_of(points.shape)
-    # The left image's rows as a plane over the right image: y_left = p * x + q * y + t about the centre.
-    plane = np.column_stack([points.right - centre, np.ones(len(points))])
-    p, q, t = robust_fit(plane, points.left[:, 1] - centre[1])
-    turn = np.array([[q, -p, 0.0], [p, q, t]])
+    (central, across, down), _ = vertical_plane(points)
+    turn = np.array([[1 - down, across, 0.0], [-across, 1 - down, -central]])
     turn[:, 2] += centre - turn[:, :2] @ centre
     return turn
 

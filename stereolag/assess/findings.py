@@ -91,7 +91,8 @@ class Finding:
                    heights of the left image
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
                    an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
-        ROWS       ``offset_px``, ``spread_px``: median and robust standard deviation of dy, right minus left
+        ROWS       ``offset_px``: median of dy, right minus left, or that at the centre of a rotated or scaled image;
+                   ``spread_px``: robust standard deviation of dy
         ROTATION   ``rotation_deg``, ``scale`` of the right image relative to the left one
         BENT_ROWS  ``spread_px``: robust standard deviation of dy after removing offset, rotation and scale;
                    ``noise_px`` of the matches; ``lowest_px``, ``highest_px``: 2nd and 98th percentile of that dy; if

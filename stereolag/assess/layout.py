@@ -183,6 +183,10 @@ cameras of a rig that are turned by so much see no common scene."""
 EPIPOLE_ROWS_PX, AGREEING_SHARE = 0.35, 0.8
 """Scatter of the rows from which on an epipole is looked for, and the least share of the matches on epipolar lines."""
 
+FLAT_SHARE = 0.95
+"""Share of the matches that follow one homography from which on nothing is known of the other camera's place: the rest
+may be wrong matches."""
+
 EPIPOLE_TRIALS, EPIPOLE_PX = 2000, 1.5
 """Most samples of matches drawn, and the distance from an epipolar line up to which a match agrees, px at the size at
 which features were matched."""
@@ -279,7 +283,17 @@ def find_views(found: Correspondences) -> Views | None:
         return Views(chosen, None)
     place = Epipole(float(column / depth / width), float(row / depth / height))
     near = max(abs(place.x - 0.5), abs(place.y - 0.5)) < FARTHEST_EPIPOLE
-    return Views(chosen, place if near else None)
+    return Views(chosen, place if near and not flat(chosen) else None)
+
+
+def flat(points: Correspondences) -> bool:
+    """Return whether matches follow one homography: of a camera that only turned, or of a plane.
+
+    They tell neither where the other camera stands nor what is in front of what.
+    """
+    tolerance = EPIPOLE_PX / points.scale
+    _, same = cv2.findHomography(points.left, points.right, cv2.USAC_MAGSAC, tolerance, maxIters=EPIPOLE_TRIALS)
+    return same is not None and float(np.mean(same)) > FLAT_SHARE
 
 
 def repetition(image: Image) -> float:

@@ -70,12 +70,13 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
 
 
 def vertical_plane(points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
-    """Return (a, b, c) of ``right.y = a + b * (x - cx) + (1 + c) * (y - cy) + cy``, fitted robustly to the matches.
+    """Return (a, b, c) of ``dy = a + b * (x - cx) + c * (y - cy)`` at (x, y) in the right image, fitted robustly.
 
-    a is the row offset at the centre (px), b the sine of the rotation and c the difference in scale between the views.
+    a is the row offset at the centre, px. In the right image, because that is the one taken for rotated and scaled: in
+    the left one, where points of one place in it lie apart by their disparities, even an exact rotation leaves a rest.
     Also return the (n,) residuals: dy minus the best-fitting offset, rotation and scale, px.
     """
-    away, dy = points.left - centre_of(points.shape), points.dy.astype(np.float64)
+    away, dy = points.right - centre_of(points.shape), points.dy.astype(np.float64)
     plane = robust_fit(np.column_stack([np.ones(len(points)), away]), dy)
     return plane, np.asarray(dy - (plane[0] + away @ plane[1:]))
 
@@ -92,14 +93,14 @@ def row_spread(residuals: DoubleMap) -> float:
 def row_terms(points: Correspondences) -> DoubleMap:
     """Return the (n, 7) effects on dy of two slightly rotated cameras and a distorting lens.
 
-    To first order: offset, rotation, scale; the yaws of the left and right cameras and their pitch; and radial
-    distortion, which moves a point in proportion to the cube of its distance from the centre.
+    To first order: offset, rotation and scale of the right one; the yaws of the left and right cameras and their pitch;
+    and radial distortion, which moves a point in proportion to the cube of its distance from the centre.
     """
     width, centre = points.shape[1], centre_of(points.shape)
     left, right = ((places - centre) / width for places in (points.left, points.right))
     x, y = left.T
     lens = right[:, 1] * (right**2).sum(axis=1) - y * (left**2).sum(axis=1)
-    return np.column_stack([np.ones(len(points)), x, y, x * y, right[:, 0] * y, y * y, lens])
+    return np.column_stack([np.ones(len(points)), right, x * y, right[:, 0] * y, y * y, lens])
 
 
 def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
