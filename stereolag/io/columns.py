@@ -502,7 +502,7 @@ def _without_nines(table: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
             rest = column[(column != extreme) & np.isfinite(column)]
             if not _NINES.fullmatch(f"{extreme:.10g}") or rest.size < FEWEST_ROWS:
                 continue
-            if np.abs(rest - extreme).min() > np.ptp(rest):
+            if 0 < np.ptp(rest) < np.abs(rest - extreme).min():  # not one of two values, as of a trigger
                 column[column == extreme] = np.nan
     return table
 

@@ -594,6 +594,13 @@ def test_missing_values_lie_on_a_line_and_are_counted(row: str, lost: Sequence[i
     assert recording.gaps == ((gap,) if row == "{t},{A}" else ())
 
 
+def test_a_trigger_of_two_values_is_no_column_with_missing_ones() -> None:
+    trigger = np.where(np.arange(A.size) % 40 < 20, 999.0, 0.0)
+    recording = read(rows(lambda i: f"{i / RATE},{A[i]},{trigger[i]:g}", "t,A,trigger"))
+    assert recording.mended_lines == 0
+    np.testing.assert_array_equal(recording.channels[1], trigger)
+
+
 def test_what_is_left_out_is_said_and_columns_keep_their_numbers_and_names() -> None:
     recording = read(
         rows(lambda i: f"acc,{i / RATE},{A[i]},{'' if i % 3 else 5},{B[i]}", "sensor [m/s],t [s],A (V),C,B", "\nMean,1")
