@@ -243,7 +243,9 @@ def _standard_error(own: OwnMotion, sample: _Sample, camera: Camera, settings: M
     # An error that all disparities share moves every point along its ray.
     varied = own.moved(camera.points(sample.disparity + np.float32(COMMON * settings.disparity_error), sample.places))
     pulls[-1] = np.einsum("nij,in->j", slopes, camera.projected(varied)[::-1] - projected[:, 0].T)
-    spread = np.linalg.solve(np.einsum("nij,nik->jk", slopes, slopes), pulls.T)[3:]
+    information = np.einsum("nij,nik->jk", slopes, slopes)
+    information += 1e-12 * np.trace(information) * np.eye(len(information))  # points on a line leave a turn open
+    spread = np.linalg.solve(information, pulls.T)[3:]
     return float(np.sqrt(np.linalg.eigvalsh(spread @ spread.T)[-1]))
 
 

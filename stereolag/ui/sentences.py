@@ -9,7 +9,7 @@ MOTION_IN_WORDS = {
     "identical": "This frame repeats the one before it, to the last bit: no speed follows from it.",
     "nothing static": "Own speed unknown: no single motion explains half of the picture.",
     "two motions": "Own speed unknown: two motions share the picture. A bonnet or a lorry ahead may fill much of it.",
-    "inaccurate": "Own speed unknown: what is seen is too far away for it.",
+    "inaccurate": "Own speed unknown: too little is seen near enough to tell it.",
 }
 """Sentences on frames that are not simply related, or whose own motion is not known."""
 
