@@ -222,18 +222,18 @@ COSTS: Mapping[str, Cost] = {
         {"longest": (8, 3)},
     ),
     # Templates. grey: bytes of luminance and contiguous copies; values: of the template; places: that are scored.
-    # The template's deviations, the scores, its spectra and those of the tiles; then what a place is judged by, and the
-    # blocks by which places are looked for where a part of it is hidden.
+    # The template's deviations, the scores, its spectra and those of the tiles; then what a place is judged by, twice
+    # where it is blurred, and the blocks by which places are looked for where a part of it is hidden.
     "template by fft": Cost(
         (
             {"grey": 1, "values": 8, "places": 4, "points": 8},
-            {"grey": 1, "values": 170, "places": 4, "hidden": 1},
+            {"grey": 1, "values": 280, "places": 4, "hidden": 1},
         ),
         {"turns": 1.2e-9, "hidden_values": 1e-9},
     ),
     # Sizes and angles: the maps of a reduced image, one for every thread, or the templates refined in a larger one.
     "template by poses": Cost(
-        ({"grey": 1, "values": 170}, {"grey": 1, "values": 32, "coarse": 1}, {"grey": 1, "values": 32, "fine": 1}),
+        ({"grey": 1, "values": 280}, {"grey": 1, "values": 32, "coarse": 1}, {"grey": 1, "values": 32, "fine": 1}),
         {"turns": 1.2e-9, "searches": 0.8},
     ),
     # The image in float64 and its squares; the products and sums of every channel; the blocks, as above.

@@ -74,6 +74,9 @@ THROUGH = 2.0
 MOVES_AT_MOST = 3.0
 """Roots of a block's mean squared gradient that it changes at most when it is moved by a pixel each way."""
 
+SAMPLED = 2**16
+"""Pixels, evenly spread, that tell what a slope or a bend explains."""
+
 OF_MOVED = 0.5
 """Share of a difference that may remain where it is due to a move."""
 
@@ -129,10 +132,20 @@ class Fit:
         Whether size and angle are refined too.
     settled
         The alignment ends once a step moves no corner by so many px.
+    sharp
+        Whether the place is as sharp as the template; otherwise its blur is fitted too.
     """
 
     def __init__(
-        self, image: Image, pattern: Pattern, row: int, col: int, posed: bool, settled: float = SETTLED
+        self,
+        image: Image,
+        pattern: Pattern,
+        row: int,
+        col: int,
+        posed: bool,
+        settled: float = SETTLED,
+        *,
+        sharp: bool = False,
     ) -> None:
         self.own_weights = pattern.weights.astype(np.float32)
         self.weights = _inside(self.own_weights, image, row, col)
@@ -154,7 +167,7 @@ class Fit:
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
         self.seen = self.predicted = self.template
         self.variance = 0.0
-        self.motion, trust = self._aligned(place, blur, posed, settled)
+        self.motion, trust = self._aligned(place, blur, posed, settled, sharp)
         rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
         if rim and self.weights[rim:-rim, rim:-rim].sum() > LEAST_BLOCK**2:
             blur, trust = self._without_rim(rim, place, trust)
@@ -212,7 +225,7 @@ class Fit:
         kept, coloured = (median(np.ptp(one, axis=1)) for one in (seen, lit))
         return bool(is_white and kept <= NEARLY and coloured > kept + COLOURED)
 
-    def _aligned(self, place: Place, blur: _Blur, posed: bool, settled: float) -> tuple[Matrix, Plane]:
+    def _aligned(self, place: Place, blur: _Blur, posed: bool, settled: float, sharp: bool) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
         motion = moved = np.zeros(4)
         softened = False
@@ -236,7 +249,7 @@ class Fit:
             squares = _squares(residual)
             moved, softer = motions.explaining(self.predicted, residual, trust)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
-            softer = min(max(self._softer + softer, SHARPEST), SOFTEST)
+            softer = 0.0 if sharp else min(max(self._softer + softer, SHARPEST), SOFTEST)
             softened = abs(softer - self._softer) > SOFTER
             if softened:
                 self._soften(blur, softer)
@@ -280,6 +293,11 @@ class Fit:
         return tuple(float(slope) if own else self.contrast for slope, own in zip(self._slopes, varies, strict=True))
 
     @property
+    def is_blurred(self) -> bool:
+        """Whether the place is more or less sharp than the template."""
+        return abs(self._softer) > SOFTER
+
+    @property
     def explained(self) -> float:
         """Share of the variance of the place that the template explains."""
         return explained(self._flat(self.seen), self._flat(self.predicted), self._counts)
@@ -287,18 +305,17 @@ class Fit:
     @property
     def explained_beyond(self) -> float:
         """The same share of what no slope or bend explains: those are in every shading."""
+        some = np.s_[:: max(1, self._counts.size // SAMPLED)]
+        counts, seen, predicted = (self._flat(one)[some] for one in (self.weights, self.seen, self.predicted))
         down, right = (
-            self._flat((at / side - 0.5).astype(np.float32)).astype(np.float64)
-            for at, side in zip(np.indices(self.shape), self.shape, strict=True)
+            self._flat(np.broadcast_to((at / side - 0.5).astype(np.float32), self.shape))[some]
+            for at, side in zip(np.ogrid[: self.shape[0], : self.shape[1]], self.shape, strict=True)
         )
-        terms = np.stack([np.ones_like(down), down, right, down * down, down * right, right * right])
-        weighted = terms * self._counts
+        terms = np.stack([np.ones_like(down), down, right, down * down, down * right, right * right]).astype(np.float64)
+        weighted = terms * counts
         products = weighted @ terms.T + 1e-9 * np.eye(len(terms))
-        seen, predicted = (
-            one - terms.T @ np.linalg.solve(products, weighted @ one)
-            for one in map(self._flat, (self.seen, self.predicted))
-        )
-        return explained(seen, predicted, self._counts)
+        seen, predicted = (one - terms.T @ np.linalg.solve(products, weighted @ one) for one in (seen, predicted))
+        return explained(seen, predicted, counts)
 
     def explained_in(self, blocks: npt.NDArray[np.bool_]) -> float:
         """Return the same share of these blocks alone."""
@@ -458,6 +475,15 @@ def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
     around = flags if flags.all() else cv2.erode(flags, np.ones((5, 5), np.uint8))
     known[top - row :, left - col :][: part.shape[0], : part.shape[1]] = around
     return np.asarray(weights * known, dtype=np.float32)
+
+
+def best_fit(image: Image, pattern: Pattern, row: int, col: int, posed: bool, settled: float = SETTLED) -> Fit:
+    """Return the fit of a place with its blur, or without one if the other tones of a gamma explain more."""
+    fit = Fit(image, pattern, row, col, posed, settled)
+    if not fit.is_blurred:
+        return fit
+    sharp = Fit(image, pattern, row, col, posed, settled, sharp=True)
+    return max(fit, sharp, key=lambda one: one.explained)
 
 
 class _Blur:

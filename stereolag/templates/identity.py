@@ -26,6 +26,7 @@ from stereolag.templates.fits import (
     SETTLED,
     Fit,
     averaged,
+    best_fit,
     blocks_of,
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, blurred, edges, nearness
@@ -161,7 +162,7 @@ def identity(
         over = next((one for one in tried if one is not None), None)
     if over is not None:
         return _told("same", 1.0, *over, np.ones(blocks_of(pattern.shape), dtype=np.bool_))
-    fit = Fit(image, pattern, row, col, posed, settled)
+    fit = best_fit(image, pattern, row, col, posed, settled)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
     counts = fit.averaged(None) > COUNTED

@@ -148,6 +148,9 @@ JOBS = {
     "lag by votes": _lag(60_000, options=", method='sampled'"),
     "template by fft": _search("image(1060, 1414)", "a[200:700, 300:870]"),
     "template by fft, nearly as large as the picture": _search("image(1060, 1414)", "a[20:1020, 30:1330]"),
+    "template by fft, as large in a blurred picture": _search(
+        "image(1060, 1414)", "a[20:1020, 30:1330].copy(); a = cv2.GaussianBlur(a, (0, 0), 0.9)"
+    ),
     "template by fft, large and in colours": _search("colours(1060, 1414)", "a[200:700, 300:870]"),
     "template by fft, nowhere": _search("image(1060, 1414)", "image(30, 30)"),
     "template by fft, in colours nowhere": _search("colours(640, 850)", "colours(110, 110)"),
