@@ -55,6 +55,8 @@ LOOKS_S = 0.1
 
 _CONNECTS_S = "10s"
 _COUNTS_S = 5.0
+_FETCHES_S = 30.0
+"""Dask fails with an UnboundLocalError if the time for a result runs out while it comes from its worker."""
 
 
 Pending: TypeAlias = Future[MatchedFrame[FrameMap]]
@@ -88,25 +90,34 @@ def in_order(
     look
         Called ten times a second while waiting; an exception from it ends the job.
     """
+
+    def started(task: FrameTask) -> tuple[int, Pending, threading.Event]:
+        pending, done = submit(task), threading.Event()
+        pending.add_done_callback(lambda _: done.set())
+        return task.number, pending, done
+
     coming = iter(tasks)
-    waiting: deque[tuple[int, Pending]] = deque()
+    waiting: deque[tuple[int, Pending, threading.Event]] = deque()
     try:
         while True:
             room = max(0, runner.at_once - len(waiting))  # the limit may fall once a worker has died
-            waiting.extend((task.number, submit(task)) for task in islice(coming, room))
+            waiting.extend(map(started, islice(coming, room)))
             if not waiting:
                 return
             look()
+            number, pending, done = waiting[0]
+            if not done.wait(LOOKS_S):
+                continue
             try:
-                frame = waiting[0][1].result(timeout=LOOKS_S)
-            except TimeoutError:
+                frame = pending.result(timeout=_FETCHES_S)
+            except TimeoutError:  # its worker has died since
                 continue
             except runner.crashes:
-                frame = MatchedFrame(waiting[0][0], problem="This frame crashed every worker that took it.")
+                frame = MatchedFrame(number, problem="This frame crashed every worker that took it.")
             waiting.popleft()
             yield frame
     finally:
-        for _, pending in waiting:
+        for _, pending, _ in waiting:
             pending.cancel()
 
 

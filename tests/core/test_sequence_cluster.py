@@ -104,8 +104,11 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     assert flickers(away) == flickers(here)
 
 
-def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, tmp_path: Path) -> None:
-    """The workers read the archive from its bytes."""
+def test_a_run_goes_on_here_where_a_cluster_left_it(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The workers read the archive from its bytes; looks come while frames are on their way from a worker."""
+    monkeypatch.setattr(running, "LOOKS_S", 0.001)
     out, states = tmp_path / "out", list[SequenceState]()
 
     def cancelled() -> bool:
