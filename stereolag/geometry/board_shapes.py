@@ -12,7 +12,7 @@ import scipy  # scipy.spatial is loaded only on first use: the quick judgement o
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import Board, Corners
-from stereolag.geometry.camera_fits import ENOUGH_TO_LEAVE_OUT, Camera, SeparateFits, Sight, fitted_camera
+from stereolag.geometry.camera_fits import CONVERGED, ENOUGH_TO_LEAVE_OUT, Camera, SeparateFits, Sight, fitted_camera
 
 BothCorners = Mapping[int, tuple[Corners, Corners]]
 """The corners in the left and the right picture of each pair, by its number."""
@@ -139,7 +139,7 @@ def _measured(board: Board, sights: Sequence[Sight], *, size: tuple[int, int], f
     places = [sight.places.astype(np.float32) for sight in sights]
     fixed = board.columns - 1
     _, matrix, distortion, _, _, found = cv2.calibrateCameraRO(
-        points, places, size, fixed, np.eye(3), np.zeros(14), flags=flags
+        points, places, size, fixed, np.eye(3), np.zeros(14), flags=flags, criteria=CONVERGED
     )
     flat = board.points()
     middle = flat.mean(axis=0)

@@ -45,6 +45,9 @@ LEAST_ERROR_PX = 0.75
 
 MOST_ROUNDS = 5
 
+CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-9)
+"""Where a camera alone is fitted well enough. OpenCV's own choice, the last bit of a float64, takes all 30 steps."""
+
 BEST_SHARE = 0.6
 """Share of the pairs, those that agree best, from which the errors of the others are judged."""
 
@@ -214,7 +217,7 @@ def fitted_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) ->
     )
     try:
         _, matrix, distortion, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
-            points, places, size, np.eye(3), np.zeros(14), flags=flags
+            points, places, size, np.eye(3), np.zeros(14), flags=flags, criteria=CONVERGED
         )
     except cv2.error as error:
         raise undetermined from error
