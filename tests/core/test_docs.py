@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import doctest
 import importlib
+import inspect
 import io
 import re
 from functools import cache
@@ -311,7 +312,7 @@ WITH_EXAMPLES = sorted(module_of(path) for path in PACKAGE.rglob("*.py") if ">>>
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_a_public_name_has_an_example(name: str) -> None:
-    described, _, shown = (getattr(sl, name).__doc__ or "").partition("\n    Examples\n    --------\n")
+    described, _, shown = (inspect.getdoc(getattr(sl, name)) or "").partition("\nExamples\n--------\n")
     assert described.strip()
     assert doctest.DocTestParser().get_examples(shown)
 
