@@ -194,21 +194,31 @@ RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
 BASELINE = float(np.linalg.norm(T))
 FOCAL = float(P1[0, 0])
 POSE = np.vstack([np.hstack([R, T]), [0, 0, 0, 1]])
-CENTRE = (-R.T @ T).ravel()
-"""Where the right camera stands, in the left one's frame, metres."""
+BODY = np.array([[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, -0.3], [0, 0, 0, 1]])
+"""Where the left camera stands, in the frame of a body."""
+BODIES = (BODY, BODY @ np.linalg.inv(POSE))
+
+
+def quaternion(pose: np.ndarray) -> list[float]:
+    """Return w, x, y, z of a transform."""
+    x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    return [w, x, y, z]
 
 
 def rows(matrix: np.ndarray, between: str = "\n") -> str:
     return between.join(" ".join(f"{value:.12g}" for value in row) for row in np.atleast_2d(matrix))
 
 
-def zed() -> bytes:
+def zed(apart: tuple[np.ndarray, np.ndarray] | None = None) -> bytes:
+    """Return a file of Stereolabs; with lenses set apart, as those of a ZED One are, pinholes or fisheyes."""
+
     def camera(side: str, mode: str, matrix: np.ndarray, lens: np.ndarray, factor: float) -> str:
         fx, fy, cx, cy = (factor * matrix[place] for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        k1, k2, p1, p2, k3 = lens.ravel()
-        return (
-            f"[{side}_CAM_{mode}]\nfx={fx}\nfy={fy}\ncx={cx}\ncy={cy}\nk1={k1}\nk2={k2}\nk3={k3}\np1={p1}\np2={p2}\n\n"
-        )
+        return f"[{side}_CAM_{mode}]\nfx={fx}\nfy={fy}\ncx={cx}\ncy={cy}\n{'' if apart else coefficients(lens)}\n"
+
+    def coefficients(lens: np.ndarray) -> str:
+        names = ("k1", "k2", "p1", "p2", "k3") if lens.size == 5 else ("k1", "k2", "k3", "k4")
+        return "".join(f"{name}={value}\n" for name, value in zip(names, lens.ravel(), strict=True))
 
     modes = {"FHD": 3.0, "HD": 2.0, "VGA": 1.05}
     cameras = "".join(
@@ -216,7 +226,9 @@ def zed() -> bytes:
     )
     x, y, z = cv2.Rodrigues(R)[0].ravel()
     turns = "".join(f"CV_{mode}={y}\nRX_{mode}={x}\nRZ_{mode}={z}\n" for mode in modes)
-    place = 1000 * CENTRE
+    place = 1000 * np.linalg.inv(POSE)[:3, 3]
+    lenses = zip(("LEFT", "RIGHT"), apart or (), strict=False)
+    cameras += "".join(f"[{side}_DISTO]\n{coefficients(lens)}\n" for side, lens in lenses)
     return (
         f"{cameras}[STEREO]\nBaseline={place[0]}\nTY={place[1]}\nTZ={place[2]}\n{turns}[MISC]\nSensor_ID=1\n".encode()
     )
@@ -363,14 +375,49 @@ def vins(wide: bool = False) -> list[bytes]:
         below = f"distortion_parameters:\n{_below(lens_pairs)}projection_parameters:\n{_below(pairs)}"
         return (head.format("PINHOLE") + below).encode()
 
-    body = np.array([[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, -0.3], [0, 0, 0, 1]])  # of the left camera
-    poses = opencv(".yml", imu=1, body_T_cam0=body, body_T_cam1=body @ np.linalg.inv(POSE))
+    poses = opencv(".yml", imu=1, body_T_cam0=BODIES[0], body_T_cam1=BODIES[1])
     lenses = (FISHEYE, FISHEYE) if wide else (D1, D2)
     return [poses, camera(M1, lenses[0]), camera(M2, lenses[1])]
 
 
 def _below(pairs) -> str:
     return "".join(f"   {name}: {value:.12g}\n" for name, value in pairs)
+
+
+def okvis(model: str, lenses: tuple[np.ndarray, np.ndarray]) -> bytes:
+    cameras = [
+        {
+            "T_SC": pose.ravel(), "image_dimension": [*SIZE], "distortion_coefficients": lens.ravel()[:4],
+            "distortion_type": model, "focal_length": matrix[[0, 1], [0, 1]], "principal_point": matrix[:2, 2],
+        }
+        for matrix, lens, pose in zip((M1, M2), lenses, BODIES, strict=True)
+    ]  # fmt: skip
+    return b"%YAML:1.0\n" + as_yaml(cameras=[plain(one) for one in cameras], imu_params={"a_max": 176.0})
+
+
+def basalt(model: str, lenses: tuple[np.ndarray, np.ndarray]) -> bytes:
+    names = ("k1", "k2", "k3", "k4") if model == "kb4" else ("k1", "k2", "p1", "p2", "k3")
+    cameras, poses = [], []
+    for matrix, lens, pose in zip((M1, M2), lenses, BODIES, strict=True):
+        values = [*matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *lens.ravel().tolist()]
+        single = dict(zip(("fx", "fy", "cx", "cy", *names), values, strict=True))
+        cameras.append({"camera_type": model, "intrinsics": single})
+        place = [*pose[:3, 3].tolist(), *quaternion(pose)]
+        poses.append(dict(zip(("px", "py", "pz", "qw", "qx", "qy", "qz"), place, strict=True)))
+    document = {"T_imu_cam": poses, "intrinsics": cameras, "resolution": [[*SIZE]] * 2, "vignette": []}
+    return json.dumps({"value0": document}).encode()
+
+
+def mrpt() -> bytes:
+    def camera(side: str, matrix: np.ndarray, lens: np.ndarray) -> str:
+        values = zip(("fx", "fy", "cx", "cy"), matrix[[0, 1, 0, 1], [0, 1, 2, 2]], strict=True)
+        single = "".join(f"{name} = {value}  // +/- 0.3\n" for name, value in values)
+        return f"[CAMERA_PARAMS_{side}]\nresolution = [640 480]\n{single}dist = [{rows(lens)}]  // K1 K2 T1 T2 K3\n"
+
+    back = np.linalg.inv(POSE)
+    place = rows(np.array([*back[:3, 3], *quaternion(back)]))
+    pose = f"[CAMERA_PARAMS_LEFT2RIGHT_POSE]\npose_quaternion = [{place}]\n"
+    return (camera("LEFT", M1, D1) + camera("RIGHT", M2, D2) + pose).encode()
 
 
 FISHEYE = np.array([[-0.02, 0.004, -0.003, 0.0005]])
@@ -408,6 +455,32 @@ OF_MAKERS: dict[str, Callable[[], list[bytes]]] = {
         for matrix, lens, pose in ((M1, D1, np.eye(4)), (M2, D2, np.linalg.inv(POSE)))
     ],
     "Kalibr, with an IMU": lambda: [kalibr_imu()],
+    "OKVIS": lambda: [okvis("radialtangential", (D1, D2))],
+    "Basalt": lambda: [basalt("pinhole-radtan8", (D1, D2))],
+    "MRPT": lambda: [mrpt()],
+    "MC-Calib": lambda: [
+        as_json(
+            nb_camera=2,
+            **{
+                f"camera_{number}": {
+                    "camera_matrix": matrix, "distortion_vector": lens, "distortion_type": 0, "img_width": 640,
+                    "img_height": 480, "camera_pose_matrix": pose,
+                }
+                for number, (matrix, lens, pose) in enumerate(zip((M1, M2), (D1, D2), BODIES, strict=True))
+            },
+        )
+    ],
+    "RealSense's SDK, rotations down the columns": lambda: [
+        as_json(
+            **{
+                side: dict(zip(("fx", "fy", "ppx", "ppy"), matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), strict=True))
+                | {"coeffs": lens, "width": 640, "height": 480}
+                for side, matrix, lens in (("left", M1, D1), ("right", M2, D2))
+            },
+            extrinsics={"rotation": R.T.ravel(), "translation": T.ravel()},
+        )
+    ],
+    "the pose in one matrix": lambda: [as_json(**(BOTH_CAMERAS | {"T": POSE}))],
 }  # fmt: skip
 """Both cameras before rectification, in the layouts of makers."""
 
@@ -437,6 +510,15 @@ OF_MAKERS_RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
         f'%YAML:1.0\nCamera.type: "Rectified"\nCamera1.fx: {FOCAL}\nCamera1.fy: {FOCAL}\nCamera1.cx: {P1[0, 2]}\n'
         f"Camera1.cy: {P1[1, 2]}\nStereo.b: {BASELINE}\nCamera.width: 640\nCamera.height: 480\n".encode()
     ],
+    "DSEC": lambda: [
+        as_yaml(
+            intrinsics={f"camRect{number}": {"resolution": [*SIZE]} for number in (0, 1, 2, 3)},
+            disparity_to_depth={"cams_03": Q * 2, "cams_12": Q},
+        )
+    ],
+    "the unit in the baseline's name": lambda: [
+        as_json(focal_px=FOCAL, baseline_mm=1000 * BASELINE, cx=P1[0, 2], cy=P1[1, 2], width=640, height=480)
+    ],
     "ORB-SLAM2, rectified": lambda: [orb_slam_2().partition(b"LEFT.height")[0]],
 }
 
@@ -460,5 +542,11 @@ WIDE: dict[str, Callable[[], list[bytes]]] = {
     "DepthAI": lambda: [depthai(wide=True)],
     "ORB-SLAM3": lambda: [orb_slam("KannalaBrandt8")],
     "VINS": lambda: vins(wide=True),
+    "ZED One": lambda: [zed((FISHEYE, FISHEYE))],
+    "Stereolabs' tool": lambda: [
+        opencv(".yml", K_LEFT=M1, K_RIGHT=M2, D_LEFT_FE=FISHEYE, D_RIGHT_FE=FISHEYE, R=cv2.Rodrigues(R)[0], T=T)
+    ],
+    "OKVIS": lambda: [okvis("equidistant", (FISHEYE, FISHEYE))],
+    "Basalt": lambda: [basalt("kb4", (FISHEYE, FISHEYE))],
 }  # fmt: skip
 """Both cameras with fisheyes."""

@@ -58,6 +58,8 @@ class Correspondences:
         Factor by which the images were reduced before features were matched, at most 1; it limits the precision.
     candidates
         The distinctive matches of which these agree; None if nearly all of them do.
+    of_any_rows
+        Of a pair that looks nearly rectified, the matches before those were chosen whose rows agree; else None.
     """
 
     left: Points
@@ -65,6 +67,7 @@ class Correspondences:
     shape: tuple[int, int]
     scale: float = 1.0
     candidates: Correspondences | None = None
+    of_any_rows: Correspondences | None = None
 
     @property
     def dx(self) -> Points:

@@ -12,8 +12,17 @@ import cv2
 import numpy as np
 
 from stereolag.assess.features import FEWEST_MATCHES, Correspondences
-from stereolag.assess.orientation import find_correspondences, fundamental_matrix, row_spread, vertical_plane
-from stereolag.core.arrays import median
+from stereolag.assess.orientation import (
+    EVIDENCE,
+    LEAST_NOISE_PX,
+    find_correspondences,
+    fundamental_matrix,
+    robust_fit,
+    row_spread,
+    row_terms,
+    vertical_plane,
+)
+from stereolag.core.arrays import DoubleMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -268,9 +277,18 @@ def find_views(found: Correspondences) -> Views | None:
     ----------
     found
         Matches from :func:`~stereolag.assess.orientation.find_correspondences`. Where they are not nearly all
-        candidates, the candidates are taken: the matches were chosen by their rows.
+        candidates, the candidates are taken: the matches were chosen by their rows. For the same reason a slow motion
+        is looked for in those of any rows.
     """
-    points = found if found.candidates is None else found.candidates
+    views = _views_of(found if found.candidates is None else found.candidates)
+    if views is None or views.epipole is not None or found.of_any_rows is None:
+        return views
+    again = _views_of(found.of_any_rows, doubted=True)
+    return views if again is None or again.epipole is None else again
+
+
+def _views_of(points: Correspondences, *, doubted: bool = False) -> Views | None:
+    """Return how some matches move; if it is doubted, with an epipole only where its lines explain them better."""
     if len(points) < FEWEST_MATCHES:
         return None
     lines, agreeing = fundamental_matrix(points, EPIPOLE_PX, EPIPOLE_TRIALS)
@@ -283,7 +301,22 @@ def find_views(found: Correspondences) -> Views | None:
         return Views(chosen, None)
     place = Epipole(float(column / depth / width), float(row / depth / height))
     near = max(abs(place.x - 0.5), abs(place.y - 0.5)) < FARTHEST_EPIPOLE
-    return Views(chosen, place if near and not flat(chosen) else None)
+    told = near and (not doubted or _told_by_lines(chosen, lines)) and not flat(chosen)
+    return Views(chosen, place if told else None)
+
+
+def _told_by_lines(points: Correspondences, lines: DoubleMap) -> bool:
+    """Return whether epipolar lines explain matches better than slightly turned cameras side by side with a lens.
+
+    A strong lens has lines of its own, which may meet anywhere.
+    """
+    left, right = (np.column_stack([one, np.ones(len(points))]) for one in (points.left, points.right))
+    through = left @ lines.T
+    beside = (through * right).sum(axis=1) / np.hypot(through[:, 0], through[:, 1])
+    terms, dy = row_terms(points), points.dy.astype(np.float64)
+    noise = max(LEAST_NOISE_PX, row_spread(beside))
+    turned, moved = (np.log1p((left_over / noise) ** 2) for left_over in (dy - terms @ robust_fit(terms, dy), beside))
+    return float((turned - moved).sum()) > EVIDENCE
 
 
 def flat(points: Correspondences) -> bool:

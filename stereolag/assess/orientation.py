@@ -238,7 +238,8 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
         even = _nearly_rectified(every, np.ones(len(every), np.bool_))
         if len(even) < ENOUGH:
             every, even = quick.points, easy
-        return _followed(every, even) if np.std(bend_of(even)[0]) * scale > UNBENT_PX else even
+        chosen = _followed(every, even) if np.std(bend_of(even)[0]) * scale > UNBENT_PX else even
+        return replace(chosen, of_any_rows=every)
     thorough = match_features(views, shape, scale, binary=False)
     distinct = quick.distinctive().joined(thorough.distinctive())
     every = replace(quick.points.joined(thorough.points), candidates=distinct)

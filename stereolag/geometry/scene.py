@@ -254,6 +254,11 @@ class Ground(NamedTuple):
     slope: float
     horizon: float
 
+    def disparities(self, rows: int) -> FloatMap:
+        """Return the (rows, 1) disparity of the ground in each row of a picture, px: negative above the horizon."""
+        below = np.arange(rows, dtype=np.float32)[:, None] - np.float32(self.horizon)
+        return np.float32(self.slope) * below
+
 
 def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
     """Return the ground shown by the rows of the lower half; None if they do not agree on one.
@@ -329,9 +334,9 @@ def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> 
     ground = ground_of(values, known) or ground_of(values)
     least = np.zeros((len(values), 1), np.float32)
     if ground is not None:
-        below = np.float32(ground.slope) * (np.arange(len(values), dtype=np.float32) - np.float32(ground.horizon))
+        below = ground.disparities(len(values))
         # Both ends of the range of heights bound the disparity from below, as 1 - _HIGHEST is negative.
-        least[:, 0] = np.maximum(0, np.maximum(below / np.float32(1 - _LOWEST), below / np.float32(1 - _HIGHEST)))
+        least = np.maximum(0, np.maximum(below / np.float32(1 - _LOWEST), below / np.float32(1 - _HIGHEST)))
     rank = max(1, round(LEAST_OBSTACLE * values.size))
     sixteenths = np.full(values.shape, _NO_SURFACE, np.int16)
     sixteenths[known] = np.clip(16 * values[known], _NO_SURFACE + 1, np.iinfo(np.int16).max)

@@ -259,7 +259,7 @@ def _values_of_text(text: str) -> dict[str, Matrix | str]:
         return _ini(lines)
     if assignments := [match for line in lines if (match := _ASSIGNMENT.match(line))]:
         _check_names(len(lines))
-        return {match[1]: _value(re.sub(r"[\[\];]", " ", match[2])) for match in assignments}
+        return {match[1]: _value(_bare(match[2])) for match in assignments}
     if lines and len(lines) <= MAX_NAMES and not any(isinstance(_value(line), str) for line in lines):
         return {f"row{number}": _value(line) for number, line in enumerate(lines)}
     rows = [match for line in lines if (match := _NAMED_ROW.match(line))]
@@ -267,6 +267,11 @@ def _values_of_text(text: str) -> dict[str, Matrix | str]:
         _check_names(len(lines))
         return {match[1]: _value(match[2]) for match in rows}
     return _leaves(_yaml(text))
+
+
+def _bare(text: str) -> str:
+    """Return what is assigned, without the brackets and the ends of rows of a matrix, or a comment behind it."""
+    return re.sub(r"//.*|[\[\];]", " ", text)
 
 
 def _ini(lines: list[str]) -> dict[str, Matrix | str]:
@@ -277,7 +282,7 @@ def _ini(lines: list[str]) -> dict[str, Matrix | str]:
         if heading := _SECTION.match(line):
             section, name = heading[1].strip(), ""
         elif assignment := _ASSIGNMENT.match(line):
-            rows[f"{section}.{assignment[1]}"] = assignment[2]
+            rows[f"{section}.{assignment[1]}"] = _bare(assignment[2])
         elif isinstance(_value(line), str):
             name = f"{section}.{line.strip()}"
             rows[name] = ""

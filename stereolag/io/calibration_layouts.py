@@ -16,6 +16,7 @@ import numpy as np
 from stereolag.io.calibration_files import Entries, Entry, Matrix
 from stereolag.io.calibration_parts import (
     FISHEYE,
+    FISHEYE_NAMES,
     MOST,
     SIZE,
     Parts,
@@ -27,6 +28,7 @@ from stereolag.io.calibration_parts import (
     numbers,
     pose,
     pose_in_common,
+    rigid,
 )
 
 Reader: TypeAlias = Callable[[Entries], list[Parts]]
@@ -99,8 +101,14 @@ ZED_SIZES = {
 
 
 def _zed(entries: Entries) -> list[Parts]:
-    """Read a pair of cameras for each size; the right one stands at (Baseline, TY, TZ), turned by the vector R."""
+    """Read a pair of cameras for each size; the right one stands at (Baseline, TY, TZ), turned by the vector R.
+
+    The lenses stand with each size, or once for all of them, and then those of fisheyes have no p1 and p2.
+    """
     found = []
+    apart = entries.find("LEFT_DISTO.k1") is not None
+    wide = apart and entries.find("LEFT_DISTO.p1") is None
+    lens = {"coefficients": FISHEYE_NAMES} if wide else {}
     for mode, size in ZED_SIZES.items():
         left, right = f"LEFT_CAM_{mode}", f"RIGHT_CAM_{mode}"
         if entries.find(f"{left}.fx") is None:
@@ -110,7 +118,9 @@ def _zed(entries: Entries) -> list[Parts]:
         turn = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
         aside = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
         place = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *aside])
-        one = camera(entries, "1", left, left) | camera(entries, "2", right, right)
+        one = camera(entries, "1", left, "LEFT_DISTO" if apart else left, **lens)
+        one |= camera(entries, "2", right, "RIGHT_DISTO" if apart else right, **lens)
+        one |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if wide else {}
         found.append(one | pose("STEREO", turn, -turn @ place) | {"size0": numbers(mode, size)})
     return found
 
@@ -302,10 +312,16 @@ def _orb_slam(entries: Entries) -> list[Parts]:
     first = "Camera1" if entries.find("Camera1.fx") else "Camera"
     way = entries.find("Stereo.T_c1_c2|Tlr")
     if entries.find("Camera2.fx") and way is not None:
-        names = {"coefficients": ("k1", "k2", "k3", "k4")} if lens_of(entries) == FISHEYE else {}
+        names = {"coefficients": FISHEYE_NAMES} if lens_of(entries) == FISHEYE else {}
         cameras = camera(entries, "1", first, first, **names) | camera(entries, "2", "Camera2", "Camera2", **names)
         back = way.numbers().reshape(-1, 4) if way.numbers().size in (12, 16) else way.matrix(4, 4)
         return [cameras | size | between(way.name, np.eye(4), inverted(back))]
+    bent = [name for lens in ("k1", "k2", "k3", "p1", "p2") if entries.number(name := f"{first}.{lens}")]
+    if bent:
+        raise ValueError(
+            f"The calibration (ORB-SLAM) has a lens with distortion ({', '.join(bent)}), but neither Camera2 with "
+            "Stereo.T_c1_c2 nor LEFT.K with the rectification: its pictures cannot be rectified."
+        )
     parts = camera(entries, "1", first, "no lens")
     parts |= {"baseline": entries.required("Stereo.b")} if entries.find("Stereo.b") else {}
     return [parts | size | ({} if "baseline" in parts else {"product": entries.required("Camera.bf")})]
@@ -334,6 +350,67 @@ def _vins(entries: Entries) -> list[Parts]:
     return [parts | found]
 
 
+def _okvis(entries: Entries) -> list[Parts]:
+    """Read the first two cameras of a list, whose poses T_SC or T_BS lead out of the cameras' frames."""
+    parts: Parts = {}
+    for side, place in (("1", "cameras.0"), ("2", "cameras.1")):
+        (fx, fy), (cx, cy) = (
+            entries.required(f"{place}.{name}").numbers(2) for name in ("focal_length", "principal_point")
+        )
+        parts[f"M{side}"] = numbers(f"{place}.focal_length", [fx, fy, cx, cy])
+        parts |= entries.found(
+            {f"D{side}": f"{place}.distortion_coefficients", f"size{side}": f"{place}.image_dimension"}
+        )
+    poses = [entries.required(f"cameras.{number}.T_SC|cameras.{number}.T_BS").matrix(4, 4) for number in (0, 1)]
+    return [parts | between("T_SC", *map(inverted, poses))]
+
+
+def _basalt(entries: Entries) -> list[Parts]:
+    """Read the first two cameras, whose poses as quaternions lead out of the cameras' frames."""
+    parts: Parts = {}
+    poses = []
+    before = "value0." if entries.find("value0.T_imu_cam.0.px") else ""
+    names = {"coefficients": FISHEYE_NAMES} if lens_of(entries) == FISHEYE else {}
+    for side, number in (("1", 0), ("2", 1)):
+        place = f"{before}intrinsics.{number}.intrinsics"
+        parts |= camera(entries, side, place, place, **names)
+        x, y, z, *turn = (
+            entries.required(f"{before}T_imu_cam.{number}.{name}").numbers(1)[0]
+            for name in ("px", "py", "pz", "qw", "qx", "qy", "qz")
+        )
+        poses.append(rigid(turn, (x, y, z)))
+    if size := entries.find(f"{before}resolution"):
+        parts["size0"] = numbers(size.name, size.numbers()[:2])
+    return [parts | between("T_imu_cam", *map(inverted, poses))]
+
+
+def _mrpt(entries: Entries) -> list[Parts]:
+    """Read both cameras; the pose is that of the right one in the left one's frame: x, y, z and a quaternion."""
+    parts: Parts = {}
+    for side, name in (("1", "LEFT"), ("2", "RIGHT")):
+        place = f"CAMERA_PARAMS_{name}"
+        parts |= camera(entries, side, place, "no lens")
+        parts |= entries.found({f"D{side}": f"{place}.dist", f"size{side}": f"{place}.resolution"})
+    way = entries.required("CAMERA_PARAMS_LEFT2RIGHT_POSE.pose_quaternion")
+    place_of, turn = np.split(way.numbers(7), [3])
+    return [parts | between(way.name, np.eye(4), inverted(rigid(turn, place_of)))]
+
+
+def _mc_calib(entries: Entries) -> list[Parts]:
+    """Read two cameras with the pose of each, which leads out of its frame; lengths are in the unit of the board."""
+    (parts,) = by_meaning(entries)
+    poses = [entries.required(f"camera_{number}.camera_pose_matrix").matrix(4, 4) for number in (0, 1)]
+    return [parts | between("camera_pose_matrix", *map(inverted, poses))]
+
+
+def _dsec(entries: Entries) -> list[Parts]:
+    """Read the rectified pairs of the frame cameras, 1 and 2, and of the event cameras, 0 and 3."""
+    return [
+        entries.found({"Q": f"disparity_to_depth.cams_{pair}", "size0": f"intrinsics.camRect{pair[0]}.resolution"})
+        for pair in ("12", "03")
+    ]
+
+
 def _cityscapes(entries: Entries) -> list[Parts]:
     """Read the rectified pair; the data set's pictures, whose size is not stated, have 2048 × 1024 pixels."""
     (parts,) = named(focal="intrinsic.fx", baseline="extrinsic.baseline", cx="intrinsic.u0", cy="intrinsic.v0")(entries)
@@ -343,7 +420,7 @@ def _cityscapes(entries: Entries) -> list[Parts]:
     return [parts]
 
 
-FOCAL, BASELINE = "focal_px|fx|focal_length_px", "baseline_m|baseline_meters|baseline_metres"
+FOCAL = "focal_px|fx|focal_length_px"
 LAYOUTS = (
     Layout("ZED", (r"LEFT_CAM_\w+\.fx", r"STEREO\.Baseline"), _zed, "mm", ignored=r"MISC\..*|STEREO\..*"),
     Layout("DepthAI", (r"cameraData\.0\.0",), _depthai, "cm", ignored=".*"),
@@ -365,13 +442,32 @@ LAYOUTS = (
     ),
     Layout("cvkit", (r"camera\.A", "rho"), named(M1="camera.A", product="rho"), ignored=r"t|camera\..*|disp\..*"),
     Layout("cvkit", (r"camera\.A", "t"), named(M1="camera.A", baseline="t"), ignored=r"camera\..*|disp\..*"),
-    Layout(
-        "JSON",
-        (FOCAL,),
-        named(
-            focal=FOCAL, baseline=BASELINE, doffs="doffs_px|doffs", cx="cx|cx0", cx2="cx1", cy="cy|cy0|cy1", turn="turn"
-        ),
-        ignored="fy|left_image_rect_normalized",
+    Layout("OKVIS", (r"cameras\.0\.focal_length", r"cameras\.1\.T_(SC|BS)"), _okvis, ignored=".*"),
+    Layout("Basalt", (r"(value0\.)?T_imu_cam\.1\.px",), _basalt, ignored=".*"),
+    Layout("MRPT", (r"CAMERA_PARAMS_LEFT2RIGHT_POSE\..*",), _mrpt, ignored=".*"),
+    Layout("MC-Calib", (r"camera_1\.camera_pose_matrix",), _mc_calib, sure=False, ignored=".*"),
+    Layout("DSEC", (r"disparity_to_depth\.cams_12",), _dsec, ignored=".*"),
+    *(
+        Layout(
+            "JSON",
+            (FOCAL, *marks),
+            named(
+                focal=FOCAL,
+                baseline=baseline,
+                doffs="doffs_px|doffs",
+                cx="cx|cx0",
+                cx2="cx1",
+                cy="cy|cy0|cy1",
+                turn="turn",
+            ),
+            unit,
+            ignored="fy|left_image_rect_normalized",
+        )
+        for marks, baseline, unit in (
+            (("baseline_mm",), "baseline_mm", "mm"),
+            (("baseline_cm",), "baseline_cm", "cm"),
+            ((), "baseline_m|baseline_meters|baseline_metres", "m"),
+        )
     ),
     Layout(
         "Middlebury",

@@ -20,6 +20,8 @@ unit, and most, the number of disparities."""
 
 SIZE = {"width0": "width|image_width|camera.width", "height0": "height|image_height|camera.height"}
 MOST = "num_disparities|max_disparity|ndisp"
+FISHEYE_NAMES = ("k1", "k2", "k3", "k4")
+"""Of the coefficients of a fisheye given as single numbers."""
 
 
 def numbers(name: str, values: Any) -> Entry:
@@ -58,6 +60,13 @@ def between(name: str, left: Matrix, right: Matrix) -> Parts:
     return pose(name, turn, right[:3, 3] - turn @ left[:3, 3])
 
 
+def rigid(turn: Sequence[float] | Matrix, place: Sequence[float] | Matrix) -> Matrix:
+    """Return the (3, 4) transform that turns by a quaternion (w, x, y, z) and then moves."""
+    w, x, y, z = np.asarray(turn) / (np.linalg.norm(turn) or 1.0)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.column_stack((np.eye(3) + 2 * (w * cross + cross @ cross), place))
+
+
 def inverted(transform: Matrix) -> Matrix:
     """Return the (3, 4) inverse of a rigid transform."""
     turn = transform[:3, :3].T
@@ -70,7 +79,7 @@ def inverted(transform: Matrix) -> Matrix:
 
 _OF_ONE_CAMERA = {
     "M": "k m a mtx mat cm matrix cammatrix intrinsic intrinsics intrinsicmatrix intrinsicsmatrix",
-    "D": "d dist distortion distortions distcoeff distcoeffs distcoef distcoefs distcoefficients distvec "
+    "D": "d dfe dist distortion distortions distcoeff distcoeffs distcoef distcoefs distcoefficients distvec "
     "distortioncoeff distortioncoeffs distortioncoefficient distortioncoefficients coeffs "
     "coefficients distortionvector distortionmatrix",
     "R": "r rect rectification rectificationmatrix rectmatrix rrect rectr rectificationrotation "
@@ -88,26 +97,28 @@ _OF_BOTH = {
 _ONE, _BOTH = (
     {name: part for part, names in parts.items() for name in names.split()} for parts in (_OF_ONE_CAMERA, _OF_BOTH)
 )
-_SAYING_NOTHING = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params"}
+_SAYING_NOTHING = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params", "extrinsics"}
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 FISHEYE = "fisheye"
 _LENSES = {
     "": "none pinhole perspective rectified opencv",
-    "pinhole": "plumbbob rationalpolynomial radtan radialtangential brown brownconrady pinholeradtan",
+    "pinhole": "plumbbob rationalpolynomial radtan radialtangential brown brownconrady pinholeradtan "
+    "radialtangential8 pinholeradtan8",
     FISHEYE: "fisheye equidistant equi kannalabrandt kannalabrandt4 kannalabrandt8 kb4 opencvfisheye pinholeequi",
 }
 """Models of lenses by their names in files, without marks; "" leaves the distortion open."""
 _LENS = {name: lens for lens, names in _LENSES.items() for name in names.split()}
 _OTHER_LENSES = "omni mei unified ucm eucm ds doublesphere fov scaramuzza ocam thinprism thinprismfisheye"
-_LENS_STATED = {"distortionmodel", "cameramodel", "modeltype", "lensmodel", "projectionmodel", "cameratype"}
+_LENS_STATED = "distortionmodel distortiontype cameramodel modeltype lensmodel projectionmodel cameratype"
 _LENS_PERHAPS = {"model", "type", "lens", "camera", "lenstype"}
 """The last words of names of entries with a model of lenses, and of those that may mean something else."""
 
 _WITHOUT_EFFECT = (
     "e f rms stereolag cameraname comment calibtime calibrationtime date fileversion lengthunit unit units worldunits "
-    "version camoverlaps rostopic sensortype ratehz depthrange avgreprojectionerror reprojectionerror"
+    "version camoverlaps rostopic sensortype ratehz depthrange avgreprojectionerror reprojectionerror timeshiftcamimu "
+    "frameid sec nsec ret retval"
 )
 """Names that are known not to describe the cameras, or are read elsewhere."""
 
@@ -134,11 +145,15 @@ def lens_of(entries: Entries) -> str:
     for one in entries.files:
         for name, entry in one.items():
             key, value = _last_words(name), _plain(entry.text())
-            stated = key in _LENS_STATED
+            stated = key in _LENS_STATED.split()
             if key in (FISHEYE, "isfisheye"):
                 value = FISHEYE if value in ("1", "true", "yes") else "none"
             elif "mappingcoefficients" in key:
                 value, stated = "scaramuzza", True
+            elif key in ("dleftfe", "drightfe"):  # as Stereolabs' calibration names the lenses of fisheyes
+                value, stated = FISHEYE, True
+            elif key == "distortiontype":  # which MC-Calib numbers
+                value = {"0": "brown", "1": FISHEYE}.get(value, value)
             elif not stated and not (key in _LENS_PERHAPS and value in {*_LENS, *_OTHER_LENSES.split()}):
                 continue
             if value.isdecimal() and key == "cameratype":  # DepthAI's number, which its layout reads
@@ -189,7 +204,8 @@ def _parts_of(entries: Entries) -> Parts:
     sides = {"both": "", "lone": "0", "left": "1", "right": "2", numbers[0]: "1", numbers[1]: "2"}
     parts: Parts = {}
     for entry, part, side in named:
-        if side in sides and not (part == "M" and np.size(entry.value) not in (4, 9)):
+        is_other = part == "M" and np.size(entry.value) not in (4, 9)
+        if side in sides and not is_other and not (part == "P" and isinstance(entry.value, str)):
             entries.used.add(entry.name)
             parts.setdefault(part + sides[side], entry)
     if {"M0", "P0", "R"} <= set(parts) and "T" not in parts:
@@ -248,6 +264,12 @@ def by_meaning(entries: Entries) -> list[Parts]:
         metric = True
     if len(lone) == 1:
         _complete_projections(parts, files[lone[0]])
+    if "T" in parts and parts["T"].numbers().size in (12, 16):  # the whole transform
+        whole = parts["T"].numbers().reshape(-1, 4)
+        parts |= pose(parts["T"].name, whole[:3, :3], whole[:3, 3])
+    elif "R" in parts and np.shape(parts["R"].value) == (9,) and entries.match(r"(.*\.)?ppx"):
+        # RealSense, whose flat rotations go down the columns.
+        parts["R"] = numbers(parts["R"].name, parts["R"].matrix(3, 3).T)
     if metric:
         parts["unit"] = Entry("unit", "m")
     elif unit := entries.find("length_unit|world_units|unit|units"):

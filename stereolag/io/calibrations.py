@@ -14,7 +14,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from stereolag.geometry.calibration import UNITS, Calibration, Rectification, StereoRig
+from stereolag.geometry.calibration import LARGEST_ROW_DIFFERENCE_PX, UNITS, Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
 from stereolag.io.calibration_layouts import Layout, layout_of
@@ -37,7 +37,8 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     Read are the layouts of :data:`stereolag.io.calibration_layouts.LAYOUTS`, recognised by their content: ZED's
     ``SN*.conf``, DepthAI (OAK), RealSense, ROS (YAML, ``ost.txt``), MATLAB (structs as JSON or MAT), Middlebury, KITTI
     (the colour cameras 2 and 3, which took the images of its stereo benchmarks, before the grey 0 and 1),
-    DrivingStereo, Cityscapes, ORB-SLAM, VINS, cvkit, ``K.txt``, stereodemo; JSON with ``focal_px`` and ``baseline_m``;
+    DrivingStereo, Cityscapes, DSEC, ORB-SLAM, VINS, OKVIS, Basalt, MRPT, MC-Calib, cvkit, ``K.txt``, stereodemo; JSON
+    with ``focal_px`` and ``baseline_m``;
     and YAML, XML, JSON, NPZ or MAT with both cameras (M1, D1, M2, D2, R, T and the other usual names, Kalibr's among
     them) or the rectified pair (Q, or P1 and P2). Lenses are pinholes with OpenCV's distortion, or fisheyes that the
     file declares as such (``cv2.fisheye``, Kalibr's equidistant).
@@ -171,6 +172,13 @@ def _from_projections(parts: Parts, unit_m: float) -> Calibration:
     left, right = parts["P1"].projection(), parts["P2"].projection()
     focal, (across, down, _) = float(left[0, 0]), (left[:, 3] - right[:, 3]).tolist()
     turn = 0 if abs(across) >= abs(down) else int(np.sign(down))
+    beside = np.abs((left - right)[:, :3])
+    beside[1 if turn else 0, 2] = 0.0
+    if beside.max() > LARGEST_ROW_DIFFERENCE_PX or not np.allclose(left[2, :3], (0, 0, 1)):
+        raise ValueError(
+            f"{quote(parts['P1'].name)} and {quote(parts['P2'].name)} are not of a rectified pair, whose projections "
+            "differ in one centre and in the baseline alone; give both cameras (M1, D1, M2, D2, R, T) instead."
+        )
     doffs = float(right[0, 2] - left[0, 2]) if not turn else float(right[1, 2] - left[1, 2]) * turn
     baseline = (abs(down) if turn else across) / focal * unit_m
     width, height = _image_size(parts)

@@ -518,5 +518,4 @@ def above_ground(disparity: FloatMap) -> Mask:
     ground = ground_of(disparity)
     if ground is None:
         return np.ones(disparity.shape, np.bool_)
-    below = np.float32(ground.slope) * (np.arange(len(disparity), dtype=np.float32) - np.float32(ground.horizon))
-    return np.asarray(disparity * np.float32(1 - LOWEST) > below[:, None])
+    return np.asarray(disparity * np.float32(1 - LOWEST) > ground.disparities(len(disparity)))

@@ -179,6 +179,22 @@ def test_pictures_of_a_moving_camera_are_told_and_no_remedy_is_offered(side: str
     assert all(finding.remedy is None for finding in diagnosis.ill)
 
 
+def test_a_slow_motion_forwards_is_not_taken_for_rows_that_bend() -> None:
+    rng = np.random.default_rng(1)
+    views = [np.zeros((240, 320), np.float32) for _ in range(2)]
+    for growth, places in ((1.01, 1), (1.03, 6), (1.06, 6)):  # things nearer by, before those behind them
+        texture = cv2.GaussianBlur(rng.standard_normal((240, 320)).astype(np.float32), (0, 0), 1.5)
+        shown = np.full((240, 320), 1 if places == 1 else 0, np.float32)
+        for row, col in rng.integers((0, 0), (200, 280), (places, 2)):
+            shown[row : row + 40, col : col + 40] = 1
+        for number, view in enumerate(views):
+            closer = cv2.getRotationMatrix2D((159.5, 119.5), 0, growth**number)
+            seen = cv2.warpAffine(shown, closer, (320, 240), flags=cv2.INTER_NEAREST) > 0
+            view[seen] = cv2.warpAffine(texture, closer, (320, 240), flags=cv2.INTER_CUBIC)[seen]
+    told = diagnose(*(np.clip(120 + 250 * view, 0, 255).astype(np.uint8) for view in views))
+    assert amber(told) == MOVING["left"] and all(finding.remedy is None for finding in told.ill)
+
+
 def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
     diagnosis = diagnose(bundled("road")[0][:200, :300], bundled("cube")[1][:200, :300])
     assert FindingCode.MATCHES in amber(diagnosis)

@@ -88,6 +88,7 @@ def test_a_fisheye_that_is_declared_is_read_as_one(name):
     ("data", "sizes", "raw"),
     [
         (files.zed(), {(1280, 720): 2.0, (1920, 1080): 3.0, (672, 376): 1.05}, True),
+        (files.zed((D1, D2)), {(1280, 720): 2.0, (1920, 1080): 3.0, (672, 376): 1.05}, True),
         (files.realsense(), {(640, 480): 1.0, (1920, 1080): 3.0, (320, 240): 0.5}, False),
     ],
 )
@@ -100,6 +101,9 @@ def test_of_several_sizes_that_of_the_pictures_is_taken(data, sizes, raw):
         assert (fitted.width, fitted.height) == (width, height)
         found = fitted.rig.left_matrix[0, 0] / M1[0, 0] if raw else fitted.focal_px / P1[0, 0]
         assert found == pytest.approx(factor)
+        if raw:
+            np.testing.assert_allclose(fitted.rig.right_distortion[:5], D2[0])
+            np.testing.assert_allclose(fitted.rig.translation, T[:, 0])
 
 
 def test_kitti_as_taken_is_rectified_with_its_own_cameras():
@@ -241,6 +245,10 @@ def test_a_comma_forgotten_at_the_end_of_a_line():
         ([files.kitti(P_rect_03=P2 * [[1, 1, 1, -1]])], "baseline_m is -"),
         ([b"%YAML:1.0\n---\nM1: !!opencv-matrix\n  rows: 3\n  data: [1, 2"], "cut short at line 6"),
         ([b"%YAML:1.0\n---\nM1: !!opencv-matrix\n  rows: 3\n  cols: 3\n  data: [1, 2]"], "announces 3 × 3"),
+        ([files.npz(P1=M1 @ np.eye(3, 4), P2=M2 @ np.hstack([R, T]))], "“P1” and “P2” are not of a rectified pair"),
+        ([files.orb_slam_2().partition(b"LEFT.height")[0].replace(b"k1: 0.0", b"k1: -0.28")],
+         r"has a lens with distortion \(Camera.k1\).*cannot be rectified"),
+        ([files.basalt("ds", (D1, D2))], "“ds” for “value0.intrinsics.0.came…”"),
         ([opencv(".yml", Q=np.zeros((4, 4)))], "infinite baseline"),
         ([opencv(".yml", M1=M1, D1=D1, M2=M2, D2=D2, R=R, T=-T)], "stands to the right of the first"),
         ([files.npz(M1=M1, D1=D1, M2=M2, D2=D2)], r"has M1, D1, M2, D2, but lacks rotation \(R\), translation \(T\)"),

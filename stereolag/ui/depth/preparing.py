@@ -55,9 +55,9 @@ def ask_calibration(key: str, place: Container) -> Calibration | None:
                 key=f"{key}.calibration",
                 types=CALIBRATION_SUFFIXES,
                 note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
-                "Kalibr, ZED, OAK, RealSense, MATLAB, Middlebury, KITTI, DrivingStereo, ORB-SLAM, VINS, Cityscapes, "
-                "stereodemo, or JSON with focal_px and baseline_m. With both cameras’ matrices and distortion the pair "
-                "is rectified.",
+                "Kalibr, ZED, OAK, RealSense, MATLAB, Middlebury, KITTI, DrivingStereo, DSEC, ORB-SLAM, VINS, OKVIS, "
+                "Basalt, MRPT, MC-Calib, or JSON with focal_px and baseline_m. With both cameras’ matrices and "
+                "distortion the pair is rectified.",
                 variant=unit or "",
             )
             unknown = given is not None and unit is None and not given.content.unit_stated
