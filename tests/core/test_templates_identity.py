@@ -434,6 +434,22 @@ def test_out_of_focus_a_part_is_found_and_one_with_another_value_printed_is_not(
     assert kinds[0] == "same" and kinds[1] not in FOUND
 
 
+def test_what_a_blur_or_jpeg_mixes_into_the_rim_is_no_difference() -> None:
+    """Of a tag in colours on another ground, whose digits differ less than its corners."""
+
+    def tag(text: str) -> Array:
+        drawn = np.full((34, 64, 3), (250, 210, 40), np.uint8)
+        cv2.putText(drawn, text, (8, 23), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (190, 20, 20), 2, cv2.LINE_AA)
+        return drawn
+
+    kinds = []
+    for text in ("4.75", "4.15"):
+        picture = np.full((100, 140, 3), (90, 100, 120), np.uint8)
+        picture[31:65, 41:105] = tag(text)
+        kinds.append(shown(in_jpeg(cv2.GaussianBlur(picture, (0, 0), 0.7)), tag("4.75"), 31, 41).kind)
+    assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
 @pytest.mark.parametrize("ground", [0, 255])
 def test_a_template_as_large_as_what_it_shows_is_found_out_of_focus(ground: int) -> None:
     disc, picture = np.full((36, 36), 200, np.uint8), photograph(1)[:, :, 0]
