@@ -91,6 +91,12 @@ def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: 
         assert (disagreeing(found) == 0) == (other == mark) and disagreeing(found) <= 12, "in the middle of 36 blocks"
 
 
+def test_a_small_sibling_in_a_reduced_screen_in_jpeg_is_not_found() -> None:
+    reduced = {name: cv2.resize(screen(icon(name)), (210, 80), interpolation=cv2.INTER_AREA) for name in MARKS}
+    kinds = [shown(in_jpeg(reduced[name]), reduced["cross"][20:36, 10:26], 20, 10).kind for name in ("cross", "plus")]
+    assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
 @pytest.mark.parametrize(("mark", "shift", "sibling"), [("dot", (0.75, 0.5), "minus"), ("bars", (0.5, 0.75), "minus")])
 def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling_is_not(
     mark: str, shift: tuple[float, float], sibling: str
@@ -147,6 +153,15 @@ def test_another_sky_in_the_same_frame_is_not_partly_covered(seed: int) -> None:
     template = page(seed + 100)[30:170, 130:270]
     assert not match_template(page(seed), template).found
     assert match_template(page(seed + 100), template).found
+
+
+def test_the_steep_rim_of_a_bright_star_in_noise_is_no_difference() -> None:
+    random = np.random.default_rng(8)
+    stars, at = np.full((60, 60), 15.0), random.integers(4, 56, (6, 2))
+    stars[at[:, 0], at[:, 1]] += random.exponential(900, 6)
+    stars = cv2.GaussianBlur(stars, (0, 0), 1.2)
+    one, other = (np.clip(stars + random.normal(0, 3, stars.shape), 0, 255).astype(np.uint8) for _ in range(2))
+    assert shown(one, other[8:52, 8:52], 8, 8).kind == "same"
 
 
 @pytest.mark.parametrize("full", [0.25, 0.4, 0.55, 0.7])
@@ -369,6 +384,14 @@ def test_a_word_is_found_with_a_thing_over_it_and_another_word_in_the_same_box_i
         thing(picture[BOX], np.random.default_rng(seed))
     assert shown(same, template, 20, 20).kind in FOUND
     assert shown(other, template, 20, 20).kind not in FOUND
+
+
+def test_where_all_differs_a_dark_spot_of_it_is_no_shadow() -> None:
+    row, col = np.ogrid[:60, :80]
+    spot = 150 * np.exp(-((row - 30) ** 2 + (col - 40) ** 2) / 72)
+    template = np.clip(100 + 45 * np.sin(col / 6) + spot, 0, 255).astype(np.uint8)
+    other = (100 + 10 * np.sin(col / 6) + 10 * np.sin(row / 5)).astype(np.uint8)
+    assert shown(other, template, 0, 0).kind not in FOUND
 
 
 def as_it_is(picture: Array) -> Array:
