@@ -394,6 +394,23 @@ def test_where_all_differs_a_dark_spot_of_it_is_no_shadow() -> None:
     assert shown(other, template, 0, 0).kind not in FOUND
 
 
+def test_a_disc_over_an_eighth_of_a_button_is_a_part_of_it() -> None:
+    picture = button("Save")
+    template = picture[BOX].copy()
+    cv2.circle(picture[BOX], (20, 22), 19, (220, 30, 40), -1, cv2.LINE_AA)
+    assert shown(picture, template, 20, 20).kind not in FOUND
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_where_all_but_its_faint_ground_is_hidden_nothing_is_found(seed: int) -> None:
+    picture, taken, other = np.full((150, 200, 3), 128, np.uint8), photograph(seed), photograph(seed + 50)
+    template = np.rint(128 + 0.25 * (taken[40:110, 60:140] - 128.0)).astype(np.uint8)
+    template[15:55, 18:62] = taken[55:95, 78:122]
+    picture[40:110, 60:140] = template
+    picture[54:96, 77:123] = other[20:62, 20:66]
+    assert shown(picture, template, 40, 60).kind not in FOUND
+
+
 def as_it_is(picture: Array) -> Array:
     return picture
 
