@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -144,13 +145,14 @@ class Fit:
         # But for the rim of one that was resized.
         self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
-        self._whole = blur = Blur(self.weights)
+        self._known, blur = self.weights, Blur(self.weights)
         self._counts = self._flat(self.weights)
         self._soften(blur(self._deviations), 0.0)
         # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
         first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
         mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
-        self._place = place = Place(image, mean, row, col, self.shape)
+        self._place = partial(Place, image, mean, row, col, self.shape)  # planes are large, and two fits are compared
+        place = self._place()
         channels = self._given.shape[1]
         self._mixture = np.zeros((channels + 1, channels))
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
@@ -160,7 +162,7 @@ class Fit:
         rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
         if rim and self.weights[rim:-rim, rim:-rim].sum() > LEAST_BLOCK**2:
             blur, trust = self._without_rim(rim, place, trust)
-        self._blur, self._beside = blur, place.moved(self.motion)
+        self._beside = place.moved(self.motion)
         soft, lit, shown = (
             self._flat(blur.softened(one)).astype(np.float64) + mean
             for one in (self.template, self.predicted, self.seen)
@@ -377,7 +379,9 @@ class Fit:
 
     def _as_soft(self) -> Plane:
         """Return the template as soft as the place."""
-        return self._whole.by(self._deviations, math.sqrt(self._softer)) if self._softer > SOFTER else self._deviations
+        if self._softer <= SOFTER:
+            return self._deviations
+        return Blur(self._known).by(self._deviations, math.sqrt(self._softer))
 
     def differences(self, *, sharp: bool = False) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
@@ -409,8 +413,8 @@ class Fit:
         rim = Rim(np.cbrt(self.own_weights))
         if (averaged(rim.reached, disagrees.shape) < LEAST_MIXED)[disagrees].any():
             return disagrees
-        around = self._place.moved(self.motion, AROUND)
-        mixed = self.predicted + rim.mixed_in(around, self.sharp[0], self.seen - self.predicted, self._blur)
+        around = self._place().moved(self.motion, AROUND)
+        mixed = self.predicted + rim.mixed_in(around, self.sharp[0], self.seen - self.predicted, Blur(self.weights))
         left, remains = (self.averaged(np.square(self.seen - one).sum(axis=2)) for one in (self.predicted, mixed))
         if (remains > OF_MOVED * left)[disagrees].any():
             return disagrees
