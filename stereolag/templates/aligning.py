@@ -18,6 +18,9 @@ FARTHEST, STILL = np.array([1.2, 1.2, 0.05, 0.05]), 1e-4
 """Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment; and what a
 template varies less along, beside the other way, cannot tell how far it is moved: stripes along themselves."""
 
+AROUND = 4
+"""Px around a place that are kept, too."""
+
 TOLD, RIM = 0.1, 2
 """Least share of what remains that a blur explains, as of noise and other things it explains a little too; and width of
 the rim, px, that does not tell it."""
@@ -27,28 +30,28 @@ class Place:
     """What an image shows around a place, less the template's mean."""
 
     def __init__(self, image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, int]) -> None:
-        margin = 3
-        top, left = max(0, row - margin), max(0, col - margin)
-        part = image[top : max(top, row + shape[0]) + margin, left : max(left, col + shape[1]) + margin]
+        top, left = max(0, row - AROUND), max(0, col - AROUND)
+        part = image[top : max(top, row + shape[0]) + AROUND, left : max(left, col + shape[1]) + AROUND]
         self._part = np.nan_to_num((part - mean).astype(np.float32))
         self._corner = np.array([col - left, row - top])
         self._shape = shape
 
-    def moved(self, motion: Matrix) -> Plane:
-        """Return the place moved by (rows, cols, logarithm of size, angle)."""
+    def moved(self, motion: Matrix, margin: int = 0) -> Plane:
+        """Return the place, and so many px around it, moved by (rows, cols, logarithm of size, angle)."""
         down, right, size, angle = motion
         cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
         linear = np.array([[cosine, -sine], [sine, cosine]])
         middle = (np.array(self._shape[::-1]) - 1) / 2
-        offset = middle + self._corner + np.array([right, down]) - linear @ middle
+        offset = middle + self._corner + np.array([right, down]) - linear @ (middle + margin)
+        size = self._shape[1] + 2 * margin, self._shape[0] + 2 * margin
         moved = cv2.warpAffine(
             self._part,
             np.column_stack([linear, offset]),
-            self._shape[::-1],
+            size,
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return np.asarray(moved, dtype=np.float32).reshape(*self._shape, -1)
+        return np.asarray(moved, dtype=np.float32).reshape(*size[::-1], -1)
 
 
 def gradient(image: Plane) -> list[Plane]:

@@ -91,7 +91,8 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
     spreads = [float(percentiles(np.abs(one).max(axis=2), AS_THEY_ARE)[0]) for one in (away, away - level)]
     noise = max(LIKE, NOISY * min(spreads))
     differ = np.abs(away).max(axis=2) > noise
-    if not 0 < differ.mean() <= MOST:
+    varies = min(float(one.std(axis=(0, 1)).max()) for one in (template, seen))
+    if not 0 < differ.mean() <= MOST or noise > max(LIKE, varies):  # what differs by as much as all varies is no noise
         return None
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
         cv2.morphologyEx(np.asarray(differ, dtype=np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -12,20 +13,9 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import FARTHEST, Matrix, Motions, Place, Plane, gradient
-from stereolag.templates.patterns import FULL_WEIGHT, Pattern, blurred
-
-BLUR = 0.8
-"""Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
-
-BLUR_OF_COLOURS = 2.0
-"""The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
-
-BRIGHTNESS = np.array([[0.299, 0.587, 0.114]])
-"""Shares of red, green and blue in a brightness, as JPEG keeps it."""
-
-BLUR_BESIDE = math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)
-"""The blur that brings a blurred brightness to that of the colours."""
+from stereolag.templates.aligning import AROUND, FARTHEST, Matrix, Motions, Place, Plane, gradient
+from stereolag.templates.patterns import FULL_WEIGHT, Pattern
+from stereolag.templates.softening import LEAST_MIXED, Blur, Rim
 
 STEPS = 8
 """Steps of the alignment; the first of them trust all pixels alike."""
@@ -155,13 +145,14 @@ class Fit:
         # But for the rim of one that was resized.
         self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
-        blur = _Blur(self.weights)
+        self._known, blur = self.weights, Blur(self.weights)
         self._counts = self._flat(self.weights)
-        self._soften(blur, 0.0)
+        self._soften(blur(self._deviations), 0.0)
         # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
         first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
         mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
-        place = Place(image, mean, row, col, self.shape)
+        self._place = partial(Place, image, mean, row, col, self.shape)  # planes are large, and two fits are compared
+        place = self._place()
         channels = self._given.shape[1]
         self._mixture = np.zeros((channels + 1, channels))
         self._curves: list[tuple[float, Matrix] | None] = [None] * channels
@@ -186,10 +177,10 @@ class Fit:
         behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
         self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
 
-    def _soften(self, blur: _Blur, softer: float) -> None:
-        """Blur the template by so much more than to compare it, a squared spread, px."""
+    def _soften(self, template: Plane, softer: float) -> None:
+        """Compare the template blurred by so much more than the place, a squared spread, px."""
         self._softer = softer
-        self.template = blur(self._deviations, softer)
+        self.template = template
         self._given = self._flat(self.template)
         covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
         self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
@@ -199,13 +190,14 @@ class Fit:
         least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
         self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
 
-    def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[_Blur, Plane]:
+    def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[Blur, Plane]:
         """Fit the light without the rim, so many px, with which what is beyond it is mixed; return blur and trust."""
         inner = np.zeros_like(self.weights)
         inner[rim:-rim, rim:-rim] = 1
         self.weights = self.weights * inner
-        self._counts, trust, blur = self._flat(self.weights), trust * self._flat(inner), _Blur(self.weights)
-        self._soften(blur, self._softer)
+        self._counts, trust, blur = self._flat(self.weights), trust * self._flat(inner), Blur(self.weights)
+        # What is at its own rim is mixed in with all else.
+        self._soften(blur(self._as_soft()), self._softer)
         self.seen = blur(place.moved(self.motion))
         self._mixture = self._in_light(trust)
         self.predicted = self._as_seen(self.template)
@@ -225,7 +217,7 @@ class Fit:
         kept, coloured = (median(np.ptp(one, axis=1)) for one in (seen, lit))
         return bool(is_white and kept <= NEARLY and coloured > kept + COLOURED)
 
-    def _aligned(self, place: Place, blur: _Blur, posed: bool, settled: float, sharp: bool) -> tuple[Matrix, Plane]:
+    def _aligned(self, place: Place, blur: Blur, posed: bool, settled: float, sharp: bool) -> tuple[Matrix, Plane]:
         """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
         motion = moved = np.zeros(4)
         softened = False
@@ -252,7 +244,7 @@ class Fit:
             softer = 0.0 if sharp else min(max(self._softer + softer, SHARPEST), SOFTEST)
             softened = abs(softer - self._softer) > SOFTER
             if softened:
-                self._soften(blur, softer)
+                self._soften(blur(self._deviations, softer), softer)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
                 usual = max(0.06 * self.variance, 2 * median(squares))
                 trust = np.asarray(self._counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
@@ -383,10 +375,13 @@ class Fit:
     @property
     def sharp(self) -> tuple[Plane, Plane]:
         """What is predicted and what is seen, neither blurred."""
-        own = self._deviations
-        if self._softer > SOFTER:
-            own = blurred(own, math.sqrt(self._softer), cv2.BORDER_REPLICATE)
-        return self._as_seen(own), self._beside
+        return self._as_seen(self._as_soft()), self._beside
+
+    def _as_soft(self) -> Plane:
+        """Return the template as soft as the place."""
+        if self._softer <= SOFTER:
+            return self._deviations
+        return Blur(self._known).by(self._deviations, math.sqrt(self._softer))
 
     def differences(self, *, sharp: bool = False) -> Plane:
         """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
@@ -409,6 +404,25 @@ class Fit:
 
     def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep.
+
+        What is beside the template may be mixed into its rim.
+        """
+        disagrees = self._differing(counts)
+        if not disagrees.any():
+            return disagrees
+        rim = Rim(np.cbrt(self.own_weights))
+        if (averaged(rim.reached, disagrees.shape) < LEAST_MIXED)[disagrees].any():
+            return disagrees
+        around = self._place().moved(self.motion, AROUND)
+        mixed = self.predicted + rim.mixed_in(around, self.sharp[0], self.seen - self.predicted, Blur(self.weights))
+        left, remains = (self.averaged(np.square(self.seen - one).sum(axis=2)) for one in (self.predicted, mixed))
+        if (remains > OF_MOVED * left)[disagrees].any():
+            return disagrees
+        self.predicted = mixed
+        return self._differing(counts)
+
+    def _differing(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return the blocks that differ by more than noise.
 
         None does if all agree once the parts there are moved a little: drawn on whole pixels, a mark and its frame
         are.
@@ -453,7 +467,7 @@ class Fit:
 
     def structure(self) -> Plane:
         """Return the energy of each block of the template about its own mean."""
-        whole, weights = _Blur(self.own_weights)(self._deviations), self.own_weights[:, :, np.newaxis]
+        whole, weights = Blur(self.own_weights)(self._deviations), self.own_weights[:, :, np.newaxis]
         share = averaged(self.own_weights, blocks_of(self.shape))
         means, squares = (
             [
@@ -484,41 +498,6 @@ def best_fit(image: Image, pattern: Pattern, row: int, col: int, posed: bool, se
         return fit
     sharp = Fit(image, pattern, row, col, posed, settled, sharp=True)
     return max(fit, sharp, key=lambda one: one.explained)
-
-
-class _Blur:
-    """A blur without what its weights exclude, of colours more than of brightness."""
-
-    def __init__(self, weights: Plane) -> None:
-        self._counts = weights
-        self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
-        self._shares: dict[float, Plane] = {}
-
-    def __call__(self, image: Plane, softer: float = 0.0) -> Plane:
-        """Return an image blurred, by so much more of a squared spread, px."""
-        bright = _bright(image)
-        blurred = self._of(bright, math.sqrt(BLUR**2 + softer))
-        if image.shape[2] == 1:
-            return blurred
-        return blurred + self._of(image - bright, math.sqrt(BLUR_OF_COLOURS**2 + softer))
-
-    def softened(self, image: Plane) -> Plane:
-        """Return a blurred image with its brightness blurred as its colours are."""
-        bright = _bright(image)
-        return np.asarray(image - bright + self._of(bright, BLUR_BESIDE))
-
-    def _of(self, image: Plane, blur: float) -> Plane:
-        weighted = image if self._weights is None else image * self._weights
-        if blur not in self._shares:
-            inside = blurred(self._counts, blur, cv2.BORDER_CONSTANT)
-            self._shares[blur] = np.maximum(inside, 1e-3)[:, :, np.newaxis]
-        return np.asarray(blurred(weighted, blur, cv2.BORDER_CONSTANT) / self._shares[blur])
-
-
-def _bright(image: Plane) -> Plane:
-    channels = image.shape[2]
-    bright = image if channels == 1 else cv2.transform(image, BRIGHTNESS)
-    return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
 
 
 def _recoloured(

@@ -19,7 +19,6 @@ from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
 from stereolag.templates.drawn_over import drawn_over, has_outline
 from stereolag.templates.fits import (
-    BLUR_OF_COLOURS,
     COUNTED,
     COUNTS,
     DIFFERENT,
@@ -31,6 +30,7 @@ from stereolag.templates.fits import (
 )
 from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, blurred, edges, nearness
 from stereolag.templates.redrawn import Redrawing, redrawing
+from stereolag.templates.softening import BLUR_OF_COLOURS
 
 Kind: TypeAlias = Literal[
     "same", "lower_contrast", "higher_contrast", "partly_covered", "other_colours", "differs", "not_there"

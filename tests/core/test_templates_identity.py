@@ -91,6 +91,12 @@ def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: 
         assert (disagreeing(found) == 0) == (other == mark) and disagreeing(found) <= 12, "in the middle of 36 blocks"
 
 
+def test_a_small_sibling_in_a_reduced_screen_in_jpeg_is_not_found() -> None:
+    reduced = {name: cv2.resize(screen(icon(name)), (210, 80), interpolation=cv2.INTER_AREA) for name in MARKS}
+    kinds = [shown(in_jpeg(reduced[name]), reduced["cross"][20:36, 10:26], 20, 10).kind for name in ("cross", "plus")]
+    assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
 @pytest.mark.parametrize(("mark", "shift", "sibling"), [("dot", (0.75, 0.5), "minus"), ("bars", (0.5, 0.75), "minus")])
 def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling_is_not(
     mark: str, shift: tuple[float, float], sibling: str
@@ -147,6 +153,15 @@ def test_another_sky_in_the_same_frame_is_not_partly_covered(seed: int) -> None:
     template = page(seed + 100)[30:170, 130:270]
     assert not match_template(page(seed), template).found
     assert match_template(page(seed + 100), template).found
+
+
+def test_the_steep_rim_of_a_bright_star_in_noise_is_no_difference() -> None:
+    random = np.random.default_rng(8)
+    stars, at = np.full((60, 60), 15.0), random.integers(4, 56, (6, 2))
+    stars[at[:, 0], at[:, 1]] += random.exponential(900, 6)
+    stars = cv2.GaussianBlur(stars, (0, 0), 1.2)
+    one, other = (np.clip(stars + random.normal(0, 3, stars.shape), 0, 255).astype(np.uint8) for _ in range(2))
+    assert shown(one, other[8:52, 8:52], 8, 8).kind == "same"
 
 
 @pytest.mark.parametrize("full", [0.25, 0.4, 0.55, 0.7])
@@ -371,6 +386,31 @@ def test_a_word_is_found_with_a_thing_over_it_and_another_word_in_the_same_box_i
     assert shown(other, template, 20, 20).kind not in FOUND
 
 
+def test_where_all_differs_a_dark_spot_of_it_is_no_shadow() -> None:
+    row, col = np.ogrid[:60, :80]
+    spot = 150 * np.exp(-((row - 30) ** 2 + (col - 40) ** 2) / 72)
+    template = np.clip(100 + 45 * np.sin(col / 6) + spot, 0, 255).astype(np.uint8)
+    other = (100 + 10 * np.sin(col / 6) + 10 * np.sin(row / 5)).astype(np.uint8)
+    assert shown(other, template, 0, 0).kind not in FOUND
+
+
+def test_a_disc_over_an_eighth_of_a_button_is_a_part_of_it() -> None:
+    picture = button("Save")
+    template = picture[BOX].copy()
+    cv2.circle(picture[BOX], (20, 22), 19, (220, 30, 40), -1, cv2.LINE_AA)
+    assert shown(picture, template, 20, 20).kind not in FOUND
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_where_all_but_its_faint_ground_is_hidden_nothing_is_found(seed: int) -> None:
+    picture, taken, other = np.full((150, 200, 3), 128, np.uint8), photograph(seed), photograph(seed + 50)
+    template = np.rint(128 + 0.25 * (taken[40:110, 60:140] - 128.0)).astype(np.uint8)
+    template[15:55, 18:62] = taken[55:95, 78:122]
+    picture[40:110, 60:140] = template
+    picture[54:96, 77:123] = other[20:62, 20:66]
+    assert shown(picture, template, 40, 60).kind not in FOUND
+
+
 def as_it_is(picture: Array) -> Array:
     return picture
 
@@ -431,6 +471,22 @@ def test_out_of_focus_a_part_is_found_and_one_with_another_value_printed_is_not(
         picture[60:100, 100:172] = part(text)
         seen = cv2.GaussianBlur(picture, (0, 0), 1) + np.random.default_rng(0).normal(0, 4, picture.shape)
         kinds.append(shown(np.clip(seen, 0, 255).astype(np.uint8), part(printed), 60, 100).kind)
+    assert kinds[0] == "same" and kinds[1] not in FOUND
+
+
+def test_what_a_blur_or_jpeg_mixes_into_the_rim_is_no_difference() -> None:
+    """Of a tag in colours on another ground, whose digits differ less than its corners."""
+
+    def tag(text: str) -> Array:
+        drawn = np.full((34, 64, 3), (250, 210, 40), np.uint8)
+        cv2.putText(drawn, text, (8, 23), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (190, 20, 20), 2, cv2.LINE_AA)
+        return drawn
+
+    kinds = []
+    for text in ("4.75", "4.15"):
+        picture = np.full((100, 140, 3), (90, 100, 120), np.uint8)
+        picture[31:65, 41:105] = tag(text)
+        kinds.append(shown(in_jpeg(cv2.GaussianBlur(picture, (0, 0), 0.7)), tag("4.75"), 31, 41).kind)
     assert kinds[0] == "same" and kinds[1] not in FOUND
 
 
