@@ -101,7 +101,9 @@ _ALIKE = 0.85
 _REPEATS = 0.5
 """From this share on, the recordings' own repetition explains another peak."""
 
-_LEAST_RIVAL = 0.4
+_LEAST_RIVAL, _SHORTER = 0.4, 4.0
+"""Least share of the height of a rival, and how many times shorter its overlap may be."""
+
 _MOST_TOPS = 64
 
 
@@ -119,7 +121,8 @@ def participating(values: Vector) -> float:
 def standardised(signal: npt.NDArray[np.floating]) -> Samples:
     """Return the signal with zero mean and unit standard deviation, float32."""
     centred = signal - signal.mean(dtype=np.float64)
-    return np.asarray(centred / (centred.std(dtype=np.float64) or 1.0), dtype=np.float32)
+    deviation = math.sqrt(float(np.einsum("n,n->", centred, centred)) / signal.size)
+    return np.asarray(centred / (deviation or 1.0), dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -312,9 +315,8 @@ class WeightedCurve:
 
     def __init__(self, evidence: Evidence, weight: Samples, products: Samples) -> None:
         self._evidence, self._weight = evidence, weight
-        parts = (products[min(0, evidence.first) + evidence.points :], products[: evidence.last + 1])
-        curve = np.concatenate(parts) if evidence.first < 0 else products[evidence.first : evidence.last + 1]
-        self.curve: Samples = np.where(evidence.long_enough, curve[: evidence.overlap.size], np.float32(0))
+        self.curve: Samples = np.roll(products, -evidence.first)[: evidence.overlap.size]
+        self.curve[~evidence.long_enough] = 0
         some = np.s_[:: max(1, self.curve.size // _MEDIAN_OF)]
         self.deviation = 1.4826 * float(np.median(np.abs(self.curve[some][evidence.long_enough[some]]))) + 1e-30
         bands = evidence.bands(evidence.own * weight)
@@ -365,10 +367,9 @@ class WeightedCurve:
     def tops(self, count: int = 2) -> list[int]:
         """Return the indices of the highest points, by height over the local deviation and by height."""
         cells = -(-self.curve.size // _CELL)
-        rows = np.zeros((cells, _CELL), dtype=np.float32)
-        rows.ravel()[: self.curve.size] = self.curve
-        high, skipped = rows.max(axis=1), -(-self.lobe // _CELL)
-        sums = np.append(0.0, np.cumsum(np.einsum("ij,ij->i", rows, rows), dtype=np.float64))
+        starts, skipped = np.arange(0, self.curve.size, _CELL), -(-self.lobe // _CELL)
+        high = np.maximum.reduceat(self.curve, starts)
+        sums = np.append(0.0, np.cumsum(np.add.reduceat(self.curve * self.curve, starts), dtype=np.float64))
         cell = np.arange(cells)
 
         def around(radius: int) -> tuple[Vector, Lags]:
@@ -389,7 +390,7 @@ class WeightedCurve:
                 best = int(np.argmax(heights))
                 if heights[best] <= 0:
                     break
-                index = best * _CELL + int(np.argmax(rows[best]))
+                index = best * _CELL + int(np.argmax(self.curve[best * _CELL : (best + 1) * _CELL]))
                 if all(abs(index - other) > 1 for other in found):
                     found.append(index)
                 heights[max(0, best - skipped) : best + skipped + 1] = 0
@@ -452,7 +453,10 @@ class WeightedCurve:
 
         By least squares around the peak without its middle, where noise of each recording adds to its own curve.
         """
-        own = self._own_around(offset, middle, part.size - 1 - middle)
+        reach, points, spectrum = self._own_middle
+        angle = np.arange(spectrum.size, dtype=np.float32) * np.float32(2 * np.pi * offset / points)
+        shifted = fft.irfft(spectrum * (np.cos(angle) - 1j * np.sin(angle)), points)
+        own = shifted[reach - middle : reach - middle + part.size].astype(np.float64)
         near = slice(max(0, middle - 4 * self.lobe - 40), middle + 4 * self.lobe + 41)
         flanks = own[near].copy()
         flanks[np.abs(np.arange(near.start, near.start + flanks.size) - middle - offset) < 2] = 0
@@ -460,14 +464,13 @@ class WeightedCurve:
         factor = min(max(factor, 0.0), 4.5 * float(part[middle]) / max(float(own[middle]), 1e-300))
         return factor, factor * own
 
-    def _own_around(self, offset: float, before: int, after: int) -> Vector:
-        """Return the own curve from `before` lags before to `after` lags after an index, for a peak at its `offset`."""
-        points = transform_length(before + after + 257, real=True)
-        left = (points - before - after - 1) // 2
-        places = np.arange(-before - left, points - before - left) % self._evidence.points
-        spectrum = fft.rfft(self._own[places])
-        spectrum *= np.exp(-2j * np.pi * np.arange(spectrum.size) / points * offset).astype(np.complex64)
-        return np.asarray(fft.irfft(spectrum, points)[left : left + before + after + 1], dtype=np.float64)
+    @cached_property
+    def _own_middle(self) -> tuple[int, int, Spectrum]:
+        """The lags on either side of the own curve's middle that surround a peak; the spectrum of this part, padded."""
+        reach = min(_SCALES[-1], self.curve.size)
+        points = transform_length(2 * reach + 257, real=True)
+        places = np.arange(-reach, points - reach)
+        return reach, points, np.asarray(fft.rfft(self._own.take(places, mode="wrap")))
 
     def _over_local(self, index: int) -> float:
         """Return the height at an index over the root mean square of its surroundings, its lobe aside."""
@@ -532,26 +535,26 @@ class WeightedCurve:
         their difference; elsewhere if the other is ``_ALIKE`` as high and beyond chance itself. There, a longer overlap
         is no reason to expect more: sounds that both made by themselves, as a bell, fit as often at many lags.
         """
-        evidence = self._evidence
+        evidence, curve = self._evidence, self.curve
         index, overlap = round(peak.lag) - evidence.first, evidence.overlap
-        comparable = evidence.long_enough & (overlap >= 0.25 * overlap[index])
-        factor = np.where(comparable, overlap[index] / np.maximum(overlap, 1), np.float32(0))
-        as_found = np.where(comparable, np.maximum(factor, 1), np.float32(0))
-        heights = self.curve * as_found
-        heights[max(0, index - 1) : index + 2] = 0
-        high = np.flatnonzero(heights[1:-1] >= _LEAST_RIVAL * peak.height) + 1
-        high = high[(heights[high] >= heights[high - 1]) & (heights[high] > heights[high + 1])]
-        high = high[np.argsort(-heights[high], kind="stable")[:_MOST_TOPS]]
+        # No lower point is a rival, however short its overlap is.
+        high = np.flatnonzero(curve[1:-1] >= _LEAST_RIVAL / _SHORTER * peak.height) + 1
+        high = high[(curve[high] >= curve[high - 1]) & (curve[high] > curve[high + 1]) & (np.abs(high - index) > 1)]
+        factors = overlap[index] / np.maximum(overlap[high], 1)
+        heights = curve[high] * np.maximum(factors, 1)
+        best = np.argsort(-heights, kind="stable")
+        compared = evidence.long_enough[high] & (factors <= _SHORTER) & (heights >= _LEAST_RIVAL * peak.height)
+        best = best[compared[best]][:_MOST_TOPS]
         found = []
-        for other in high.tolist():
-            offset, height = interpolate_peak(self.curve, other)
-            share = height * float(factor[other]) / peak.height
+        for other, factor in zip(high[best].tolist(), factors[best].tolist(), strict=True):
+            offset, height = interpolate_peak(curve, other)
+            share = height * factor / peak.height
             apart = other - index
-            between = self.curve[min(index, other) : max(index, other) + 1]
+            between = curve[min(index, other) : max(index, other) + 1]
             if float(between.min()) > 0.5 * height:  # a bump of the same peak
                 continue
             places = np.arange(apart - 1, apart + 2) % evidence.points
-            alike = peak.repetition * float(self._own[places].max()) * float(factor[other]) / peak.height
+            alike = peak.repetition * float(self._own[places].max()) * factor / peak.height
             near = abs(apart) <= 4 * self.envelope + 32
             alike = min(max(alike, share if near else 0.0), 0.9999)
             deviations = peak.clear if near else min(peak.above, peak.carried)
@@ -559,7 +562,7 @@ class WeightedCurve:
             exchanged = 2 * abs(apart) / float(overlap[index])
             clear = _CLEAR_GAP * math.sqrt(2 * (1 - alike)) / deviations
             equal = alike >= _REPEATS and 1 - share < clear + exchanged
-            alone = height * float(as_found[other]) / peak.height
+            alone = height * max(factor, 1) / peak.height
             if equal or (not near and alone >= _ALIKE and height >= 0.9 * evidence.needed * self.deviation):
                 found.append(evidence.first + other + offset)
         return found

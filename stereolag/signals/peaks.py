@@ -96,11 +96,11 @@ def interpolate_peak(curve: Array, peak: int, reach: int = REACH) -> tuple[float
     if reach == 0:
         return 0.0, float(curve[peak])
     fine = _interpolation(reach) @ curve[peak - reach : peak + reach + 1].astype(np.float64)
-    top = int(np.clip(np.argmax(fine), 1, fine.size - 2))
-    left, middle, right = fine[top - 1 : top + 2]
+    top = min(max(int(np.argmax(fine)), 1), fine.size - 2)
+    left, middle, right = fine[top - 1 : top + 2].tolist()
     bend = left - 2 * middle + right
     step = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    return float(np.clip(-0.5 + (top + step) / (fine.size - 1), -0.5, 0.5)), float(fine.max())
+    return min(max(-0.5 + (top + step) / (fine.size - 1), -0.5), 0.5), float(fine.max())
 
 
 _FINER, _MARGIN = 8, 64
@@ -116,8 +116,7 @@ def best_cycle(curve: Array, peak: int, reach: int) -> int:
     # Continued and faded out at both ends: an edge would ring.
     part = faded(np.pad(part, _MARGIN, mode="edge"), _MARGIN)
     points = int(fft.next_fast_len(part.size))
-    spectrum = fft.rfft(part, points)
-    fine = fft.irfft(np.pad(spectrum, (0, _FINER * points // 2 + 1 - spectrum.size)), _FINER * points)
+    fine = fft.irfft(fft.rfft(part, points), _FINER * points)
     begin = max(low, peak - reach)
     first, last = (_FINER * (place - low + _MARGIN) for place in (begin, min(curve.size - 1, peak + reach)))
     return begin + round(int(np.argmax(fine[first : last + 1])) / _FINER)
