@@ -484,17 +484,16 @@ def signal_lag(
     return result
 
 
-_PLAIN_SCORE, _PLAIN_RATIO = 0.5, 1.25
-_TOWERING, _TOWERING_RATIO = 20.0, 2.0
-"""A lag is plain at a glance from this correlation over the whole overlap and this lead over the next peak on, or from
-this height in the standard deviations of white noise and a greater lead."""
+_PLAIN_SCORE, _PLAIN_RATIO, _TOWERING = 0.5, 2.0, 20.0
+"""A lag is plain at a glance from this correlation over the whole overlap, or this height in the standard deviations of
+white noise, and this lead over the next peak on. With less of a lead, a hum in both can move the peak."""
 
 
 def _is_plain(found: FoundLag, score: float, sizes: tuple[int, int]) -> bool:
     """Return whether no other lag can have as much evidence: the recordings agree there, and far less elsewhere."""
     weighted = score * math.sqrt(overlap_length(*sizes, np.array([found.lag]))[0] / min(sizes))
-    towers = weighted * math.sqrt(min(sizes)) >= _TOWERING and found.peak_ratio >= _TOWERING_RATIO
-    return towers or (weighted >= _PLAIN_SCORE and found.peak_ratio >= _PLAIN_RATIO)
+    towers = weighted * math.sqrt(min(sizes)) >= _TOWERING
+    return (towers or weighted >= _PLAIN_SCORE) and found.peak_ratio >= _PLAIN_RATIO
 
 
 _AROUND = 360.0, 2 * math.pi, *(2.0**bits for bits in range(8, 17))

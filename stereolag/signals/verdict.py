@@ -190,8 +190,15 @@ class _Alignment:
 
     @property
     def lag(self) -> float:
-        """Lag of the best peak, samples."""
-        return self.shift + self.peaks[0].lag
+        """Lag of the best peak, samples, by the weight with the narrowest lobe that has enough evidence.
+
+        Within the lobe of a peak that is beyond chance, few lags are left to choose from.
+        """
+        best, lobes = self.peaks[0], {weight: curve.lobe for weight, curve in self.evidence.curves.items()}
+        lobe = lobes[best.weight]
+        least = min(1.0, needed_for(2 * lobe + 1) / self.evidence.needed)
+        there = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and peak.score > least]
+        return self.shift + min(there, key=lambda peak: lobes[peak.weight], default=best).lag
 
     @property
     def changes(self) -> bool:

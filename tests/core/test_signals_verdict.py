@@ -66,6 +66,17 @@ def test_sensors_that_follow_steps_slowly_agree_in_the_samples_that_whitening_le
     assert (result.verdict, result.lag) == ("sure", 200)
 
 
+@pytest.mark.parametrize("seed", [8, 10, 18, 67])
+def test_a_hum_in_both_does_not_move_the_lag(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    sound = scipy.signal.lfilter([1.0], [1, -0.8], random.normal(size=4300))
+    level, phases = random.uniform(1.5, 4), random.uniform(0, 6, size=(2, 1))
+    first, second = level * np.sin(0.1 * np.pi * np.arange(4000) + phases)
+    result = signal_lag(sound[266:4266] + first, sound[:4000] + second)
+    assert result.verdict == "sure"
+    assert result.lag_subsample == pytest.approx(266, abs=0.5)
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("frequency", "noise_level"), [(0.01, 1.0), (0.1234, 0.1), (0.4, 0.0)])
 def test_a_tone_is_ambiguous_and_its_period_is_named(
