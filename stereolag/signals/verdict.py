@@ -192,13 +192,16 @@ class _Alignment:
     def lag(self) -> float:
         """Lag of the best peak, samples, by the weight with the narrowest lobe that has enough evidence.
 
-        Within the lobe of a peak that is beyond chance, few lags are left to choose from.
+        Within the lobe of a peak that is beyond chance, few lags are left to choose from. If the narrower lobes lead to
+        two of them, as to neighbouring cycles, none counts.
         """
         best, lobes = self.peaks[0], {weight: curve.lobe for weight, curve in self.evidence.curves.items()}
         lobe = lobes[best.weight]
         least = min(1.0, needed_for(2 * lobe + 1) / self.evidence.needed)
-        there = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and peak.score > least]
-        return self.shift + min(there, key=lambda peak: lobes[peak.weight], default=best).lag
+        there = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and lobes[peak.weight] < lobe]
+        lags = [peak.lag for peak in there]
+        agreed = [peak for peak in there if peak.score > least and max(lags) - min(lags) <= 1]
+        return self.shift + min(agreed, key=lambda peak: lobes[peak.weight], default=best).lag
 
     @property
     def changes(self) -> bool:

@@ -26,6 +26,10 @@ MIXED, LEAST_MIXED = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5), 0.01
 """Spreads of the blurs, px, that mix what is beside a template into its rim; and the least share of that in a block."""
 
 
+KEPT = 4
+"""Spreads whose weights a blur keeps: a plane each."""
+
+
 class Blur:
     """A blur without what its weights exclude, of colours more than of brightness.
 
@@ -57,6 +61,8 @@ class Blur:
         """Return an image blurred by this spread, px."""
         weighted = image if self._weights is None else image * self._weights
         if spread not in self._shares:
+            if len(self._shares) == KEPT:  # those after the first are tried in turn, each once
+                self._shares.popitem()
             inside = blurred(self.counts, spread, cv2.BORDER_CONSTANT)
             self._shares[spread] = np.maximum(inside, 1e-3)[:, :, np.newaxis]
         return np.asarray(blurred(weighted, spread, cv2.BORDER_CONSTANT) / self._shares[spread])
