@@ -85,6 +85,11 @@ def test_no_drift_that_is_none_hides_an_inverted_recording(seed: int) -> None:
     assert judged("inverted polarity", seed).verdict == "nothing"
 
 
+def test_calls_are_not_lined_up_with_their_next_cycle() -> None:
+    """Two of the narrower lobes are a cycle apart, with about as much evidence."""
+    assert judged("calls", 36).right
+
+
 @pytest.mark.parametrize("seed", [940005, 940009])
 def test_an_inverted_recording_whose_clock_drifts_is_told(seed: int) -> None:
     recordings = trial("drifting clocks", seed).recordings
