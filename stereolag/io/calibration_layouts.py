@@ -15,8 +15,8 @@ import numpy as np
 
 from stereolag.io.calibration_files import Entries, Entry, Matrix
 from stereolag.io.calibration_parts import (
+    COEFFICIENTS,
     FISHEYE,
-    FISHEYE_NAMES,
     MOST,
     SIZE,
     Parts,
@@ -108,7 +108,6 @@ def _zed(entries: Entries) -> list[Parts]:
     found = []
     apart = entries.find("LEFT_DISTO.k1") is not None
     wide = apart and entries.find("LEFT_DISTO.p1") is None
-    lens = {"coefficients": FISHEYE_NAMES} if wide else {}
     for mode, size in ZED_SIZES.items():
         left, right = f"LEFT_CAM_{mode}", f"RIGHT_CAM_{mode}"
         if entries.find(f"{left}.fx") is None:
@@ -118,8 +117,8 @@ def _zed(entries: Entries) -> list[Parts]:
         turn = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
         aside = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
         place = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *aside])
-        one = camera(entries, "1", left, "LEFT_DISTO" if apart else left, **lens)
-        one |= camera(entries, "2", right, "RIGHT_DISTO" if apart else right, **lens)
+        one = camera(entries, "1", left, "LEFT_DISTO" if apart else left, coefficients=COEFFICIENTS[wide])
+        one |= camera(entries, "2", right, "RIGHT_DISTO" if apart else right, coefficients=COEFFICIENTS[wide])
         one |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if wide else {}
         found.append(one | pose("STEREO", turn, -turn @ place) | {"size0": numbers(mode, size)})
     return found
@@ -312,8 +311,9 @@ def _orb_slam(entries: Entries) -> list[Parts]:
     first = "Camera1" if entries.find("Camera1.fx") else "Camera"
     way = entries.find("Stereo.T_c1_c2|Tlr")
     if entries.find("Camera2.fx") and way is not None:
-        names = {"coefficients": FISHEYE_NAMES} if lens_of(entries) == FISHEYE else {}
-        cameras = camera(entries, "1", first, first, **names) | camera(entries, "2", "Camera2", "Camera2", **names)
+        wide = lens_of(entries) == FISHEYE
+        cameras = camera(entries, "1", first, first, coefficients=COEFFICIENTS[wide])
+        cameras |= camera(entries, "2", "Camera2", "Camera2", coefficients=COEFFICIENTS[wide])
         back = way.numbers().reshape(-1, 4) if way.numbers().size in (12, 16) else way.matrix(4, 4)
         return [cameras | size | between(way.name, np.eye(4), inverted(back))]
     bent = [name for lens in ("k1", "k2", "k3", "p1", "p2") if entries.number(name := f"{first}.{lens}")]
@@ -370,10 +370,10 @@ def _basalt(entries: Entries) -> list[Parts]:
     parts: Parts = {}
     poses = []
     before = "value0." if entries.find("value0.T_imu_cam.0.px") else ""
-    names = {"coefficients": FISHEYE_NAMES} if lens_of(entries) == FISHEYE else {}
+    wide = lens_of(entries) == FISHEYE
     for side, number in (("1", 0), ("2", 1)):
         place = f"{before}intrinsics.{number}.intrinsics"
-        parts |= camera(entries, side, place, place, **names)
+        parts |= camera(entries, side, place, place, coefficients=COEFFICIENTS[wide])
         x, y, z, *turn = (
             entries.required(f"{before}T_imu_cam.{number}.{name}").numbers(1)[0]
             for name in ("px", "py", "pz", "qw", "qx", "qy", "qz")

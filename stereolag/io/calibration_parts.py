@@ -20,8 +20,8 @@ unit, and most, the number of disparities."""
 
 SIZE = {"width0": "width|image_width|camera.width", "height0": "height|image_height|camera.height"}
 MOST = "num_disparities|max_disparity|ndisp"
-FISHEYE_NAMES = ("k1", "k2", "k3", "k4")
-"""Of the coefficients of a fisheye given as single numbers."""
+COEFFICIENTS = {False: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), True: ("k1", "k2", "k3", "k4")}
+"""Names of the coefficients of a lens given as single numbers, by whether it is a fisheye."""
 
 
 def numbers(name: str, values: Any) -> Entry:
@@ -35,7 +35,7 @@ def camera(
     matrix: str,
     lens: str,
     centre: Sequence[str] = ("fx", "fy", "cx", "cy"),
-    coefficients: Sequence[str] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    coefficients: Sequence[str] = COEFFICIENTS[False],
 ) -> Parts:
     """Return the matrix of a camera and its lens from single numbers below two headings."""
     fx, fy, cx, cy = (float(entries.required(f"{matrix}.{name}").numbers(1)[0]) for name in centre)
@@ -111,7 +111,9 @@ _LENSES = {
 """Models of lenses by their names in files, without marks; "" leaves the distortion open."""
 _LENS = {name: lens for lens, names in _LENSES.items() for name in names.split()}
 _OTHER_LENSES = "omni mei unified ucm eucm ds doublesphere fov scaramuzza ocam thinprism thinprismfisheye"
-_LENS_STATED = "distortionmodel distortiontype cameramodel modeltype lensmodel projectionmodel cameratype"
+_LENS_STATED = {
+    "distortionmodel", "distortiontype", "cameramodel", "modeltype", "lensmodel", "projectionmodel", "cameratype"
+}  # fmt: skip
 _LENS_PERHAPS = {"model", "type", "lens", "camera", "lenstype"}
 """The last words of names of entries with a model of lenses, and of those that may mean something else."""
 
@@ -145,7 +147,7 @@ def lens_of(entries: Entries) -> str:
     for one in entries.files:
         for name, entry in one.items():
             key, value = _last_words(name), _plain(entry.text())
-            stated = key in _LENS_STATED.split()
+            stated = key in _LENS_STATED
             if key in (FISHEYE, "isfisheye"):
                 value = FISHEYE if value in ("1", "true", "yes") else "none"
             elif "mappingcoefficients" in key:
