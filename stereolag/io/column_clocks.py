@@ -13,22 +13,19 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
-    DAY_S,
     LONG_STEP,
     MOST_FILLED,
     Channels,
     Gap,
     Recording,
-    Times,
     check_size,
     filled,
-    granule,
     on_even_clock,
-    read_stamps,
     rises_evenly,
 )
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
+from stereolag.io.stamps import DAY_S, Times, granule, read_stamps
 
 FEWEST_ROWS = 10
 """Columns of fewer rows have no clock among their numbers, and nothing below them."""

@@ -16,15 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
-from stereolag.io.clocks import (
-    Recording,
-    Times,
-    chosen_track,
-    date_and_clock,
-    granule,
-    is_stamp,
-    read_stamps,
-)
+from stereolag.io.clocks import Recording, chosen_track
 from stereolag.io.column_clocks import FEWEST_ROWS, MOSTLY, UNIX_S, column_name, is_time, on_own_clock, unit_of
 from stereolag.io.formats import WHAT
 from stereolag.io.plain_lines import (
@@ -38,6 +30,7 @@ from stereolag.io.plain_lines import (
     written_plainly,
 )
 from stereolag.io.sources import quote
+from stereolag.io.stamps import Times, date_and_clock, granule, is_stamp, read_stamps
 
 MAX_LINE = 100_000
 """Most characters of a line among those by which columns are recognised."""

@@ -19,7 +19,7 @@ import soundfile
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
-from stereolag.io.clocks import Recording, check_size, chosen_track, float_type, read_stamps
+from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
 from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
 from stereolag.io.columns import LEAST_STATED, MOST_STATED, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
@@ -35,6 +35,7 @@ from stereolag.io.sources import (
     read_archive,
     read_bytes,
 )
+from stereolag.io.stamps import read_stamps
 
 if TYPE_CHECKING:
     from stereolag.signals import SignalLag

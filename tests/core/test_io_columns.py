@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import signal
 
-from stereolag.io.clocks import Gap, Recording, at_one_rate, read_stamps, starts_apart
+from stereolag.io.clocks import Gap, Recording, at_one_rate, starts_apart
 from stereolag.io.columns import read_columns
+from stereolag.io.stamps import read_stamps
 from stereolag.signals import signal_lag
 
 RATE = 200
