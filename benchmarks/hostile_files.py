@@ -24,6 +24,7 @@ from benchmarks.picture_bytes import (
     bomb,
     by_opencv,
     by_pillow,
+    claiming,
     exif,
     gif,
     gif_comment,
@@ -113,7 +114,7 @@ def valid_files() -> dict[str, list[bytes]]:
     deep = rng.integers(0, 65_536, (9, 11, 3), dtype=np.uint16)
     held = Image.Exif()
     held[274] = 6
-    pictures = [by_pillow(kind, pixels, exif=held) for kind in ("PNG", "JPEG", "TIFF", "WEBP")]
+    pictures = [by_pillow(kind, pixels, exif=held) for kind in ("PNG", "JPEG", "TIFF", "WEBP", "AVIF", "HEIF")]
     pictures += [by_pillow(kind, pixels) for kind in ("BMP", "PPM", "GIF")]
     pictures += [by_pillow("WEBP", pixels, lossless=True), jpeg(pixels, progressive=True), webp_frames(1)]
     pictures += [
@@ -215,6 +216,11 @@ def images() -> dict[str, Case]:
         "WEBP, header claims 268 megapixels": (lambda: webp_sized(16_383), ""),
         "WEBP, canvas of 281 terapixels": (lambda: webp_with(b"", 0, (2**24, 2**24)), ""),
         "WEBP, cut short": (lambda: webp(noise(3, 200))[:-900], cut),
+        "AVIF, header claims 49 megapixels of 64 by 64": (lambda: claiming("AVIF", 7000), ""),
+        "AVIF, cut short": (lambda: by_pillow("AVIF", noise(3, 200))[:-900], cut),
+        "HEIC, header claims 4 gigapixels": (lambda: claiming("HEIF", 65_500), most),
+        "HEIC, header claims 49 megapixels of 64 by 64": (lambda: claiming("HEIF", 7000), cut),
+        "HEIC, cut short": (lambda: by_pillow("HEIF", noise(3, 200))[:-900], cut),
         "BMP, header claims 4 gigapixels": (lambda: bmp(65_000, 65_000, 24, 0, bytes(64)), most),
         "BMP, 60 MB of runs": (lambda: bmp(7000, 7000, 8, 1, b"\1\1" * (30 * MB)), ""),
         "BMP, one run in 49 megapixels": (lambda: bmp(1_000_000, 49, 8, 1, b"\1\1\0\0" * 49 + b"\0\1"), ""),
@@ -239,6 +245,8 @@ def images() -> dict[str, Case]:
         "TIFF, 49 megapixels, floats": lambda: by_pillow("TIFF", smooth(1).astype(np.float32)),
         "JPEG, 49 megapixels, progressive": lambda: jpeg(smooth(3), progressive=True, subsampling=0),
         "WEBP, 49 megapixels, RGBA": lambda: by_opencv(".webp", smooth(4), cv2.IMWRITE_WEBP_QUALITY, 50),
+        "AVIF, 49 megapixels": lambda: by_pillow("AVIF", smooth(3), speed=10),
+        "HEIC, 49 megapixels": lambda: by_pillow("HEIF", smooth(3), enc_params={"preset": "ultrafast"}),
         "GIF, 49 megapixels": lambda: by_pillow("GIF", smooth(1)),
         "PPM, 40 megapixels, 16 bits": lambda: b"P6 8000 5000 65535\n" + bytes(240_000_000),
         "PGM, 49 megapixels, 16 bits, largest 1023": lambda: b"P5 7000 7000 1023\n" + bytes(98_000_000),

@@ -11,6 +11,9 @@ from typing import Any, TypeAlias
 import cv2
 import numpy as np
 from PIL import Image
+from pillow_heif import register_heif_opener
+
+register_heif_opener()  # which writes HEIF, too
 
 RNG_SEED = 7
 MB = 2**20
@@ -208,6 +211,13 @@ def by_pillow(kind: str, pixels: np.ndarray | Image.Image, **options: Any) -> by
     stream = io.BytesIO()
     (Image.fromarray(pixels) if isinstance(pixels, np.ndarray) else pixels).save(stream, kind, **options)
     return stream.getvalue()
+
+
+def claiming(kind: str, side: int) -> bytes:
+    """Return an AVIF or HEIF of 64 × 64 pixels that claims this many a side."""
+    data = by_pillow(kind, noise(3, 64))
+    sizes = data.index(b"ispe") + 8
+    return data[:sizes] + 2 * side.to_bytes(4, "big") + data[sizes + 8 :]
 
 
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)

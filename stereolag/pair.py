@@ -306,7 +306,8 @@ def read_views(source: Source, layout: Layout | None = None, *, door: Door = ung
     Parameters
     ----------
     source
-        An MPO, or another file of two frames; or one picture with both views, such as JPS and PNS.
+        An MPO, a spatial photo of a phone (HEIC), or another file of two frames; or one picture with both views, such
+        as JPS and PNS.
     layout
         How the views stand in it, the left one first; None: two frames, or found from the picture itself.
     door

@@ -29,7 +29,7 @@ def run(arguments: Sequence[str]) -> int:
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
         f"; {DOUBTFUL} nothing is found",
     )
-    parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
+    parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
     parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
     add_frames(parser, "the image", "the template")

@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from isal import isal_zlib
+from pi_heif import HeifImageFile
 from PIL import Image as PillowImage
+from PIL.AvifImagePlugin import AvifImageFile
 from PIL.BmpImagePlugin import BmpImageFile
 from PIL.GifImagePlugin import GifImageFile
 from PIL.ImageFile import ImageFile
@@ -29,25 +31,29 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.core.jobs import limits
 from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, read_bytes
 
-IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif", "mpo", "jps", "pns")
-ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
+IMAGE_SUFFIXES = (
+    *("png", "jpg", "jpeg", "webp", "heic", "heif", "avif", "bmp", "tif", "tiff"),
+    *("ppm", "pgm", "gif", "mpo", "jps", "pns"),
+)
+ACCEPTED = "PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM and GIF"
 WHAT = "image"
 LARGEST_UINT16 = 65535
 
 _PNG_BEGINS = b"\x89PNG\r\n\x1a\n"
+_JPEG_BEGINS = b"\xff\xd8\xff"
 
-_OF_PHONES = {b"ftypavif": "an AVIF image, which is not read"} | dict.fromkeys(
-    (b"ftypheic", b"ftypheix", b"ftypheim", b"ftypheis", b"ftypmif1"), "a HEIC image, which is not read"
-)
-"""Bytes 4 to 12 of the images that phones take and nothing here decodes."""
-
-_DECODERS: dict[str, tuple[tuple[bytes, ...], type[ImageFile]]] = {
-    "PNG": ((_PNG_BEGINS,), PngImageFile),
-    "JPEG": ((b"\xff\xd8\xff",), JpegImageFile),
-    "GIF": ((b"GIF87a", b"GIF89a"), GifImageFile),
-    "WEBP": ((b"RIFF",), WebPImageFile),
-    "TIFF": ((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), TiffImageFile),
-    "BMP": ((b"BM",), BmpImageFile),
+_DECODERS: dict[str, tuple[re.Pattern[bytes], type[ImageFile]]] = {
+    kind: (re.compile(begins, re.DOTALL), decoder)
+    for kind, begins, decoder in (
+        ("PNG", _PNG_BEGINS, PngImageFile),
+        ("JPEG", _JPEG_BEGINS, JpegImageFile),
+        ("GIF", rb"GIF8[79]a", GifImageFile),
+        ("WEBP", rb"RIFF....WEBP", WebPImageFile),
+        ("TIFF", rb"II[*+]\0|MM\0[*+]", TiffImageFile),
+        ("BMP", rb"BM", BmpImageFile),
+        ("AVIF", rb"....ftyp(?:....){0,9}avi[fs]", AvifImageFile),
+        ("HEIC", rb"....ftyp(?:....){0,9}(?:hei[cmxs]|mif1)", HeifImageFile),
+    )
 }
 """How files of each kind begin, and Pillow's class for them."""
 
@@ -69,20 +75,20 @@ class Frame:
 
 
 def read_image(source: Source, *, frame: int | None = None) -> Image:
-    """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF.
+    """Read an image: PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF.
 
     The camera orientation stored in the file (EXIF) is applied, unless it is broken; all other metadata is ignored.
     Palettes, CMYK, YCbCr and the like are converted to RGB; transparency gives RGBA, but for a single value of 16 bits
-    that a PNG calls transparent. Grey and colour images keep 16 bits per channel; a TIFF of floats stays float, with
-    NaN where it has no data, and integers below 0 or above 65535 become floats.
+    that a PNG calls transparent. Grey and colour images keep 16 bits per channel, those of a HEIC or AVIF 8; a TIFF of
+    floats stays float, with NaN where it has no data, and integers below 0 or above 65535 become floats.
 
     Parameters
     ----------
     source
         A path, the bytes of the file, or a binary file object.
     frame
-        Which frame of a GIF, WEBP or animated PNG, page of a TIFF or view of an MPO: its number, from 1. None: the
-        first, with a warning if there are others.
+        Which frame of a GIF, WEBP, HEIC, AVIF or animated PNG, page of a TIFF or view of an MPO: its number, from 1.
+        None: the first, with a warning if there are others.
 
     Returns
     -------
@@ -130,7 +136,7 @@ def read_frame(source: Source, number: int = 1) -> Frame:
 
 def read_camera_frame(data: bytes, most_pixels: int, *, grey: bool = False) -> Image:
     """Read a JPEG that a browser made of a camera's frame, uint8 RGB or grey; ValueError for anything else."""
-    if not data.startswith(_DECODERS["JPEG"][0]):
+    if not data.startswith(_JPEG_BEGINS):
         raise ValueError("The frame is not a JPEG.")
     try:
         cols, rows = JpegImageFile(io.BytesIO(data)).size
@@ -152,10 +158,11 @@ def _check_frame(number: int, count: int) -> None:
 
 def _decoded(data: bytes, number: int) -> tuple[Image, int]:
     """Return a frame and the number of frames."""
-    kind = next((name for name, (marks, _) in _DECODERS.items() if data.startswith(marks)), None)
-    if kind is None or (kind == "WEBP" and data[8:12] != b"WEBP"):
-        what = _OF_PHONES.get(data[4:12], "not an image that can be read, or its beginning is damaged")
-        raise ValueError(f"This is {what}; accepted are {ACCEPTED}.")
+    kind = next((name for name, (begins, _) in _DECODERS.items() if begins.match(data)), None)
+    if kind is None:
+        raise ValueError(
+            f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
+        )
     pages = _pages(data) if kind == "TIFF" else []
     if pages:
         _check_frame(number, len(pages))

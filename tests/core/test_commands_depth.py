@@ -195,7 +195,7 @@ def test_depth_in_millimetres_tells_what_is_beyond(focal_px: float, beyond: bool
         ("left.png right.png third.png", 2, "'third.png' is one argument too many."),
         (". right.png", 4, ".: Is a directory."),
         ("other.json right.png", 4, "other.json: This is not an image that can be read"),
-        ("phone.heic right.png", 4, "phone.heic: This is a HEIC image, which is not read; accepted are PNG, JPEG"),
+        ("phone.heic right.png", 4, "phone.heic: The image (HEIC) is damaged or cut short and cannot be decoded"),
         ("left.png right.png --truth left.png", 4, "left.png: The disparity map has shape (60, 120, 3)"),
         ("left.png right.png --calibration left.png", 4, "left.png: The calibration"),
         ("left.png right.png --calibration other.json", 4, "The calibration is for 50 × 50 pixels"),

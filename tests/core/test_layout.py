@@ -69,7 +69,7 @@ def test_what_is_odd_is_left_out_in_the_middle(shape: tuple[int, ...]) -> None:
         views(image[:, :1], Layout.BESIDE)
 
 
-@pytest.mark.parametrize("kind", ["MPO", "TIFF"])
+@pytest.mark.parametrize("kind", ["MPO", "TIFF", "HEIF"])
 def test_two_frames_of_a_file_are_the_views(kind: str) -> None:
     left, right, said = read_views(file(LEFT, kind, RIGHT))
     assert said.startswith("The image holds two frames")

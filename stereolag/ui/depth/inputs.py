@@ -364,7 +364,7 @@ def _ask_one_picture() -> Pictures | None:
         split,
         key=f"{PAIR}.beside",
         types=IMAGE_SUFFIXES,
-        note="One beside or above the other, or an MPO, as stereo cameras deliver them.",
+        note="One beside or above the other, or an MPO or HEIC, as stereo cameras and phones deliver them.",
         variant=layout and f" {layout}",
     )
     if both is None:
