@@ -26,6 +26,7 @@ from stereolag.commands.pairs import (
 )
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
+from stereolag.io.arrays import npy
 from stereolag.io.disparities import (
     DEPTH_FORMATS,
     FARTHEST_M,
@@ -39,7 +40,7 @@ from stereolag.io.disparities import (
 from stereolag.io.images import image_file
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
-from stereolag.io.sources import npy, write_file
+from stereolag.io.sources import write_file
 from stereolag.loops.compilation import load_loader
 from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
 from stereolag.stereo.compiling import few_rows

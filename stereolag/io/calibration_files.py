@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml import DefusedXmlException, ElementTree
 
-from stereolag.io.sources import ZIP_MAGIC, parse_npy, quote, read_archive
+from stereolag.io.arrays import parse_npy
+from stereolag.io.sources import ZIP_MAGIC, quote, read_archive
 
 MAX_TEXT_BYTES = 2**20
 MAX_ARCHIVE_BYTES = 2**24

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -13,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.io.arrays import NPY_MAGIC, mat_arrays, npy, npz_arrays, parse_npy
 from stereolag.io.images import LARGEST_UINT16, image_png, image_tiff, parse_netpbm, parse_pfm, read_image
-from stereolag.io.sources import NPY_MAGIC, Source, check_pixels, npy, parse_npy, read_bytes, write_file
+from stereolag.io.sources import ZIP_MAGIC, Source, check_pixels, quote, read_archive, read_bytes, write_file
 
 MAP = "disparity map"
 KITTI_SCALE = 256
@@ -25,7 +27,7 @@ _BAND_PIXELS = 2**20
 
 
 def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
-    """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
+    """Read a disparity map: PFM, PNG, PGM or TIFF of 16 or 8 bits, TIFF of floats, NPY, NPZ or MAT.
 
     Parameters
     ----------
@@ -93,7 +95,13 @@ OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
 OPENCV_FRACTIONS = 4
 """Fewest sixteenths that occur among the disparities of OpenCV's sub-pixel fit: scenes made by hand have fewer."""
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
+_UNREAD = {
+    b"\x89HDF": "an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
+    "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])",
+    b"MATLAB 7.3": "a MAT file of version 7.3, which is not read: save it by save(file, '-v7')",
+    b"v/1\x01": "an OpenEXR file, which is not read: save its channel as .npy",
+}
+"""What files of other kinds are by their beginning, and what to do with them."""
 
 
 class StoredDisparity(NamedTuple):
@@ -145,11 +153,9 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     data = read_bytes(source, MAP)
     kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
-    if data.startswith(HDF5):
-        raise ValueError(
-            f"The {MAP} is an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
-            "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])."
-        )
+    for begins, said in _UNREAD.items():
+        if data.startswith(begins):
+            raise ValueError(f"The {MAP} is {said}.")
     stored = kind.read(data)
     if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
         colours = stored[:, :, :3]
@@ -333,7 +339,28 @@ def _stored_image(data: bytes) -> npt.NDArray[Any]:
     try:
         return read_image(data)
     except ValueError as error:
-        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {error}") from error
+        said = str(error).partition("; accepted")[0]
+        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {said}.") from error
+
+
+_NAMED_MAP = re.compile("disp|gt|truth", re.IGNORECASE)
+
+
+def _stored_array(data: bytes) -> npt.NDArray[Any]:
+    """Return the array of an NPY, or the only map in an NPZ or MAT, or the only one named like a disparity map."""
+    if data.startswith(NPY_MAGIC):
+        return parse_npy(data, MAP)
+
+    def check(shape: tuple[int, ...]) -> None:
+        check_pixels(shape[-1], shape[0], MAP)
+
+    arrays = npz_arrays(read_archive(data), MAP) if data.startswith(ZIP_MAGIC) else mat_arrays(data, MAP, check)
+    maps = [name for name, array in arrays.items() if array.squeeze().ndim == 2]
+    found = maps if len(maps) == 1 else [name for name in maps if _NAMED_MAP.search(name)]
+    if len(found) != 1:
+        there = ", ".join(f"{quote(name)} {array.shape}" for name, array in [*arrays.items()][:9])
+        raise ValueError(f"The {MAP} is not the only one in its file, of {there or 'no array'}: save it alone.")
+    return arrays[found[0]]
 
 
 def _npy_map(disparity: npt.ArrayLike) -> bytes:
@@ -368,8 +395,8 @@ class MapFormat(NamedTuple):
 
 
 IMAGES = MapFormat(
-    "PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor)",
-    ("png", "pgm"),
+    "PNG, PGM or TIFF of 16 bits (÷ 256) or 8 bits (with a divisor)",
+    ("png", "pgm", "tif", "tiff"),
     (b"\x89PNG", b"P2", b"P5"),
     _stored_image,
     kitti_png,
@@ -380,7 +407,7 @@ IMAGES = MapFormat(
 FORMATS = (
     MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), partial(parse_pfm, what=MAP), pfm),
     IMAGES,
-    MapFormat("NPY", ("npy",), (NPY_MAGIC,), partial(parse_npy, what=MAP), _npy_map),
+    MapFormat("NPY, NPZ or MAT", ("npy", "npz", "mat"), (NPY_MAGIC, ZIP_MAGIC, b"MATLAB 5.0"), _stored_array, _npy_map),
 )
 """All formats: readers, writers, uploads and the help of commands follow this list."""
 

@@ -6,7 +6,7 @@ import io
 import itertools
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -14,11 +14,11 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # loads scipy.io on first use only
 import soundfile
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
+from stereolag.io.arrays import MAT_MAGIC, NPY_MAGIC, mat_arrays, npz_arrays, parse_npy
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
 from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
 from stereolag.io.columns import LEAST_STATED, MOST_STATED, read_columns
@@ -26,12 +26,9 @@ from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
 from stereolag.io.sources import (
     HEADER_BYTES,
-    NPY_MAGIC,
     Source,
     beginning,
     is_archive,
-    parse_npy,
-    quote,
     read_archive,
     read_bytes,
 )
@@ -40,16 +37,6 @@ from stereolag.io.stamps import read_stamps
 if TYPE_CHECKING:
     from stereolag.signals import SignalLag
 
-_MAT_MAGIC = re.compile(
-    rb"MATLAB 5\.0 MAT-file"
-    # Version 4 has no name: kind of the numbers, rows, columns, whether complex, length of the name, name.
-    rb"|[\0-\x34]\0\0\0.{8}[\0\1]\0\0\0[\x02-\x40]\0\0\0[A-Za-z]\w*\0"
-    rb"|\0\0(?:\x03[\xe8-\xff]|\x04[\0-\x1c]).{8}\0\0\0[\0\1]\0\0\0[\x02-\x40][A-Za-z]\w*\0",
-    re.DOTALL,
-)
-_MAT_KINDS = frozenset(
-    ["double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))]
-)
 _RATE_NAMES = re.compile(r"f_?s|sr|f_?sample|(?:sampl\w*_?)?(?:rate|freq(?:uency)?)", re.IGNORECASE)
 _STEP_NAMES = re.compile(r"dt|ts|(?:sampl\w*_?)?(?:interval|period|increment)", re.IGNORECASE)
 
@@ -119,8 +106,8 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
         return _from_arrays({"1": parse_npy(data, WHAT)}, track, "NPY")
     if is_archive(data):
         return _from_arrays(_npz(data), track, "NPZ")
-    if _MAT_MAGIC.match(data):
-        return _from_arrays(_mat(data), track, "MAT")
+    if MAT_MAGIC.match(data):
+        return _from_arrays(mat_arrays(data, WHAT, _check_samples), track, "MAT")
     check_text(head)
     return read_columns(data, track)
 
@@ -129,18 +116,10 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
 
 
 def _npz(data: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of numbers in an archive of NumPy."""
+    """Return the arrays of numbers in an archive of NumPy; other archives are named."""
     archive = read_archive(data)
-    arrays, fault = {}, None
-    for name in archive.names:
-        if name.endswith(".npy"):
-            try:
-                arrays[name.removesuffix(".npy")] = parse_npy(archive.read(name), WHAT, "biufM")
-            except ValueError as error:  # texts and objects stand beside the numbers
-                fault = error
+    arrays = npz_arrays(archive, WHAT, "biufM")
     if not arrays:
-        if fault is not None:
-            raise fault
         names = set(archive.names)
         office = "xl/workbook.xml" in names or "content.xml" in names
         what, remedy = ("a workbook (XLSX, ODS)", "save the sheet as CSV") if office else ("a ZIP archive", UNPACK)
@@ -148,32 +127,9 @@ def _npz(data: bytes) -> dict[str, npt.NDArray[Any]]:
     return arrays
 
 
-def _mat(data: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of numbers in a MAT file of MATLAB or Octave."""
-    stream: Any = io.BytesIO(data)
-    with _damaged_if_it_fails():
-        held = scipy.io.whosmat(stream)
-    names = [name for name, shape, kind in held if kind in _MAT_KINDS and len(shape) == 2]
-    for name, shape, _ in held:
-        if name in names and max(shape) > 1:
-            check_size(min(shape), max(shape))
-    stream.seek(0)
-    with _damaged_if_it_fails():
-        loaded = scipy.io.loadmat(stream, variable_names=names) if names else {}
-        arrays = {name: np.asarray(loaded[name]) for name in names}
-    if not arrays:
-        there = ", ".join(f"{quote(name)} ({kind})" for name, _, kind in held[:9])
-        raise ValueError(f"The {WHAT} is a MAT file without arrays of numbers; it holds {there or 'nothing'}.")
-    return arrays
-
-
-@contextmanager
-def _damaged_if_it_fails() -> Iterator[None]:
-    """Say of a MAT file that it is damaged: scipy raises all kinds of errors on broken files."""
-    try:
-        yield
-    except Exception as error:
-        raise ValueError(f"The {WHAT} is a MAT file that is damaged or cut short; save it again.") from error
+def _check_samples(shape: tuple[int, ...]) -> None:
+    if max(shape) > 1:
+        check_size(min(shape), max(shape))
 
 
 def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form: str) -> Recording:

@@ -9,7 +9,6 @@ requesting files and never become paths.
 from __future__ import annotations
 
 import io
-import math
 import os
 import re
 import unicodedata
@@ -20,11 +19,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, TypeAlias
+from typing import BinaryIO, TypeAlias
 from uuid import uuid4
-
-import numpy as np
-import numpy.typing as npt
 
 from stereolag.core.jobs import limits
 
@@ -326,47 +322,3 @@ def file_name(name: str) -> str:
     harmless = PurePosixPath(re.sub(r"[^\w.]+", "-", last).strip("-_."))
     short = harmless.stem[:LONGEST_STEM] + harmless.suffix[:LONGEST_SUFFIX]
     return f"file-{short}".rstrip("-") if not short or _DEVICES.match(short) else short
-
-
-# Arrays as NumPy saves them: numbers, no pickles.
-
-NPY_MAGIC = b"\x93NUMPY"
-MAX_DIMENSIONS = 32
-
-_HEADERS = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
-
-
-def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
-    """Return the array of numbers in the bytes of an ``.npy`` file (a read-only view of them).
-
-    ``"M"`` among the kinds allows dates as well.
-
-    Raises
-    ------
-    ValueError
-        A broken header, objects or text in place of real numbers, or fewer bytes than the header claims.
-    """
-    stream = io.BytesIO(data)
-    try:
-        version = np.lib.format.read_magic(stream)
-        shape, is_fortran, dtype = _HEADERS[min(version[0], 2)](stream)
-        if len(shape) > MAX_DIMENSIONS or any(side < 0 or isinstance(side, bool) for side in shape):
-            raise ValueError(f"shape {shape}")
-    except Exception as error:  # the header is Python, and can be broken in all kinds of ways
-        raise ValueError(f"The {what} has the mark of an .npy file, but its header cannot be read.") from error
-    if dtype.kind not in kinds or dtype.itemsize > 8:
-        held = "records of several fields" if dtype.names else dtype.name
-        raise ValueError(f"The {what} (.npy) holds {held}; allowed are integers and floats.")
-    offset, count = stream.tell(), math.prod(shape)
-    if count * dtype.itemsize > len(data) - offset:
-        announced = f"{min(count, 10**30):.15g} numbers of {dtype.name}"
-        raise ValueError(f"The {what} (.npy) is cut short: its header announces {announced}.")
-    array = np.frombuffer(data, dtype, count, offset) if count else np.zeros(0, dtype)
-    return array.reshape(shape, order="F" if is_fortran else "C")
-
-
-def npy(array: npt.ArrayLike) -> bytes:
-    """Return an array of numbers as the bytes of an ``.npy`` file, bit for bit."""
-    stream = io.BytesIO()
-    np.save(stream, np.asarray(array), allow_pickle=False)
-    return stream.getvalue()

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -18,6 +19,7 @@ from ply_reader import read_ply
 
 import stereolag as sl
 from stereolag import read_disparity, read_image, write_disparity
+from stereolag.io.arrays import npy
 from stereolag.io.disparities import (
     BEYOND_ALL_PX,
     DISPARITY_FORMATS,
@@ -30,7 +32,6 @@ from stereolag.io.disparities import (
     too_far,
 )
 from stereolag.io.images import image_png, image_tiff
-from stereolag.io.sources import npy
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
 QUANTUM = 1 / 256
@@ -189,11 +190,16 @@ def test_special_files(data, divisor, expected):
     ("data", "options", "message"),
     [
         (b"", {}, "empty file"),
-        (b"words", {}, r"accepted are PFM, PNG or PGM of 16 bits \(÷ 256\) or 8 bits \(with a divisor\), and NPY\."),
+        (
+            b"words",
+            {},
+            r"accepted are PFM, PNG, PGM or TIFF of 16 bits .*, and NPY, NPZ or MAT\. This is not an image that can",
+        ),
         (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
         (npy(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"\x89HDF\r\n\x1a\n", {}, r"HDF5 file, as those of Spring \(.dsp5\)"),
+        (b"MATLAB 7.3 MAT-file", {}, "version 7.3, which is not read: save it by"),
         (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
         (png(np.ones((2, 2), np.uint16)), {"divisor": 0}, "divisor is 0"),
@@ -213,6 +219,24 @@ def test_bad_files_are_one_clear_sentence(data, options, message):
     with pytest.raises(ValueError, match=message) as caught:
         read_disparity(data, **options)
     assert "\n" not in str(caught.value)
+
+
+def saved_by(save: Callable[..., None], *args: object, **arrays: object) -> bytes:
+    stream = io.BytesIO()
+    save(stream, *args, **arrays)
+    return stream.getvalue()
+
+
+def test_the_map_among_the_arrays_of_an_npz_or_mat_is_read_and_of_two_alike_none() -> None:
+    disparity, rate = np.random.default_rng(0).uniform(1, 60, (9, 11)), np.array(60.0)
+    for data in (
+        saved_by(np.savez, disparity),
+        saved_by(np.savez_compressed, left=disparity + 1, right=disparity + 2, disp=disparity[None], fps=rate),
+        saved_by(scipy.io.savemat, {"GT": disparity, "focal": 700.0, "name": "scene"}),
+    ):
+        np.testing.assert_array_equal(read_disparity(data), disparity.astype(np.float32))
+    with pytest.raises(ValueError, match=r"not the only one in its file, of “left” \(9, 11\), “right”"):
+        read_disparity(saved_by(np.savez, left=disparity, right=disparity))
 
 
 def test_disparities_that_are_all_behind_infinity_are_said_and_can_be_turned():

@@ -20,6 +20,7 @@ from pydantic import Field
 import stereolag as sl
 from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.io.arrays import npy
 from stereolag.io.images import image_png
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
 from stereolag.io.recordings import aligned_file, check_wav, write_aligned
@@ -32,7 +33,6 @@ from stereolag.io.results import (
     over_time_in_words,
     search_figures,
 )
-from stereolag.io.sources import npy
 from stereolag.signals.over_time import LagOverTime, Stretch
 from tests.programs import run_program
 

@@ -15,10 +15,10 @@ from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
 import stereolag as sl
 from stereolag.assess.findings import Remedy
 from stereolag.geometry.calibration import Calibration
+from stereolag.io.arrays import npy
 from stereolag.io.disparities import pfm, read_stored_disparity
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.settings import settings_json
-from stereolag.io.sources import npy
 from stereolag.pair import (
     NO_PAIRS,
     ONE_DEPTH,

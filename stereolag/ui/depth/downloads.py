@@ -14,6 +14,7 @@ from stereolag.core.jobs import format_bytes, limits
 from stereolag.core.typography import duration
 from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
+from stereolag.io.arrays import npy
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import (
     FARTHEST_M,
@@ -30,7 +31,6 @@ from stereolag.io.programs import Cameras, opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.sessions import SESSION, session_json
 from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
-from stereolag.io.sources import npy
 from stereolag.pair import Pair, upright
 from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap

@@ -380,8 +380,8 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         guarded(read_stored_disparity),
         key=f"{PAIR}.truth",
         types=DISPARITY_SUFFIXES,
-        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s), of Sintel’s colours, or of 8 bits, whose divisor is "
-        "found from the pair.",
+        note="PFM, TIFF, NPY, NPZ, MAT, or PNG of 16 bits (px × 256, as KITTI’s), of Sintel’s colours, or of 8 bits, "
+        "whose divisor is found from the pair.",
     )
     divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
     likely = None

@@ -14,10 +14,10 @@ from stereolag.core.searches import LagSearch, SignalMethod
 from stereolag.core.typography import duration, typeset
 from stereolag.figures import recordings as figures
 from stereolag.figures.verdicts import curve_in_words, verdict_explained, verdict_in_words
+from stereolag.io.arrays import npy
 from stereolag.io.programs import lag_command, lag_script
 from stereolag.io.recordings import aligned_file, check_wav
 from stereolag.io.results import curve_csv, lag_json
-from stereolag.io.sources import npy
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.signals.alignment import align, mix
 from stereolag.signals.correlation import overlap_pearson, overlap_slices
