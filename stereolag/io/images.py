@@ -32,8 +32,8 @@ from stereolag.core.jobs import limits
 from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, read_bytes
 
 IMAGE_SUFFIXES = (
-    *("png", "jpg", "jpeg", "webp", "heic", "heif", "avif", "bmp", "tif", "tiff"),
-    *("ppm", "pgm", "gif", "mpo", "jps", "pns"),
+    *("png", "jpg", "jpeg", "jfif", "webp", "heic", "heif", "avif", "bmp", "tif", "tiff"),
+    *("ppm", "pgm", "pbm", "pnm", "gif", "mpo", "jps", "pns"),
 )
 ACCEPTED = "PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM and GIF"
 WHAT = "image"
