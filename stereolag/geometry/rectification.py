@@ -275,6 +275,11 @@ LARGEST_DIFFERENCE = 0.03
 
 LARGEST_ASPECT_DIFFERENCE = 0.01
 
+OFF_CENTRE = 1.4
+"""Ratio of a principal point to the middle of the images, in columns and in rows alike, that says they were resized."""
+ALIKE = 1.15
+"""Largest ratio of those two ratios."""
+
 MOST_PREVIEW_PIXELS = 1_000_000
 
 
@@ -330,10 +335,12 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
     Raises
     ------
     ValueError
-        Images of another aspect ratio.
+        Images of another aspect ratio; or, where the size is unknown, a principal point that is as far beyond or before
+        the middle of the images in columns as in rows.
     """
     calibration = mode_for(calibration, width, height)
     if calibration.width is None or calibration.height is None:
+        _check_centre(calibration, width, height)
         return calibration
     differences = abs(calibration.width - width) / width, abs(calibration.height - height) / height
     if max(differences) <= LARGEST_DIFFERENCE:
@@ -345,6 +352,22 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
             f"{width} × {height}: give those it was made for, or the same resized without cropping."
         )
     return calibration.scaled(factor)
+
+
+def _check_centre(calibration: Calibration, width: int, height: int) -> None:
+    """Refuse a calibration without a size that was plainly made for larger or smaller images: metres would be wrong."""
+    rig = calibration.rig
+    cx, cy = (calibration.cx, calibration.cy) if rig is None else rig.left_matrix[:2, 2].tolist()
+    if cx is None or cy is None or min(cx, cy) <= 0:
+        return
+    ratios = (2 * cx + 1) / width, (2 * cy + 1) / height
+    resized = min(ratios) > OFF_CENTRE or max(ratios) < 1 / OFF_CENTRE
+    if resized and max(ratios) < ALIKE * min(ratios):
+        raise ValueError(
+            f"The principal point of the calibration, column {cx:.0f} and row {cy:.0f}, is that of images of about "
+            f"{2 * cx + 1:.0f} × {2 * cy + 1:.0f} pixels, and these are {width} × {height}: give images of the size it "
+            "was made for, or state that size in it (image_width, image_height)."
+        )
 
 
 def mode_for(calibration: Calibration, width: int, height: int) -> Calibration:

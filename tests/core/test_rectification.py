@@ -25,6 +25,7 @@ from stereolag.io.calibrations import calibration_json, opencv_calibration, read
 
 WIDTH, HEIGHT = SIZE
 PAIR = raw_pair()
+OF_NO_SIZE = Calibration(900.0, 0.1, cx=320.0, cy=240.0)
 
 
 def unrectified(rig: StereoRig) -> Calibration:
@@ -61,6 +62,11 @@ def test_what_does_not_fit_is_refused():
         (lambda: rectify(*PAIR, calibration, alpha=-0.1), "alpha is -0.1; allowed are numbers from 0 to 1"),
         (lambda: rectify(*PAIR, calibration, alpha=float("nan")), "alpha is nan"),
         (lambda: calibration_for(CALIBRATION, 640, 360), "for 640 × 480 pixels and the images are 640 × 360"),
+        (
+            lambda: calibration_for(OF_NO_SIZE, 320, 240),
+            "images of about 641 × 481 pixels, and these are 320 × 240: give",
+        ),
+        (lambda: calibration_for(OF_NO_SIZE, 1280, 960), "images of about 641 × 481 pixels, and these are 1280 × 960"),
         *((lambda factor=factor: scaled_image(PAIR[0], factor), f"factor is {factor}") for factor in (0.0, 1.5, 0.001)),
     ):
         with pytest.raises(ValueError, match=message):
@@ -197,8 +203,8 @@ def test_a_calibration_fits_the_images_it_was_made_for_resized_or_cropped_a_litt
     assert calibration_for(CALIBRATION, 636, 478) is CALIBRATION
     half = calibration_for(CALIBRATION, 320, 240)
     assert (half.focal_px, half.doffs_px, half.width, half.num_disparities) == (450, 1.5, 320, 32)
-    unsized = Calibration(900.0, 0.1)
-    assert calibration_for(unsized, 11, 7) is unsized
+    for unsized in (Calibration(900.0, 0.1), OF_NO_SIZE, replace(OF_NO_SIZE, cx=1600.0)):  # turned towards each other
+        assert calibration_for(unsized, 600, 500) is unsized
 
 
 @pytest.mark.parametrize(
