@@ -407,10 +407,29 @@ AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
 divisors differ by a factor of two."""
 
 
-def likely_divisor(
+@dataclass(frozen=True)
+class TruthFit:
+    """How a ground truth fits its pair, beside a quick map.
+
+    Attributes
+    ----------
+    divisor
+        The divisor with the most agreeing pixels; that of the file, or the first, if there is a tie or no agreement.
+    doubt
+        A sentence where it hardly agrees with any; "" otherwise.
+    is_depth
+        Whether it plainly is depth, not disparity: no map may be judged by it.
+    """
+
+    divisor: float
+    doubt: str = ""
+    is_depth: bool = False
+
+
+def truth_fit(
     stored: npt.ArrayLike, left: Image, right: Image, divisors: Sequence[float] = DIVISORS, own: float | None = None
-) -> float:
-    """Return the divisor that makes the stored values agree best with a quick map.
+) -> TruthFit:
+    """Return how the stored values agree with a quick map, and the divisor that makes them agree best.
 
     Parameters
     ----------
@@ -423,11 +442,6 @@ def likely_divisor(
     own
         The divisor that the file itself speaks for, if it does: kept unless another agrees at half of the pixels, and
         at twice as many as this one.
-
-    Returns
-    -------
-    divisor
-        The divisor with the most agreeing pixels; if there is a tie or no agreement, `own` or the first.
     """
     left, right = cropped_alike(left, right)
     rows, cols = left.shape[:2]
@@ -435,43 +449,69 @@ def likely_divisor(
     values = scaled_disparity(np.asarray(stored)[:rows, :cols], factor)
     small = [scaled_image(image, factor) for image in (left, right)]
     reach = min(255, small[0].shape[1] // 2)  # no more than 8 bits hold
+    usual = divisors[0] if own is None else own
     try:
         found = StereoSGBM(num_disparities=max(16, reach // 16 * 16)).compute(*small).disparity
     except ValueError:  # too narrow for a search
-        return divisors[0] if own is None else own
+        return TruthFit(usual)
     known = np.isfinite(values) & np.isfinite(found)
-    if own is not None:  # next to 0, the smallest of any divisors would agree
-        known &= np.abs(found) > TELLING_PX
-    tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[known])
+    telling = known & (np.abs(found) > TELLING_PX)  # next to 0, the smallest of any divisors would agree
+    pixels = known if own is None else telling
 
-    def agreeing(divisor: float) -> int:
-        return int(np.count_nonzero(np.abs(values[known] / divisor - found[known]) <= tolerance))
+    def agreeing(read: npt.ArrayLike, pixels: npt.NDArray[np.bool_]) -> int:
+        tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[pixels])
+        return int(np.count_nonzero(np.abs(np.asarray(read)[pixels] - found[pixels]) <= tolerance))
 
-    best = max(divisors, key=agreeing)
-    if own is not None and agreeing(best) <= max(OTHERWISE * np.count_nonzero(known), 2 * agreeing(own)):
-        return own
-    return best
+    best = max(divisors, key=lambda divisor: agreeing(values / divisor, pixels))
+    others, enough = agreeing(values / best, pixels), OTHERWISE * np.count_nonzero(pixels)
+    if own is not None and others <= max(enough, 2 * agreeing(values / own, pixels)):
+        best = own
+    count = np.count_nonzero(telling)
+    if count < FEWEST_TELLING:
+        return TruthFit(best)
+    agrees = agreeing(values / best, telling)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        of_any_scale = agreeing(values * np.median(found[telling] / values[telling]), telling)
+        as_depth = agreeing(np.median(found[telling] * values[telling]) / values, telling)
+    if as_depth > OTHERWISE * count and as_depth > CLEARLY * max(agrees, of_any_scale):
+        return TruthFit(best, AS_DEPTH, is_depth=True)
+    if agrees >= UNFIT * count:
+        return TruthFit(best)
+    said = f"The ground truth agrees with a quick map at {100 * agrees / count:.0f} % of the pixels"
+    return TruthFit(best, f"{said}: is it of this left image, and its divisor right?")
 
 
 TELLING_PX = 3.0
 """Disparities of the quick map from which on it may speak against a file."""
 
 OTHERWISE = 0.5
-"""Share of the pixels at which a divisor must agree to be taken in place of the one that the file speaks for."""
+"""Share of the pixels at which another reading of a file must agree to be taken in place of its own."""
+
+CLEARLY = 1.25
+"""How many times as many pixels must agree with the inverse of a file's numbers as with these, if they are depth."""
+
+UNFIT = 0.3
+"""Share of the pixels below which a ground truth hardly agrees with a quick map: of 15, 0.77 and more."""
+
+FEWEST_TELLING = 500
+
+AS_DEPTH = (
+    "The ground truth looks like depth, not disparity: save focal length × baseline / depth, in px, in place of it."
+)
 
 OTHER_DIVISORS = tuple(sign * size for size in (1.0, 16.0, 64.0, 100.0, 128.0, 256.0) for sign in (1, -1))
 """Divisors of files with more than 8 bits: OpenCV 16, KITTI and Spring 256, DrivingStereo 128 or 256; a stereo camera's
 own program may count with the other sign."""
 
 
-def fitting_divisor(stored: StoredDisparity, left: Image, right: Image) -> float:
-    """Return the divisor of a ground truth that fits the pair, which may be another than its file speaks for."""
+def stored_truth_fit(stored: StoredDisparity, left: Image, right: Image) -> TruthFit:
+    """Return how a ground truth fits its pair; its divisor may be another than its file speaks for."""
     values = halved_truth(stored.divided(1.0), left.shape[:2])
     if stored.divisor is None:
-        return likely_divisor(values, left, right)
+        return truth_fit(values, left, right)
     if values.shape != left.shape[:2]:  # refused with the pair
-        return stored.divisor
-    return likely_divisor(values, left, right, OTHER_DIVISORS, stored.divisor)
+        return TruthFit(stored.divisor)
+    return truth_fit(values, left, right, OTHER_DIVISORS, stored.divisor)
 
 
 def halved_truth(truth: FloatMap, shape: tuple[int, ...]) -> FloatMap:
@@ -495,14 +535,21 @@ def divisor_in_words(stored: StoredDisparity, divisor: float) -> str:
 def truth_in_px(
     stored: StoredDisparity, left: Image, right: Image, divisor: float | None = None
 ) -> tuple[FloatMap, str]:
-    """Return the ground truth of a pair, px, and a sentence if a quick map speaks for its divisor.
+    """Return the ground truth of a pair, px, and a sentence if a quick map speaks for its divisor, or against it.
 
     `divisor`, if given, is taken as it is.
+
+    Raises
+    ------
+    ValueError
+        It plainly is depth.
     """
     said = ""
     if divisor is None:
-        divisor = fitting_divisor(stored, left, right)
-        said = divisor_in_words(stored, divisor)
+        fit = stored_truth_fit(stored, left, right)
+        if fit.is_depth:
+            raise ValueError(fit.doubt)
+        divisor, said = fit.divisor, fit.doubt or divisor_in_words(stored, fit.divisor)
     return halved_truth(stored.divided(divisor), left.shape[:2]), said
 
 
@@ -589,8 +636,12 @@ class PairSet:
         notes: list[str] = []
         truth = calibration = None
         if files.truth is not None:
-            truth, said = truth_in_px(guarded(read_stored_disparity)(self.read(files.truth)), left, right)
-            notes += filter(None, (said,))
+            stored = guarded(read_stored_disparity)(self.read(files.truth))
+            try:
+                truth, said = truth_in_px(stored, left, right)
+                notes += filter(None, (said,))
+            except ValueError as error:
+                notes.append(f"The pair’s ground truth is not used. {error}")
         if files.calibrations:
             from stereolag.io.calibrations import read_calibration
 

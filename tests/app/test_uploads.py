@@ -11,6 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.jobs import limits
 from stereolag.core.typography import typeset
+from stereolag.io.arrays import npy
 from tests.app import keys, reading, uploads
 from tests.app.pages import DEPTH, FIND, LAG, moved, open_page, uploaded
 from tests.app.reading import captions, figures, labelled, lag_found, shown, viewers
@@ -87,6 +88,15 @@ def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_anoth
     moved(app, {"pairs.divisor": 8.0})
     assert not app.error
     assert numbers(app)["EPE"] == before
+
+
+def test_depth_given_as_ground_truth_is_told_and_judges_nothing() -> None:
+    scene = uploads.texture(120, 240)
+    pair = pngs(left=scene[:, :200], right=np.vstack([scene[:60, 12:212], scene[60:, 24:224]]))
+    depth = np.repeat([[300 / 12], [300 / 24]], 60, axis=0) * np.ones(200)
+    app = open_own("pairs", **pair, truth=("depth.npy", npy(depth)))
+    assert "looks like depth" in app.error[0].value
+    assert "EPE" not in numbers(app)
 
 
 def test_uploads_are_still_there_when_the_visitor_comes_back() -> None:

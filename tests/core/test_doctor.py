@@ -25,7 +25,7 @@ from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
-from stereolag.pair import DIVISORS, likely_divisor
+from stereolag.pair import DIVISORS, truth_fit
 from stereolag.samples import drives, stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -452,7 +452,7 @@ def test_the_divisor_is_told_wherever_the_truth_fits_into_8_bits(divisor: int) -
     factor = min(1.0, 255 / (divisor * float(np.nanmax(truth))))
     values = np.rint(scaled_disparity(truth.astype(np.float32), factor) * divisor)
     stored = np.where(values == 0, np.nan, values).astype(np.float32)
-    assert likely_divisor(stored, scaled_image(left, factor), scaled_image(right, factor)) == divisor
+    assert truth_fit(stored, scaled_image(left, factor), scaled_image(right, factor)).divisor == divisor
 
 
 @pytest.mark.parametrize("name", ["tsukuba", "teddy", "cones", "aloe_half"])
@@ -460,13 +460,13 @@ def test_the_divisor_is_the_one_its_makers_name(name: str, data_dir: Path) -> No
     folder = data_dir / "stereo" / name
     left, right, truth = (next(folder.glob(f"{stem}.*")) for stem in ("left", "right", "gt"))
     meant = json.loads((folder / "calib.json").read_text(encoding="utf-8"))["disparity_divisor"]
-    assert likely_divisor(read_disparity(truth, divisor=1), read_image(left), read_image(right)) == meant
+    assert truth_fit(read_disparity(truth, divisor=1), read_image(left), read_image(right)).divisor == meant
 
 
 @pytest.mark.parametrize("side", [4, 40])
 def test_the_divisor_is_the_smallest_where_nothing_tells(side: int) -> None:
     flat = np.zeros((side, side), np.uint8)
-    assert likely_divisor(np.full((side, side), 40.0), flat, flat) == DIVISORS[0]
+    assert truth_fit(np.full((side, side), 40.0), flat, flat).divisor == DIVISORS[0]
 
 
 @pytest.mark.parametrize("number", [1, 12])

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from pairs import bundled
 from straight_and_raw import ENTRIES, P1, RECTIFYING, T, raw_pair, straight_pair
 
 import stereolag as sl
@@ -142,6 +143,16 @@ def test_the_ground_truth_of_other_programs_is_read_as_it_fits_the_pair(data: by
     own, said = truth_in_px(stored, left, right, divisor)
     assert said == ""
     np.testing.assert_array_equal(own[known], halved_truth(stored.divided(divisor), left.shape)[known])
+
+
+def test_depth_is_no_ground_truth_and_one_that_hardly_agrees_is_doubted() -> None:
+    left, right, truth = bundled("cube")
+    for depth in (15.3 / truth, np.rint(15_300 / truth).astype(np.uint16)):
+        with pytest.raises(ValueError, match="looks like depth, not disparity"):
+            truth_in_px(read_stored_disparity(npy(depth)), left, right)
+    other = read_stored_disparity(pfm(np.roll(truth, 150, axis=0)))
+    assert "agrees with a quick map at " in truth_in_px(other, left, right)[1]
+    assert truth_in_px(other, left, right, 1.0)[1] == ""
 
 
 def test_size_divides_all_that_is_known_and_by_itself_leaves_a_megapixel() -> None:

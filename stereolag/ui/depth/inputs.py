@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -31,15 +32,16 @@ from stereolag.pair import (
     PairId,
     PairSet,
     Preparation,
+    TruthFit,
     assemble_pair,
     divisor_in_words,
     example_pair,
-    fitting_divisor,
     halved_truth,
     likely_views,
     read_bundle,
     read_views,
     session_pair,
+    stored_truth_fit,
 )
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
@@ -384,9 +386,10 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         "whose divisor is found from the pair.",
     )
     divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
-    likely = None
+    fit = likely = None
     if given is not None and pictures is not None and divisor is None:
-        likely = _ask_divisor_of_truth(given, pictures)
+        fit = _fit_of_truth(given, pictures)
+        likely = None if fit is None or fit.is_depth else _ask_divisor_of_truth(fit, given, pictures)
     st.number_input(
         "Divisor of the ground truth" if likely is None else "Another divisor",
         value=None,
@@ -398,36 +401,43 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         return None
     divisor = divisor or likely or given.content.divisor or 1.0
     with refusals_shown():
+        if fit is not None and fit.is_depth:
+            raise ValueError(fit.doubt)
         truth = halved_truth(given.content.divided(divisor), pictures.left.shape[:2])
+        if fit is not None and fit.doubt:
+            prose.warning(fit.doubt)
         return Upload(f"{given.digest} {divisor:g}", truth)
     return None
 
 
-def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> float | None:
-    """Ask for the divisor of 8-bit values, or of values that do not fit the pair as the file has them; None if they do.
-
-    The default is the one that agrees best with a quick map of the pair.
-    """
-    stored = truth.content
-    try:
-        likely = computed(
+def _fit_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> TruthFit | None:
+    """Return how a ground truth fits the pair, None if it is refused with the pair, or empty."""
+    with suppress(ValueError):
+        return computed(
             "divisor",
-            lambda progress: np.array(fitting_divisor(stored, pictures.left, pictures.right)),
+            lambda progress: stored_truth_fit(truth.content, pictures.left, pictures.right),
             inputs=f"{pictures.digest} {truth.digest}",
             settings="",
             shared=False,
             label="Comparing the ground truth with the pair …",
         )
-    except ValueError:  # refused with the pair, or empty
-        return None
-    if float(likely) == stored.divisor:
+    return None
+
+
+def _ask_divisor_of_truth(fit: TruthFit, truth: Upload[StoredDisparity], pictures: Pictures) -> float | None:
+    """Ask for the divisor of 8-bit values, or of values that do not fit the pair as the file has them; None if they do.
+
+    The default is the one that agrees best with a quick map of the pair.
+    """
+    stored, likely = truth.content, fit.divisor
+    if likely == stored.divisor:
         return None
     asked = (
         "8 bits per pixel: stored value ÷ divisor = px"
         if stored.divisor is None
-        else (divisor_in_words(stored, float(likely)).split(":")[0] + f": read it as ÷ {float(likely):g}?")
+        else (divisor_in_words(stored, likely).split(":")[0] + f": read it as ÷ {likely:g}?")
     )
-    divisors = DIVISORS if stored.divisor is None else (float(likely), stored.divisor)
+    divisors = DIVISORS if stored.divisor is None else (likely, stored.divisor)
     largest = float(np.nanmax(np.abs(stored.divided(1.0))))
     return float(
         st.segmented_control(
