@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, CommandParser, SettingsFlags, read, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, SettingsFlags, read, tell
 from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def run(arguments: Sequence[str]) -> int:
         f"Recordings are {ACCEPTED}; one file with two channels is enough. Times in a column give rate and gaps. "
         "The sampling rate is that of the files, unless they state none or another is given; of two rates, the lower.",
         "FIRST [SECOND] [--speed M/S] [--method NAME] [--aligned FILE] [--json] [further settings]",
+        f"; {DOUBTFUL} done, but the lag is not sure, or both recordings are one signal",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
@@ -37,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
         parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
 
     from stereolag.core.inputs import checked_signal
-    from stereolag.io.clocks import at_one_rate, starts_apart
+    from stereolag.io.clocks import at_one_rate, saved_twice, starts_apart
     from stereolag.io.results import lag_figures
 
     names = options.first, options.second or options.first
@@ -62,14 +63,16 @@ def run(arguments: Sequence[str]) -> int:
     one, other = (checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True))
     result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
     figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
-    words = _in_words(result, settings, facts, assumed)
+    doubt = saved_twice(*channels)
+    figures |= {"doubts": [doubt] if doubt else []}
+    words = _in_words(result, settings, facts, assumed) + (f"\ndoubtful: {doubt}" if doubt else "")
     clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
     tell(figures, words + clocks, as_json=options.json)
     if options.aligned:
         from stereolag.io.recordings import write_aligned
 
         write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, rate)
-    return DONE
+    return DOUBTFUL if doubt or result.verdict != "sure" else DONE
 
 
 def _channel(recording: Recording, number: int, name: str) -> Recording:

@@ -35,6 +35,16 @@ MOST_SLIP = 0.5
 LONGEST_DOUBLE = 30_000_000
 """Samples, all channels, above which a recording is kept with the 24 bits of float32: 11 minutes at 44.1 kHz."""
 
+COMPARED = 100_000
+"""About as many samples of two recordings are compared."""
+SAME = 1e-6
+"""Share of its power by which a recording may differ from another and be the same signal: two sensors differ more."""
+FEWEST_LEVELS = 100
+"""Recordings of fewer values, such as triggers and counters, may be alike though two sensors made them."""
+ONE_SIGNAL = (
+    "Both recordings are one signal, saved twice: there is one sensor behind them, and a lag of 0 says nothing."
+)
+
 Channels: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
@@ -202,6 +212,18 @@ def starts_apart(first: Recording, second: Recording) -> float | None:
     if first.epoch != second.epoch or first.epoch == "start":
         return None
     return second.start_s - first.start_s
+
+
+def saved_twice(first: Recording, second: Recording) -> str:
+    """Return a sentence if two recordings, of a channel each, are one signal, as loud or not; "" otherwise."""
+    one, other = (
+        recording.channels[0, :: recording.channels.shape[1] // COMPARED + 1] for recording in (first, second)
+    )
+    if first.channels.shape != second.channels.shape or np.unique(one).size < FEWEST_LEVELS:
+        return ""
+    one, other = one - one.mean(dtype=np.float64), other - other.mean(dtype=np.float64)
+    together, apart = np.vdot(one, other) ** 2, np.vdot(one, one) * np.vdot(other, other)
+    return ONE_SIGNAL if together > (1 - SAME) * apart > 0 else ""
 
 
 def chosen_track(tracks: Sequence[str], track: int | str) -> int:

@@ -47,6 +47,9 @@ def test_one_file_of_two_channels_is_enough() -> None:
     app.selectbox[0].set_value(2)
     app.selectbox[1].set_value(1).run()
     assert lag_found(app) == -100
+    assert not app.warning
+    app.selectbox[0].set_value(1).run()
+    assert "Both recordings are one signal" in app.warning[0].value
 
 
 def test_only_what_a_mask_marks_is_looked_for() -> None:

@@ -89,7 +89,10 @@ def test_lag_tells_samples_and_metres(files: tuple[str, ...], ran: Command) -> N
 @pytest.mark.parametrize("seed", [2, 3])
 def test_no_lag_has_no_sign(seed: int, ran: Command) -> None:
     np.savetxt("same.txt", np.random.default_rng(seed).normal(size=800).round(3), "%.3f")
-    assert ran("lag", "same.txt", "same.txt").out.startswith("lag       0 samples (0.00 with its fraction)")
+    told = ran("lag", "same.txt", "same.txt")
+    assert told.out.startswith("lag       0 samples (0.00 with its fraction)")
+    assert "doubtful: Both recordings are one signal" in told.out
+    assert (told.code, ran("lag", "first.wav", "second.wav").code) == (3, 0)
 
 
 def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
@@ -105,9 +108,10 @@ def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
         (("tone_1.wav", "tone_2.wav"), "verdict   ambiguous: it repeats"),
         (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording reversed"),
     ):
-        said = ran("lag", *files).out
-        assert verdict in said
-        assert " m " not in said and said.startswith("highest   at ")
+        told = ran("lag", *files)
+        assert verdict in told.out
+        assert " m " not in told.out and told.out.startswith("highest   at ")
+        assert told.code == 3
 
 
 def test_lag_tells_steps_and_arrivals_and_writes_the_second_recording_on_the_clock_of_the_first(ran: Command) -> None:

@@ -16,7 +16,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import as_signal
 from stereolag.core.searches import LagSearch
 from stereolag.core.settings import Bounds, Problem, SettingsError
-from stereolag.io.clocks import Recording, at_one_rate
+from stereolag.io.clocks import Recording, at_one_rate, saved_twice
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.signals.listening import Heard, Listening
@@ -50,12 +50,13 @@ RECORDINGS = "recordings"
 
 @dataclass(frozen=True, eq=False)
 class RecordingPair(Inputs):
-    """Two recordings and their properties; None if unknown."""
+    """Two recordings and their properties, None if unknown; a sentence where something speaks against them."""
 
     signal_1: Vector
     signal_2: Vector
     sampling_rate: float | None
     speed: float | None
+    doubt: str = ""
 
     @property
     def longest_lag(self) -> int:
@@ -177,6 +178,7 @@ def _pair(
         as_signal(other.channels[0], "The recording of sensor 2"),
         one.sampling_rate or other.sampling_rate,
         None,
+        saved_twice(one, other),
     )
 
 

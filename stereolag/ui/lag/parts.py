@@ -73,6 +73,8 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     headline = verdict_in_words(result, assumed(pair, search))
     prose.header(headline, anchor=False)
     announce(headline)
+    if pair.doubt:
+        prose.warning(pair.doubt)
     for sentence in verdict_explained(result):
         prose.markdown(sentence)
     score, undone, judgement = result.score, "", result.judgement
