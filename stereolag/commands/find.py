@@ -60,7 +60,10 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
     if result.best is not None and result.reason in NOT_FOUND_BUT:
         return [f"Not found{NOT_FOUND_BUT[result.reason]}: {_place(result.best)}{_remark(result.best)}."]
     said = f"Not found: no place scores {query.min_score:g} or more."
-    return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
+    if result.best is not None:
+        said += f" The best: {_place(result.best)}."
+    as_it_is = query.min_scale == query.max_scale and not query.max_rotation
+    return [said, *(["Other sizes and angles: --min-scale, --max-scale, --max-rotation."] if as_it_is else [])]
 
 
 NOT_FOUND_BUT = {

@@ -278,10 +278,12 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
 def check_fits(image: Image, template: Image, least: float = 1.0) -> None:
     """Raise a ValueError for a template that, at the least of its sizes, is larger than the image."""
     if template.shape[0] * least > image.shape[0] or template.shape[1] * least > image.shape[1]:
+        (rows, cols), (height, width) = image.shape[:2], template.shape[:2]
         resized = "" if least == 1 else f" at {least:g} of its size"
+        swapped = " Each fits in the other’s place: change them over." if height >= rows and width >= cols else ""
         raise ValueError(
-            f"template is {template.shape[1]} × {template.shape[0]} pixels and image {image.shape[1]} × "
-            f"{image.shape[0]}; the template must fit into the image{resized}."
+            f"The template is {width} × {height} pixels and the image {cols} × {rows}; the template must fit into the "
+            f"image{resized}.{swapped}"
         )
 
 

@@ -218,6 +218,8 @@ def test_find_ends_with_three_where_there_is_nothing(ran: Command) -> None:
     told = ran(*arguments)
     assert (told.code, ran(*arguments, "--json").code) == (3, 3)
     assert told.out.startswith("Not found: no place scores 0.9 or more. The best: row ")
+    assert told.out.endswith("Other sizes and angles: --min-scale, --max-scale, --max-rotation.\n")
+    assert "--max-scale" not in ran(*arguments, "--max-rotation", "3").out
     assert "3 nothing is found" in ran("find", "--help").out.replace("\n", " ")
 
 

@@ -23,6 +23,7 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
 from stereolag.templates.patterns import opaque_pixels
+from stereolag.templates.search import check_fits
 from stereolag.ui import prose
 from stereolag.ui.addresses import Address, example_choice
 from stereolag.ui.components import component, deliver, packed_item
@@ -188,13 +189,7 @@ def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Imag
     image, small = (
         as_image(one.content, name, gaps=True) for one, name in ((picture, "image"), (template, "template"))
     )
-    (rows, cols), (height, width) = image.shape[:2], small.shape[:2]
-    if height > rows or width > cols:
-        swapped = " Each file fits in the other’s place: change them over." if height >= rows and width >= cols else ""
-        raise ValueError(
-            f"The template is {width} × {height} pixels and the image {cols} × {rows}; the template must fit into the "
-            f"image.{swapped}"
-        )
+    check_fits(image, small)
     digest = " ".join(one.digest for one in (picture, template, mask) if one)
     marked = None if mask is None else _fitting_mask(mask.content, small)
     return PictureAndTemplate("Your own images.", digest, False, image, small, marked)
