@@ -37,12 +37,13 @@ from stereolag.io.disparities import (
     read_stored_disparity,
     too_far,
 )
+from stereolag.io.ground_truth import truth_in_px
 from stereolag.io.images import image_file
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import write_file
 from stereolag.loops.compilation import load_loader
-from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, truth_in_px, upright
+from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, upright
 from stereolag.stereo.compiling import few_rows
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 

@@ -25,7 +25,7 @@ from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
-from stereolag.pair import DIVISORS, truth_fit
+from stereolag.io.ground_truth import DIVISORS, truth_fit
 from stereolag.samples import drives, stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]

@@ -18,6 +18,7 @@ from stereolag.assess.findings import Remedy
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.arrays import npy
 from stereolag.io.disparities import pfm, read_stored_disparity
+from stereolag.io.ground_truth import halved_truth, truth_in_px
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.settings import settings_json
 from stereolag.pair import (
@@ -29,12 +30,10 @@ from stereolag.pair import (
     Preparation,
     Rows,
     assemble_pair,
-    halved_truth,
     prepare,
     read_bundle,
     resized,
     session_pair,
-    truth_in_px,
 )
 from tests.archives import zipped
 

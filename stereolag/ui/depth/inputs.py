@@ -17,12 +17,12 @@ from stereolag.core.jobs import silent
 from stereolag.core.settings import scaled_settings
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES, StoredDisparity, read_stored_disparity
+from stereolag.io.ground_truth import DIVISORS, TruthFit, divisor_in_words, halved_truth, stored_truth_fit
 from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sessions import Session
 from stereolag.io.sources import is_archive
 from stereolag.pair import (
-    DIVISORS,
     SAME_PICTURE,
     SIZES,
     Bundle,
@@ -32,16 +32,12 @@ from stereolag.pair import (
     PairId,
     PairSet,
     Preparation,
-    TruthFit,
     assemble_pair,
-    divisor_in_words,
     example_pair,
-    halved_truth,
     likely_views,
     read_bundle,
     read_views,
     session_pair,
-    stored_truth_fit,
 )
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
