@@ -160,7 +160,8 @@ class Fit:
         self.variance = 0.0
         self.motion, trust = self._aligned(place, blur, posed, settled, sharp)
         rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
-        if rim and self.weights[rim:-rim, rim:-rim].sum() > LEAST_BLOCK**2:
+        inner = np.s_[rim:-rim, rim:-rim]
+        if rim and self.weights[inner].sum() > LEAST_BLOCK**2 and self._energy(inner) > self._energy(np.s_[:]) / 2:
             blur, trust = self._without_rim(rim, place, trust)
         self._beside = place.moved(self.motion)
         soft, lit, shown = (
@@ -189,6 +190,11 @@ class Fit:
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
         least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
         self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+
+    def _energy(self, some: Any) -> float:
+        """Return the energy of the template in some of its pixels."""
+        part = self._deviations[some]
+        return float(np.einsum("ijk,ijk,ij", part, part, self.weights[some]))
 
     def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[Blur, Plane]:
         """Fit the light without the rim, so many px, with which what is beyond it is mixed; return blur and trust."""
