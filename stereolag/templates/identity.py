@@ -170,7 +170,7 @@ def identity(
     structure = fit.structure()
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
-    kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all())
+    kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all(), posed=posed)
     if (
         kind in ("differs", "not_there")
         and not posed
@@ -332,7 +332,9 @@ something like it was taken for covered: another coin, the next line of a list, 
 """
 
 
-def _kind(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: float, *, outside: bool) -> Kind:
+def _kind(
+    fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: float, *, outside: bool, posed: bool
+) -> Kind:
     """Return what a place shows, from the blocks that disagree and the share of the structure seen in all others."""
     if not fit.is_opaque and fit.explained < LEAST_THROUGH:
         return "not_there"
@@ -343,7 +345,8 @@ def _kind(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: fl
             return "partly_covered"
         return "differs" if seen >= DIFFERS else "not_there"
     least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
-    if fit.is_opaque and fit.explained < least:
+    # Of another size, strokes are drawn anew or were averaged: small marks differ where it is the template, too.
+    if fit.is_opaque and (fit.explained < least or (not posed and fit.has_another_mark())):
         return "differs"
     if fit.recoloured >= RECOLOURED:
         return "other_colours"

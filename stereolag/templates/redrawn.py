@@ -18,7 +18,7 @@ import numpy as np
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane
-from stereolag.templates.fits import explained
+from stereolag.templates.fits import Windows, explained
 from stereolag.templates.patterns import Pattern, blurred
 
 SOFT = 0.55
@@ -162,7 +162,8 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
     by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
     gain, in_light = _light(drawn, seen, weights)
     lit = in_light(drawn)
-    if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
+    differs, _ = Windows(weights, LETTER * scale).compared(lit, seen, FAINTEST)
+    if (gain <= 0).all() or differs.max() > UNEXPLAINED:
         return None
     size = float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT]))
     if by_ink is not None and size >= 1:  # reduced, strokes are paler
@@ -319,22 +320,6 @@ def _size_by_ink(own: Plane, seen: Plane) -> float | None:
         logarithms.append((math.log(of_rows.sum()), math.log(variance) / 2))
     (ink_before, spread_before), (ink_after, spread_after) = logarithms
     return math.exp(OF_INK * (ink_after - ink_before) - OF_SPREAD * (spread_after - spread_before))
-
-
-def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> float:
-    """Return the largest squared difference of a letter, as a share of its variance."""
-
-    def about(plane: Plane) -> Plane:
-        soft = _blurred(plane * weights[:, :, np.newaxis], LETTER * scale)
-        return np.asarray(soft / shares[:, :, np.newaxis], dtype=np.float32)
-
-    shares = np.maximum(_blurred(weights, LETTER * scale), 1e-3)
-    variances = [np.maximum(about(one * one) - np.square(about(one)), 0).sum(axis=2) for one in (drawn, seen)]
-    away = drawn - seen
-    left = np.maximum(about(away * away) - np.square(about(away)), 0).sum(axis=2)
-    most = np.maximum(*variances)
-    letters = most > FAINTEST * most.max()
-    return float((left[letters] / most[letters]).max(initial=0.0))
 
 
 def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:
