@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import AROUND, FARTHEST, Matrix, Motions, Place, Plane, gradient
-from stereolag.templates.patterns import FULL_WEIGHT, Pattern
+from stereolag.templates.aligning import AROUND, FARTHEST, RIM, Matrix, Motions, Place, Plane, gradient
+from stereolag.templates.patterns import FULL_WEIGHT, Pattern, blurred
 from stereolag.templates.softening import LEAST_MIXED, Blur, Rim
 
 STEPS = 8
@@ -72,6 +72,14 @@ OF_MOVED = 0.5
 
 PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Shifts of a part of the template against the rest, px."""
+
+MARK, STRONG, ANOTHER, UNMOVED = 1.5, 0.4, 0.14, 0.08
+"""Spread of a window about a mark, px; least variance in it, as a share of the largest; and least squared difference in
+it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain.
+
+A frame that agrees, or many such marks, hide one from what is told block by block. Measured on cards and signs of a
+map: from 0.082 at 8 of 14 taken for others; up to 0.06 where the template is, but for 1 of 243.
+"""
 
 STEADY, MOST = 0.01, 0.3
 """Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
@@ -160,7 +168,8 @@ class Fit:
         self.variance = 0.0
         self.motion, trust = self._aligned(place, blur, posed, settled, sharp)
         rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
-        if rim and self.weights[rim:-rim, rim:-rim].sum() > LEAST_BLOCK**2:
+        inner = np.s_[rim:-rim, rim:-rim]
+        if rim and self.weights[inner].sum() > LEAST_BLOCK**2 and self._energy(inner) > self._energy(np.s_[:]) / 2:
             blur, trust = self._without_rim(rim, place, trust)
         self._beside = place.moved(self.motion)
         soft, lit, shown = (
@@ -189,6 +198,11 @@ class Fit:
         level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
         least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
         self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+
+    def _energy(self, some: Any) -> float:
+        """Return the energy of the template in some of its pixels."""
+        part = self._deviations[some]
+        return float(np.einsum("ijk,ijk,ij", part, part, self.weights[some]))
 
     def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[Blur, Plane]:
         """Fit the light without the rim, so many px, with which what is beyond it is mixed; return blur and trust."""
@@ -313,6 +327,29 @@ class Fit:
         """Return the same share of these blocks alone."""
         counts = self._flat((self.over(blocks) & self.counted).astype(np.float32))
         return explained(self._flat(self.seen), self._flat(self.predicted), counts) if counts.any() else 0.0
+
+    def has_another_mark(self) -> bool:
+        """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
+        left = self.seen - self.predicted
+        if _squares(self._flat(left)).max() < NONE * self.variance:
+            return False
+        windows = Windows(self.weights, MARK)
+        shares, most = windows.compared(self.predicted, self.seen, STRONG)
+        where = np.zeros(self.shape, dtype=np.bool_)
+        where[RIM:-RIM, RIM:-RIM] = shares[RIM:-RIM, RIM:-RIM] > ANOTHER
+        if not where.any():
+            return False
+
+        def common(one: Plane, other: Plane) -> Matrix:
+            return windows.mean((one * other).sum(axis=2, keepdims=True))[where].ravel().astype(np.float64)
+
+        bend = cv2.Laplacian(self.predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE).reshape(left.shape)
+        terms = [*gradient(self.predicted), np.asarray(bend, dtype=np.float32)]
+        products = np.array([[common(one, other) for other in terms] for one in terms]).transpose(2, 0, 1)
+        sums = np.stack([common(one, left) for one in terms], axis=1)
+        ridge = (1e-9 + 1e-3 * float(products.max())) * np.eye(len(terms))
+        moves = np.linalg.solve(products + ridge, sums[:, :, np.newaxis])[:, :, 0]
+        return bool((common(left, left) - (moves * sums).sum(axis=1) > UNMOVED * most[where]).any())
 
     def grain_in(self, blocks: npt.NDArray[np.bool_]) -> float:
         """Return the mean square of the grain of the place in these blocks, over that of what remains there.
@@ -541,6 +578,40 @@ def beyond(one: Plane, other: Plane) -> Plane:
     highest, lowest = (change(other, square).reshape(other.shape) for change in (cv2.dilate, cv2.erode))
     upper, lower = other + TOLERANCE * (highest - other), other + TOLERANCE * (lowest - other)
     return np.asarray(np.maximum(np.maximum(lower - one, one - upper), 0))
+
+
+class Windows:
+    """Means and variances over windows of a few px, of what counts.
+
+    Parameters
+    ----------
+    weights
+        (rows, cols), how much a pixel counts.
+    spread
+        Spread of the windows, px.
+    """
+
+    def __init__(self, weights: Plane, spread: float) -> None:
+        self._weights, self._spread = weights[:, :, np.newaxis], spread
+        self._shares = np.maximum(blurred(weights, spread, cv2.BORDER_REPLICATE), 1e-3)[:, :, np.newaxis]
+
+    def mean(self, plane: Plane) -> Plane:
+        """Return the means of a plane (rows, cols, channels)."""
+        soft = blurred(plane * self._weights, self._spread, cv2.BORDER_REPLICATE)
+        return np.asarray(soft.reshape(plane.shape) / self._shares, dtype=np.float32)
+
+    def variance(self, plane: Plane) -> Plane:
+        """Return the variances of a plane, summed over channels."""
+        return np.asarray(np.maximum(self.mean(plane * plane) - np.square(self.mean(plane)), 0).sum(axis=2))
+
+    def compared(self, drawn: Plane, seen: Plane, faintest: float) -> tuple[Plane, Plane]:
+        """Return the squared differences, as shares of the larger variance, 0 where that is faint; and that variance.
+
+        Faint is less than this share of the largest: nothing is drawn there that could differ.
+        """
+        most = np.maximum(self.variance(drawn), self.variance(seen))
+        left = self.variance(drawn - seen) / np.maximum(most, 1e-12)
+        return np.asarray(np.where(most > faintest * most.max(), left, 0), dtype=np.float32), most
 
 
 def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:

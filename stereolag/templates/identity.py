@@ -17,7 +17,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
-from stereolag.templates.drawn_over import drawn_over, has_outline
+from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, without_gaps
 from stereolag.templates.fits import (
     COUNTED,
     COUNTS,
@@ -170,7 +170,7 @@ def identity(
     structure = fit.structure()
     agrees = ~disagrees & (counts | (structure == 0))
     seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
-    kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all())
+    kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all(), posed=posed)
     if (
         kind in ("differs", "not_there")
         and not posed
@@ -332,7 +332,9 @@ something like it was taken for covered: another coin, the next line of a list, 
 """
 
 
-def _kind(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: float, *, outside: bool) -> Kind:
+def _kind(
+    fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: float, *, outside: bool, posed: bool
+) -> Kind:
     """Return what a place shows, from the blocks that disagree and the share of the structure seen in all others."""
     if not fit.is_opaque and fit.explained < LEAST_THROUGH:
         return "not_there"
@@ -343,7 +345,8 @@ def _kind(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: fl
             return "partly_covered"
         return "differs" if seen >= DIFFERS else "not_there"
     least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
-    if fit.is_opaque and fit.explained < least:
+    # Of another size, strokes are drawn anew or were averaged: small marks differ where it is the template, too.
+    if fit.is_opaque and (fit.explained < least or (not posed and fit.has_another_mark())):
         return "differs"
     if fit.recoloured >= RECOLOURED:
         return "other_colours"
@@ -404,14 +407,15 @@ def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
 def _is_in_another_state(fit: Fit, disagrees: npt.NDArray[np.bool_], differ: Mask) -> bool:
     """Return whether what differs is a part of the template in another state: nothing is in front of it.
 
-    The template has its outline, or that of what differs most, as JPEG has haloes around it; or only the place of what
-    the template has there is another, as of the mark of a choice; or another mark is there in its ink.
+    The template has its outline, or that of what differs most, as JPEG has haloes around it; or a plain thing of the
+    template is gone; or only the place of what the template has there is another, as of the mark of a choice; or
+    another mark is there in its ink.
     """
     if not differ.any():
         return False
     squares = fit.differences(sharp=True)
     most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0]))
-    if any(has_outline(fit.template, _thing(one)) for one in (differ, most)):
+    if any(has_outline(fit.template, _thing(one)) for one in (differ, most)) or is_gone(*fit.sharp, differ):
         return True
     given, seen = (plane[differ] for plane in fit.sharp)
     in_order = np.abs(np.sort(given, axis=0) - np.sort(seen, axis=0)).mean()
@@ -438,9 +442,7 @@ def _is_in_its_ink(given: Plane, seen: Plane) -> bool:
 
 def _thing(differ: Mask) -> Mask:
     """Return the convex hull of the largest thing that differs, without what is thinner than 3 px."""
-    closed = cv2.morphologyEx(differ.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    found, _ = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    found, _ = cv2.findContours(without_gaps(differ), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     thing = np.zeros(differ.shape, np.uint8)
     if found:
         cv2.fillConvexPoly(thing, cv2.convexHull(max(found, key=cv2.contourArea)), 1)

@@ -18,7 +18,7 @@ import numpy as np
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane
-from stereolag.templates.fits import explained
+from stereolag.templates.fits import Windows, explained
 from stereolag.templates.patterns import Pattern, blurred
 
 SOFT = 0.55
@@ -79,9 +79,9 @@ Measured on 409 words drawn anew at 110 to 150 %: off by more than 5 % in 3; by 
 In screens reduced to 50 to 80 % and compressed: in 8 of 9, and by height and width in 3.
 """
 
-ON_GROUND, BESIDE, RULED = 0.05, 0.05, 0.85
-"""Largest ink of the ground and of a gap in a line, as a share of the most; share of the rim that may have more; and
-least share of a row or column of a frame that has more. Frames are rounded less than letters, and tell the size."""
+ON_GROUND, RULED = 0.05, 0.85
+"""Largest ink of the ground and of a gap in a line, as a share of the most; and least share of a row or column of a
+frame that has more. Frames are rounded less than letters, and tell the size."""
 
 
 _blurred = partial(blurred, border=cv2.BORDER_REPLICATE)
@@ -162,7 +162,8 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
     by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
     gain, in_light = _light(drawn, seen, weights)
     lit = in_light(drawn)
-    if (gain <= 0).all() or _unexplained(lit, seen, weights, scale) > UNEXPLAINED:
+    differs, _ = Windows(weights, LETTER * scale).compared(lit, seen, FAINTEST)
+    if (gain <= 0).all() or differs.max() > UNEXPLAINED:
         return None
     size = float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT]))
     if by_ink is not None and size >= 1:  # reduced, strokes are paler
@@ -310,8 +311,7 @@ def _size_by_ink(own: Plane, seen: Plane) -> float | None:
             return None
         ink *= math.copysign(1 / most, float(ink.sum()))
         marked = np.abs(ink) > ON_GROUND
-        rim = np.concatenate([marked[0], marked[-1], marked[:, 0], marked[:, -1]])
-        if rim.mean() > BESIDE or max(marked.mean(axis=0).max(), marked.mean(axis=1).max()) > RULED:
+        if max(marked.mean(axis=0).max(), marked.mean(axis=1).max()) > RULED:
             return None
         of_rows = ink.clip(0).sum(axis=1)
         away = np.arange(len(of_rows)) - np.average(np.arange(len(of_rows)), weights=of_rows)
@@ -319,22 +319,6 @@ def _size_by_ink(own: Plane, seen: Plane) -> float | None:
         logarithms.append((math.log(of_rows.sum()), math.log(variance) / 2))
     (ink_before, spread_before), (ink_after, spread_after) = logarithms
     return math.exp(OF_INK * (ink_after - ink_before) - OF_SPREAD * (spread_after - spread_before))
-
-
-def _unexplained(drawn: Plane, seen: Plane, weights: Plane, scale: float) -> float:
-    """Return the largest squared difference of a letter, as a share of its variance."""
-
-    def about(plane: Plane) -> Plane:
-        soft = _blurred(plane * weights[:, :, np.newaxis], LETTER * scale)
-        return np.asarray(soft / shares[:, :, np.newaxis], dtype=np.float32)
-
-    shares = np.maximum(_blurred(weights, LETTER * scale), 1e-3)
-    variances = [np.maximum(about(one * one) - np.square(about(one)), 0).sum(axis=2) for one in (drawn, seen)]
-    away = drawn - seen
-    left = np.maximum(about(away * away) - np.square(about(away)), 0).sum(axis=2)
-    most = np.maximum(*variances)
-    letters = most > FAINTEST * most.max()
-    return float((left[letters] / most[letters]).max(initial=0.0))
 
 
 def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import cv2
@@ -224,6 +225,63 @@ def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
     template, seen = drawn(other), drawn(not other)
     assert shown(seen, template, 0, 0).kind not in FOUND
     assert shown(template, template, 0, 0).kind == "same"
+
+
+def card(mark: str) -> Array:
+    """Return six equal marks of 7 px on a card, on a dark ground."""
+    fine = np.full((60 * FINER, 46 * FINER, 3), (30, 110, 60), np.uint8)
+    cv2.rectangle(fine, (4 * FINER, 4 * FINER), (42 * FINER, 56 * FINER), (252, 252, 250), -1)
+    for row, col in product((14, 30, 46), (14, 32)):
+        at = np.array([col, row])
+        corners = {
+            "up": [(0, -4), (4, 3), (-4, 3)],
+            "down": [(0, 4), (4, -3), (-4, -3)],
+            "diamond": [(0, -4), (4, 0), (0, 4), (-4, 0)],
+            "cross": [(-3, -4), (0, -1), (3, -4), (4, -3), (1, 0), (4, 3), (3, 4), (0, 1), (-3, 4), (-4, 3), (-1, 0)],
+        }[mark]
+        cv2.fillPoly(fine, [(at + corners) * FINER], (20, 20, 20))
+    return np.asarray(cv2.resize(fine, (46, 60), interpolation=cv2.INTER_AREA))
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.6])
+def test_a_card_with_other_small_marks_is_a_sibling_though_all_blocks_differ_alike(spread: float) -> None:
+    for mark, other in product(("up", "down", "diamond", "cross"), repeat=2):
+        seen = cv2.GaussianBlur(card(other), (0, 0), spread)
+        assert (shown(seen, card(mark), 0, 0).kind in FOUND) == (mark == other), (mark, other)
+
+
+def brick(long: int) -> Array:
+    """Return a brick of so many units of 16 px in grey mortar, with light and dark edges and a stud on each unit."""
+    drawn = np.full((22, 16 * long + 4, 3), (200, 200, 195), np.uint8)
+    cv2.rectangle(drawn, (2, 2), (16 * long + 1, 19), (110, 20, 175), -1)
+    cv2.line(drawn, (2, 19), (16 * long + 1, 19), (75, 15, 120), 1)
+    for unit in range(long):
+        cv2.circle(drawn, (10 + 16 * unit, 10), 4, (150, 40, 235), -1, cv2.LINE_AA)
+    return drawn
+
+
+@pytest.mark.parametrize("seen", [3, 4])
+@pytest.mark.parametrize("spread", [0.3, 0.6])
+def test_a_longer_brick_is_not_the_template_though_it_differs_in_the_rim_alone(seen: int, spread: float) -> None:
+    wall = np.tile(np.hstack([brick(seen), brick(5)]), (3, 1, 1))
+    picture = in_jpeg(np.asarray(cv2.GaussianBlur(wall, (0, 0), spread)))
+    assert (shown(picture, brick(3), 22, 0).kind in FOUND) == (seen == 3)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.7])
+def test_a_hat_that_is_gone_is_not_covered(spread: float) -> None:
+    picture = photograph(5)
+    cv2.ellipse(picture, (130, 120), (22, 30), 0, 0, 360, (200, 150, 110), -1, cv2.LINE_AA)
+    for col in (121, 139):
+        cv2.circle(picture, (col, 112), 4, (30, 30, 30), -1, cv2.LINE_AA)
+    cv2.ellipse(picture, (130, 132), (9, 5), 0, 10, 170, (150, 30, 30), 2, cv2.LINE_AA)
+    hat = picture.copy()
+    cv2.rectangle(hat, (114, 70), (146, 100), (20, 140, 150), -1)
+    template = hat[76:152, 98:162].copy()
+    seen, covered = (np.asarray(cv2.GaussianBlur(one, (0, 0), spread)) if spread else one for one in (picture, hat))
+    covered[70:98, 110:150] = (160, 60, 160)
+    assert shown(seen, template, 76, 98).kind not in FOUND
+    assert shown(covered, template, 76, 98).kind == "partly_covered"
 
 
 @pytest.mark.parametrize("upright", [False, True])
