@@ -73,9 +73,10 @@ OF_MOVED = 0.5
 PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Shifts of a part of the template against the rest, px."""
 
-MARK, STRONG, ANOTHER, UNMOVED = 1.5, 0.4, 0.14, 0.08
+MARK, STRONG, ANOTHER, UNMOVED, NOISY = 1.5, 0.4, 0.14, 0.08, 20
 """Spread of a window about a mark, px; least variance in it, as a share of the largest; and least squared difference in
-it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain.
+it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain; and how
+many times the median of all differences that is at least, as noise and JPEG make 2 to 14, and other marks 48 and more.
 
 A frame that agrees, or many such marks, hide one from what is told block by block. Measured on cards and signs of a
 map: from 0.082 at 8 of 14 taken for others; up to 0.06 where the template is, but for 1 of 243.
@@ -349,7 +350,9 @@ class Fit:
         sums = np.stack([common(one, left) for one in terms], axis=1)
         ridge = (1e-9 + 1e-3 * float(products.max())) * np.eye(len(terms))
         moves = np.linalg.solve(products + ridge, sums[:, :, np.newaxis])[:, :, 0]
-        return bool((common(left, left) - (moves * sums).sum(axis=1) > UNMOVED * most[where]).any())
+        rest = common(left, left) - (moves * sums).sum(axis=1)
+        usual = float(np.median(windows.variance(left)[RIM:-RIM, RIM:-RIM]))
+        return bool((rest > np.maximum(UNMOVED * most[where], NOISY * usual)).any())
 
     def grain_in(self, blocks: npt.NDArray[np.bool_]) -> float:
         """Return the mean square of the grain of the place in these blocks, over that of what remains there.

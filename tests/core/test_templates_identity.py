@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag import TemplateMatch, TemplateSearch, match_template
+from stereolag import TemplateMatch, TemplateSearch, match_template, read_image
+from stereolag.samples import stereo_pairs
 from stereolag.templates.identity import Identity, identity
 from stereolag.templates.patterns import pattern_of
 from stereolag.templates.verdict import FOUND
@@ -248,6 +249,13 @@ def test_a_card_with_other_small_marks_is_a_sibling_though_all_blocks_differ_ali
     for mark, other in product(("up", "down", "diamond", "cross"), repeat=2):
         seen = cv2.GaussianBlur(card(other), (0, 0), spread)
         assert (shown(seen, card(mark), 0, 0).kind in FOUND) == (mark == other), (mark, other)
+
+
+@pytest.mark.parametrize(("name", "row", "col"), [("cube", 404, 457), ("giraffes", 55, 481)])
+def test_noise_is_no_other_mark(name: str, row: int, col: int) -> None:
+    picture = read_image(stereo_pairs()[name].left)[:, :, :3]
+    noisy = np.clip(picture + np.random.default_rng(0).normal(0, 10, picture.shape), 0, 255).astype(np.uint8)
+    assert shown(noisy, picture[row : row + 60, col : col + 90], row, col).kind == "same"
 
 
 def brick(long: int) -> Array:
