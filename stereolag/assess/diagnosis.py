@@ -29,7 +29,15 @@ from stereolag.assess.findings import (
     judge_sides,
     judged,
 )
-from stereolag.assess.layout import Anaglyph, find_views, flat, likely_layout, mirrored_matches, repetition
+from stereolag.assess.layout import (
+    Anaglyph,
+    find_views,
+    flat,
+    likely_layout,
+    mirrored_matches,
+    repetition,
+    turned_alone,
+)
 from stereolag.assess.orientation import (
     LENS_LEFT,
     bend_of,
@@ -234,9 +242,10 @@ def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> t
     mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=count)
     if not mirrored.healthy:
         return (mirrored,)
-    views = find_views(found)
+    angle = turned_alone(found)
+    views = None if angle else find_views(found)
     if views is None:
-        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None)
+        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle)
     above = views.above_each_other
     quarters = quarters_upright(found) if above else 0
     stand = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)

@@ -17,11 +17,13 @@ from stereolag.assess.orientation import (
     LEAST_NOISE_PX,
     find_correspondences,
     fundamental_matrix,
+    match_noise,
     robust_fit,
     row_spread,
     row_terms,
     vertical_plane,
 )
+from stereolag.assess.uncalibrated import centre_of, fit_rectification
 from stereolag.core.arrays import DoubleMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
@@ -196,6 +198,16 @@ FLAT_SHARE = 0.95
 """Share of the matches that follow one homography from which on nothing is known of the other camera's place: the rest
 may be wrong matches."""
 
+MOSTLY_FLAT = 0.5
+"""Share of the matches that follow one homography from which on a rotation is looked for: a lens bends the others."""
+
+LONGEST_FOCAL = 2.5
+"""Focal length in image widths from which on a rotation hardly differs from a shift."""
+
+NOISE_LEFT = 1.5
+"""Spread of what a rotation leaves of the matches, over their noise, up to which it explains them: up to 1.2 are
+left of simulated ones, 1.4 of pictures that were resampled."""
+
 EPIPOLE_TRIALS, EPIPOLE_PX = 2000, 1.5
 """Most samples of matches drawn, and the distance from an epipolar line up to which a match agrees, px at the size at
 which features were matched."""
@@ -319,14 +331,36 @@ def _told_by_lines(points: Correspondences, lines: DoubleMap) -> bool:
     return float((turned - moved).sum()) > EVIDENCE
 
 
-def flat(points: Correspondences) -> bool:
-    """Return whether matches follow one homography: of a camera that only turned, or of a plane.
+def flat(points: Correspondences, least: float = FLAT_SHARE) -> bool:
+    """Return whether at least this share of the matches follows one homography: of a camera that turned, or of a plane.
 
     They tell neither where the other camera stands nor what is in front of what.
     """
     tolerance = EPIPOLE_PX / points.scale
     _, same = cv2.findHomography(points.left, points.right, cv2.USAC_MAGSAC, tolerance, maxIters=EPIPOLE_TRIALS)
-    return same is not None and float(np.mean(same)) > FLAT_SHARE
+    return same is not None and float(np.mean(same)) > least
+
+
+def turned_alone(points: Correspondences) -> float:
+    """Return the angle between two pictures of one camera that only turned, degrees; 0 if it is not surely that.
+
+    A rotation brings all matches to their places, up to their noise, and better than an affine map and a lens do: so
+    rectified cameras see a plane. Cameras that are turned may see a plane as one that only turned does.
+    """
+    if len(points) < FEWEST_MATCHES or not flat(points, MOSTLY_FLAT):
+        return 0.0
+    turning = fit_rectification(points, lens=True, depth=False)
+    left_over = turning.errors(points)
+    agreeing = float(np.mean(np.hypot(*left_over.T) * points.scale < EPIPOLE_PX))
+    noise = max(LEAST_NOISE_PX, match_noise(points, left_over[:, 1]))
+    left, right = ((one - centre_of(points.shape)) / points.shape[1] for one in (points.left, points.right))
+    lens = right * (right**2).sum(axis=1, keepdims=True) - left * (left**2).sum(axis=1, keepdims=True)
+    affine = np.kron(np.eye(2), np.column_stack([np.ones(len(points)), left]))
+    terms, moved = np.column_stack([affine, lens.T.ravel()]), np.concatenate([points.dx, points.dy]).astype(np.float64)
+    on_a_plane = moved - terms @ robust_fit(terms, moved)
+    gain = np.log1p((on_a_plane / noise) ** 2).sum() - np.log1p((left_over / noise) ** 2).sum()
+    explained = agreeing > FLAT_SHARE and row_spread(left_over.ravel()) < NOISE_LEFT * noise and gain > EVIDENCE
+    return turning.turn if explained and turning.focal < LONGEST_FOCAL else 0.0
 
 
 def repetition(image: Image) -> float:
