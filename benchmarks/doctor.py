@@ -112,6 +112,7 @@ def _blank(left: Array, right: Array) -> Views:
 DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "none": (lambda left, right: (left, right), ""),
     "sides exchanged": (lambda left, right: (right, left), "swapped"),
+    "cropped, all behind": (lambda left, right: (left[:, 60:], right[:, :-60]), ""),
     "one file twice": (lambda left, right: (left, left), "identical"),
     "a camera that turned": (_turned, "one_moving_camera"),
     "right mirrored": (lambda left, right: (left, right[:, ::-1]), "mirrored"),

@@ -30,7 +30,9 @@ from stereolag.assess.findings import (
     judged,
 )
 from stereolag.assess.layout import (
+    SURE_ORDER,
     Anaglyph,
+    depth_order,
     find_views,
     flat,
     likely_layout,
@@ -207,7 +209,7 @@ def diagnose(
     identical = judge_identical(difference, moved, found.scale)
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
-    geometry = _judge_geometry(points) if points is not None and upright else ()
+    geometry = _judge_geometry(images, points) if points is not None and upright else ()
     sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
     seen = coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
     findings = (
@@ -316,7 +318,7 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     )
 
 
-def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
+def _judge_geometry(images: tuple[Image, Image], points: Correspondences) -> tuple[Finding, ...]:
     """Judge the relative orientation of the views."""
     offset = median(points.dy)
     spread = 1.4826 * median(np.abs(points.dy - offset))
@@ -344,7 +346,10 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     alone = rows.remedy is None and rotation.healthy
     moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
     if straight is None or rows.remedy is None:
-        return judge_sides(*disparities_of(points)), moved, rotation, rows
+        sides = judge_sides(*disparities_of(points))
+        if not sides.healthy and depth_order(exposed_alike(*images, points), images[0]) < -SURE_ORDER:
+            sides = replace(sides, healthy=True, remedy=None)  # one picture was cropped: infinity is below 0
+        return sides, moved, rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = percentiles(disparities, 2, 98)
     shares = [float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1)]

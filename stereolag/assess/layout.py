@@ -5,6 +5,7 @@ Both in one picture, and how it is divided; or in two that are mirrored, above e
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -23,6 +24,7 @@ from stereolag.assess.orientation import (
     row_terms,
     vertical_plane,
 )
+from stereolag.assess.search_range import quick_map, reduced
 from stereolag.assess.uncalibrated import centre_of, fit_rectification
 from stereolag.core.arrays import DoubleMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
@@ -98,9 +100,9 @@ DEEP, LEAST_DEEP = 1.5, 0.3
 def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     """Return how both views stand in a picture, and whether the right one comes first; None if it holds but one.
 
-    Of the ways to divide it, the one under which most pixels find a partner; the view that comes first is the left one
-    if things in front shift to the left in the other, as far as that is to be seen. Whether views are squeezed follows
-    from their shape alone.
+    Of the ways to divide it, the one under which most pixels find a partner. The view that comes first is the left one
+    if most things shift to the left in the other, unless what hides what surely says otherwise: many pictures made for
+    screens are cropped until all is behind them. Whether views are squeezed follows from their shape alone.
 
     Raises
     ------
@@ -122,11 +124,13 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
                 "to be matched. Give both views as they were taken."
             )
         return None
-    height, width = views(image, layout)[0].shape[:2]
+    left, right = views(image, layout)
+    height, width = left.shape[:2]
     low, high = SQUEEZED[layout is Layout.OVER_UNDER]
     if low <= width / height <= high:
         layout = Layout.HALF_BESIDE if layout is Layout.BESIDE else Layout.HALF_OVER_UNDER
-    return layout, middle < 0
+    crossed = middle < 0
+    return layout, crossed != (depth_order(*((right, left) if crossed else (left, right))) < -SURE_ORDER)
 
 
 def _matched(left: Image, right: Image) -> tuple[float, float]:
@@ -211,6 +215,17 @@ left of simulated ones, 1.4 of pictures that were resampled."""
 EPIPOLE_TRIALS, EPIPOLE_PX = 2000, 1.5
 """Most samples of matches drawn, and the distance from an epipolar line up to which a match agrees, px at the size at
 which features were matched."""
+
+HIDDEN_WIDTH = 640
+"""Width to which a pair is reduced to see what hides what, px."""
+
+LEAST_STEP, UNEVEN, EDGE_PX, NOISE_GREYS = 3.0, 0.4, 7, 4.0
+"""Least step of the disparity beside a strip that only one view shows, px; how far its width may differ from that, as a
+share of it; the width in which its edge is looked for, px; and grey levels that tell nothing."""
+
+SURE_VOTE, SURE_ORDER = 0.6, 5.0
+"""Sum of both cues of a strip, each from -1 to 1, that counts, and the standard deviations of all that are certain: of
+195 pairs with what is in front in front, the lowest has -3.8."""
 
 REPEATS = 0.7
 """Correlation of the picture with itself from which on it repeats along its rows."""
@@ -361,6 +376,32 @@ def turned_alone(points: Correspondences) -> float:
     gain = np.log1p((on_a_plane / noise) ** 2).sum() - np.log1p((left_over / noise) ** 2).sum()
     explained = agreeing > FLAT_SHARE and row_spread(left_over.ravel()) < NOISE_LEFT * noise and gain > EVIDENCE
     return turning.turn if explained and turning.focal < LONGEST_FOCAL else 0.0
+
+
+def depth_order(left: Image, right: Image) -> float:
+    """Return how surely disparity grows towards things in front, standard deviations; below 0: towards those behind.
+
+    A thing in front hides a strip of what is behind it from one camera alone. Beside each step of the disparity such a
+    strip resembles what is behind, and ends at an edge of what is in front. Adjoining rows tell the same.
+    """
+    votes = []
+    views = [reduced(one, HIDDEN_WIDTH) for one in as_eight_bit(as_grey(left), as_grey(right))]
+    for one, other in (views, [np.ascontiguousarray(view[:, ::-1]) for view in views[::-1]]):
+        found, grey, width = quick_map(one, other).ravel(), one.astype(np.float64), one.shape[1]
+        known = np.flatnonzero(np.isfinite(found))
+        before, after = known[:-1], known[1:]
+        strip, step = after - before - 1, found[after] - found[before]
+        inside = (before // width == after // width) & (before % width >= strip) & (after % width + strip < width)
+        told = inside & (step >= LEAST_STEP) & (np.abs(strip - step) <= 1 + UNEVEN * step)
+        before, after, strip = before[told], after[told], strip[told]
+        sums = np.append(0.0, np.cumsum(grey))
+        low, hidden, high = ((sums[end] - sums[end - strip]) / strip for end in (before + 1, after, after + strip))
+        edges = cv2.dilate(np.abs(np.gradient(grey, axis=1)), np.ones((1, EDGE_PX))).ravel()
+        cues = (np.abs(hidden - high), np.abs(hidden - low)), (edges[after], edges[before])
+        votes.append(sum((pro - contra) / (pro + contra + NOISE_GREYS) for pro, contra in cues))
+    every = np.concatenate(votes)
+    sure = every[np.abs(every) > SURE_VOTE]
+    return float(np.sign(sure).sum()) / math.sqrt(max(1, sure.size))
 
 
 def repetition(image: Image) -> float:

@@ -22,7 +22,7 @@ from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
 from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import FindingCode, Remedy
-from stereolag.assess.layout import turned_alone
+from stereolag.assess.layout import Layout, likely_layout, turned_alone
 from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
@@ -35,6 +35,9 @@ NAN = float("nan")
 ROTATION = FindingCode.ROTATION
 GEOMETRY = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
 
+
+CUTS = slice(40, None), slice(-40)
+"""Columns of the left and of the right picture, which move all disparities by 40 px."""
 
 bundled = partial(pairs.bundled, size=0.5)
 """Half their size, which is fast."""
@@ -312,6 +315,17 @@ def test_the_suggested_range_holds_what_there_is_and_little_more(name: str) -> N
     first, count = diagnosis.suggested_range
     assert covered(diagnosis, known) > 0.998
     assert -16 <= first <= low < high <= first + count - 1 <= high + 0.3 * (high - low) + 31
+
+
+@pytest.mark.parametrize("name", ["cube", "road"])
+def test_pictures_cropped_until_all_is_behind_their_frame_are_not_taken_for_swapped(name: str) -> None:
+    *views, truth = bundled(name)
+    left, right = (np.ascontiguousarray(view[:, cut]) for view, cut in zip(views, CUTS, strict=True))
+    diagnosis = diagnose(left, right)
+    assert not amber(diagnosis) & {*GEOMETRY, FindingCode.BENT_ROWS}
+    assert covered(diagnosis, truth[np.isfinite(truth)] - 40) > 0.99
+    assert likely_layout(np.hstack([left, right])) == (Layout.BESIDE, False)
+    assert likely_layout(np.hstack([right, left])) == (Layout.BESIDE, True)
 
 
 # Unrectified pairs: the model
