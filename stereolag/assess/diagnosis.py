@@ -347,8 +347,10 @@ def _judge_geometry(images: tuple[Image, Image], points: Correspondences) -> tup
     moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
     if straight is None or rows.remedy is None:
         sides = judge_sides(*disparities_of(points))
-        if not sides.healthy and depth_order(exposed_alike(*images, points), images[0]) < -SURE_ORDER:
-            sides = replace(sides, healthy=True, remedy=None)  # one picture was cropped: infinity is below 0
+        if not sides.healthy:
+            left, right = apply_remedy(images[0], exposed_alike(*images, points), Remedy.LEVEL, found=points)
+            if depth_order(right, left) < -SURE_ORDER:  # pictures were cropped, or cameras turned: infinity is below 0
+                sides = replace(sides, healthy=True, remedy=None)
         return sides, moved, rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = percentiles(disparities, 2, 98)
