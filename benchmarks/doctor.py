@@ -116,6 +116,7 @@ DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "one file twice": (lambda left, right: (left, left), "identical"),
     "a camera that turned": (_turned, "one_moving_camera"),
     "right mirrored": (lambda left, right: (left, right[:, ::-1]), "mirrored"),
+    "right upside down": (lambda left, right: (left, right[::-1, ::-1]), "rotation"),
     "left mirrored": (lambda left, right: (left[:, ::-1], right), "mirrored"),
     "both mirrored": (lambda left, right: (left[:, ::-1], right[:, ::-1]), "swapped"),
     "the left above": (lambda left, right: (np.rot90(left, -1), np.rot90(right, -1)), "above_each_other"),

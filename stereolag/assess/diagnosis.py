@@ -80,6 +80,9 @@ SURROUNDINGS = 1 / 15
 """Side of the squares in which brightness is compared, as a share of the width: a view that is out of focus is not
 darker, nor has less contrast there."""
 
+MOST_TURNED = 45.0
+"""Degrees between both pictures beyond which nothing else is told of their geometry before they are level."""
+
 SURELY = 2.0
 """Standard deviations from 0 at which the sign of a disparity is certain."""
 
@@ -92,7 +95,7 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features. LAYOUT is asked only if another finding is ill; of a pair whose
+        is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is asked only if another finding is ill; of a pair whose
         geometry is healthy the answer is known, as a wall of bricks resembles itself. Arrangement (MIRRORED to
         NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
         arrangement that is ill, and the range if the sides are swapped or it cannot be determined. A remedy is offered
@@ -210,7 +213,7 @@ def diagnose(
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
     geometry = _judge_geometry(images, points) if points is not None and upright else ()
-    sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
+    sides_known = not geometry or any(one.healthy for one in geometry if one.code == FindingCode.SWAPPED)
     seen = coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
     findings = (
         judge_matches(len(found)),
@@ -341,6 +344,8 @@ def _judge_geometry(images: tuple[Image, Image], points: Correspondences) -> tup
     # The remedy for bent rows also corrects offset and rotation; that for a rotation also the offset.
     turns = {"rotation_deg": math.degrees(math.atan2(across, 1 - down)), "scale": 1 / math.hypot(across, 1 - down)}
     rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if rows.remedy is None else None, **turns)
+    if abs(turns["rotation_deg"]) > MOST_TURNED:
+        return (rotation,)
     if not rotation.healthy:  # the median of the matches would tell where they are, off the centre of the rotation
         offset = float(central)
     alone = rows.remedy is None and rotation.healthy

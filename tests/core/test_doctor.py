@@ -122,6 +122,17 @@ def test_cameras_above_each_other_are_told_and_turned(upper_first: bool) -> None
     assert not amber(diagnose(*mended) if turned_by else healthy("road")) & {*GEOMETRY, FindingCode.ABOVE_EACH_OTHER}
 
 
+@pytest.mark.parametrize("name", ["road", "square"])
+def test_a_picture_upside_down_is_told_and_turned_back_and_nothing_else_is_said_of_its_geometry(name: str) -> None:
+    left, right, truth = bundled(name)
+    upside_down = np.ascontiguousarray(right[::-1, ::-1])
+    diagnosis = diagnose(left, upside_down)
+    assert amber(diagnosis) == {ROTATION} and diagnosis.suggested_range is None
+    assert abs(diagnosis.finding(ROTATION).numbers["rotation_deg"]) == pytest.approx(180, abs=0.5)
+    again = diagnose(*apply_remedy(left, upside_down, diagnosis.finding(ROTATION).remedy))
+    assert amber(again) <= {FindingCode.RANGE} and covered(again, truth[np.isfinite(truth)]) > 0.99
+
+
 def test_a_mirrored_picture_is_told_and_mirrored_back() -> None:
     left, right, _ = bundled("road")
     diagnosis = diagnose(left, right[:, ::-1])
