@@ -95,11 +95,12 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is asked only if another finding is ill; of a pair whose
-        geometry is healthy the answer is known, as a wall of bricks resembles itself. Arrangement (MIRRORED to
-        NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
-        arrangement that is ill, and the range if the sides are swapped or it cannot be determined. A remedy is offered
-        only if a small copy of the pair has a plausible map after it, and a better one than before.
+        is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is
+        asked only if another finding is ill; of a pair whose geometry is healthy the answer is known, as a wall of
+        bricks resembles itself. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are omitted for identical
+        pictures; geometry and range also for an arrangement that is ill, and the range if the sides are swapped or it
+        cannot be determined. A remedy is offered only if a small copy of the pair has a plausible map after it, and a
+        better one than before.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
