@@ -89,6 +89,13 @@ def _tilted(left: Array, right: Array) -> Views:
     return left, np.asarray(cv2.warpAffine(right, turn, right.shape[1::-1], borderMode=cv2.BORDER_REFLECT))
 
 
+def _turned(left: Array, right: Array) -> Views:
+    height, width = left.shape[:2]
+    seen_by = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
+    turn = seen_by @ cv2.Rodrigues(np.radians([1.0, 3.0, 1.0]))[0] @ np.linalg.inv(seen_by)
+    return left, np.asarray(cv2.warpPerspective(left, turn, (width, height), borderMode=cv2.BORDER_REFLECT))
+
+
 def _framed(left: Array, right: Array) -> Views:
     black = right.copy()
     black[-right.shape[0] // 10 :] = 0
@@ -105,8 +112,11 @@ def _blank(left: Array, right: Array) -> Views:
 DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "none": (lambda left, right: (left, right), ""),
     "sides exchanged": (lambda left, right: (right, left), "swapped"),
+    "cropped, all behind": (lambda left, right: (left[:, 60:], right[:, :-60]), ""),
     "one file twice": (lambda left, right: (left, left), "identical"),
+    "a camera that turned": (_turned, "one_moving_camera"),
     "right mirrored": (lambda left, right: (left, right[:, ::-1]), "mirrored"),
+    "right upside down": (lambda left, right: (left, right[::-1, ::-1]), "rotation"),
     "left mirrored": (lambda left, right: (left[:, ::-1], right), "mirrored"),
     "both mirrored": (lambda left, right: (left[:, ::-1], right[:, ::-1]), "swapped"),
     "the left above": (lambda left, right: (np.rot90(left, -1), np.rot90(right, -1)), "above_each_other"),

@@ -29,7 +29,17 @@ from stereolag.assess.findings import (
     judge_sides,
     judged,
 )
-from stereolag.assess.layout import Anaglyph, find_views, flat, likely_layout, mirrored_matches, repetition
+from stereolag.assess.layout import (
+    SURE_ORDER,
+    Anaglyph,
+    depth_order,
+    find_views,
+    flat,
+    likely_layout,
+    mirrored_matches,
+    repetition,
+    turned_alone,
+)
 from stereolag.assess.orientation import (
     LENS_LEFT,
     bend_of,
@@ -70,6 +80,9 @@ SURROUNDINGS = 1 / 15
 """Side of the squares in which brightness is compared, as a share of the width: a view that is out of focus is not
 darker, nor has less contrast there."""
 
+MOST_TURNED = 45.0
+"""Degrees between both pictures beyond which nothing else is told of their geometry before they are level."""
+
 SURELY = 2.0
 """Standard deviations from 0 at which the sign of a disparity is certain."""
 
@@ -82,11 +95,12 @@ class Diagnosis:
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is omitted with too few matched features. LAYOUT is asked only if another finding is ill; of a pair whose
-        geometry is healthy the answer is known, as a wall of bricks resembles itself. Arrangement (MIRRORED to
-        NOT_SAME_MOMENT), geometry and range are omitted for identical pictures; geometry and range also for an
-        arrangement that is ill, and the range if the sides are swapped or it cannot be determined. A remedy is offered
-        only if a small copy of the pair has a plausible map after it, and a better one than before.
+        is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is
+        asked only if another finding is ill; of a pair whose geometry is healthy the answer is known, as a wall of
+        bricks resembles itself. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are omitted for identical
+        pictures; geometry and range also for an arrangement that is ill, and the range if the sides are swapped or it
+        cannot be determined. A remedy is offered only if a small copy of the pair has a plausible map after it, and a
+        better one than before.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
@@ -199,8 +213,8 @@ def diagnose(
     identical = judge_identical(difference, moved, found.scale)
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
     upright = identical.healthy and all(finding.healthy for finding in arrangement)
-    geometry = _judge_geometry(points) if points is not None and upright else ()
-    sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
+    geometry = _judge_geometry(images, points) if points is not None and upright else ()
+    sides_known = not geometry or any(one.healthy for one in geometry if one.code == FindingCode.SWAPPED)
     seen = coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
     findings = (
         judge_matches(len(found)),
@@ -234,9 +248,10 @@ def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> t
     mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=count)
     if not mirrored.healthy:
         return (mirrored,)
-    views = find_views(found)
+    angle = turned_alone(found)
+    views = None if angle else find_views(found)
     if views is None:
-        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None)
+        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle)
     above = views.above_each_other
     quarters = quarters_upright(found) if above else 0
     stand = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
@@ -307,7 +322,7 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     )
 
 
-def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
+def _judge_geometry(images: tuple[Image, Image], points: Correspondences) -> tuple[Finding, ...]:
     """Judge the relative orientation of the views."""
     offset = median(points.dy)
     spread = 1.4826 * median(np.abs(points.dy - offset))
@@ -330,12 +345,19 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     # The remedy for bent rows also corrects offset and rotation; that for a rotation also the offset.
     turns = {"rotation_deg": math.degrees(math.atan2(across, 1 - down)), "scale": 1 / math.hypot(across, 1 - down)}
     rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if rows.remedy is None else None, **turns)
+    if abs(turns["rotation_deg"]) > MOST_TURNED:
+        return (rotation,)
     if not rotation.healthy:  # the median of the matches would tell where they are, off the centre of the rotation
         offset = float(central)
     alone = rows.remedy is None and rotation.healthy
     moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
     if straight is None or rows.remedy is None:
-        return judge_sides(*disparities_of(points)), moved, rotation, rows
+        sides = judge_sides(*disparities_of(points))
+        if not sides.healthy:
+            left, right = apply_remedy(images[0], exposed_alike(*images, points), Remedy.LEVEL, found=points)
+            if depth_order(right, left) < -SURE_ORDER:  # pictures were cropped, or cameras turned: infinity is below 0
+                sides = replace(sides, healthy=True, remedy=None)
+        return sides, moved, rotation, rows
     disparities, deviations = straight.disparities(points)
     lowest, highest = percentiles(disparities, 2, 98)
     shares = [float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1)]

@@ -88,7 +88,7 @@ class Finding:
         MIRRORED   ``count`` of features that agree with the right image once it is mirrored, 0 if not tried
         ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
                    ``quarters`` of a turn, counter-clockwise; ``x``, ``y`` of the epipole, if it is near, in widths and
-                   heights of the left image
+                   heights of the left image; ``turned_deg`` of one camera that only turned
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
                    an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
         ROWS       ``offset_px``: median of dy, right minus left, or that at the centre of a rotated or scaled image;
@@ -163,12 +163,16 @@ def judge_layout(layout: Layout | None) -> Finding:
     return judged(FindingCode.LAYOUT, layout is not None, None, **numbers)
 
 
-def judge_moments(epipole: Epipole | None) -> tuple[Finding, Finding]:
-    """Judge whether one moving camera took both images, and whether they are of one moment, by an epipole near them."""
+def judge_moments(epipole: Epipole | None, turned: float = 0.0) -> tuple[Finding, Finding]:
+    """Judge whether one moving camera took both images, and whether they are of one moment.
+
+    By an epipole near them, and the angle by which one camera only turned, degrees, 0 if it did not.
+    """
     place = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
     inside = epipole is not None and epipole.inside
+    by = {"turned_deg": turned} if turned else place
     return (
-        judged(FindingCode.ONE_MOVING_CAMERA, inside, None, **place),
+        judged(FindingCode.ONE_MOVING_CAMERA, inside or turned > 0, None, **by),
         judged(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **place),
     )
 

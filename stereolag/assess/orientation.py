@@ -243,6 +243,10 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     thorough = match_features(views, shape, scale, binary=False)
     distinct = quick.distinctive().joined(thorough.distinctive())
     every = replace(quick.points.joined(thorough.points), candidates=distinct)
+    quarters = 0
+    if len(distinct) >= FEWEST_FITTED:  # a picture on its side, or on its head
+        quarters = max(range(4), key=lambda number: np.count_nonzero(_on_a_plane(_turned_right(distinct, number))))
+        every, distinct = _turned_right(every, quarters), _turned_right(distinct, quarters)
     models = []
     if len(distinct) >= FEWEST_FITTED:
         seeds = fundamental_matrix(distinct, EPIPOLAR_PX, MOST_TRIALS)[1], _on_a_plane(distinct)
@@ -252,7 +256,13 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     best = models[int(np.argmin(costs))] if models else None
     if best is None or best.agrees(distinct, TOLERANCES_PX[-1]).sum() < CHANCE_SHARE * len(distinct):
         return every.chosen(np.arange(0))
-    return _followed(every, every.chosen(best.agrees(every, TOLERANCES_PX[-1])))
+    return _turned_right(_followed(every, every.chosen(best.agrees(every, TOLERANCES_PX[-1]))), -quarters)
+
+
+def _turned_right(points: Correspondences, quarters: int) -> Correspondences:
+    """Return the matches with the right picture turned by quarters about its centre."""
+    centre, turn = centre_of(points.shape), np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarters % 4)
+    return replace(points, right=((points.right - centre) @ turn + centre).astype(np.float32))
 
 
 def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> tuple[DoubleMap | None, Mask]:

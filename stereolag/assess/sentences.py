@@ -30,7 +30,7 @@ SENTENCES: Mapping[FindingCode, tuple[str, str]] = {
     ),
     FindingCode.ONE_MOVING_CAMERA: (
         "No camera stands in front of the other.",
-        "One moving camera may have taken both images: points move away from {epipole}, so rows do not match.",
+        "One moving camera may have taken both images: {motion}.",
     ),
     FindingCode.NOT_SAME_MOMENT: (
         "Nothing moved between the images.",
@@ -99,8 +99,12 @@ def _words(finding: Finding) -> dict[str, str | float]:
             where, squeezed = ("beside", "width") if numbers["beside"] else ("above", "height")
             return {"where": where, "squeezed": f", squeezed to half their {squeezed}" if numbers["half"] else ""}
         case FindingCode.ONE_MOVING_CAMERA | FindingCode.NOT_SAME_MOMENT if not finding.healthy:
+            if "turned_deg" in numbers:
+                only = f"by {numbers['turned_deg']:.1f}°"
+                return {"motion": f"all points move as if it had only turned, {only}, which tells nothing of depth"}
             epipole = f"one place, {100 * numbers['x']:.0f} % across and {100 * numbers['y']:.0f} % down the image"
-            return {"epipole": epipole, "fitting": _fitting(numbers.get("frames", 0))}
+            motion = f"points move away from {epipole}, so rows do not match"
+            return {"epipole": epipole, "motion": motion, "fitting": _fitting(numbers.get("frames", 0))}
         case FindingCode.SWAPPED:
             run = f"disparities run from {numbers['lowest_px']:.0f} to {numbers['highest_px']:.0f} px"
             unclear = (

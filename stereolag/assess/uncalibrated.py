@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,8 +21,8 @@ with its shape.
 This prior only resolves ambiguities in the matches: a planar scene, or views too narrow to tell rotation from shift.
 """
 
-LENS, SHAPE = 7, 8
-"""Indices of the lens coefficient and its shape among the parameters."""
+FOCAL, LENS, SHAPE = 5, 7, 8
+"""Indices of the focal length, the lens coefficient and its shape among the parameters."""
 
 NOISE_PX = 0.3
 """Typical error of a match, px at the size at which it was matched."""
@@ -76,10 +77,25 @@ class UncalibratedRectification:
         """Return the lens coefficient; 0 if none was fitted."""
         return float(self.parameters[LENS])
 
+    @property
+    def focal(self) -> float:
+        """Return the focal length of the left camera, image widths."""
+        return math.exp(self.parameters[FOCAL])
+
+    @property
+    def turn(self) -> float:
+        """Return the angle by which the right camera is turned from the left one, degrees."""
+        (left, _), (right, _) = _cameras(self.parameters)[1]
+        return math.degrees(float(np.linalg.norm(cv2.Rodrigues(left @ right.T)[0])))
+
     def row_errors(self, points: Correspondences) -> DoubleMap:
         """Return the remaining row differences of matches, right minus left, px."""
+        return self.errors(points)[:, 1]
+
+    def errors(self, points: Correspondences) -> DoubleMap:
+        """Return the remaining (n, 2) differences (x, y) of matches, right minus left, px."""
         straight = _straightened(self.parameters, points.shape, points.left, points.right)
-        return _row_differences(self.parameters, points.shape, *straight)
+        return _differences(self.parameters, points.shape, *straight)
 
     def agrees(self, points: Correspondences, tolerance: float) -> Mask:
         """Return which matches are on the same row to `tolerance` px, at the size at which they were matched."""
@@ -121,12 +137,12 @@ class UncalibratedRectification:
 
 
 def fit_rectification(
-    points: Correspondences, *, lens: bool, start: UncalibratedRectification | None = None
+    points: Correspondences, *, lens: bool, start: UncalibratedRectification | None = None, depth: bool = True
 ) -> UncalibratedRectification:
     """Fit the model to matches robustly, by damped least squares of the row differences with Cauchy weights.
 
     The matches are mostly right. The lens coefficient is 0 unless `lens` is set. It starts from another model, or from
-    cameras side by side.
+    cameras side by side. Without `depth`, of a camera that only turned, columns are to match as well.
     """
     if len(points) > MOST_POINTS:
         points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
@@ -138,7 +154,7 @@ def fit_rectification(
         lens_of = _radial(given)
         if lens_of not in known:
             known[lens_of] = _straightened(given, points.shape, points.left, points.right)
-        return _row_differences(given, points.shape, *known[lens_of]) * points.scale
+        return _differences(given, points.shape, *known[lens_of])[:, depth:].ravel() * points.scale
 
     free = np.arange(len(USUAL) if lens else LENS)
     parameters = np.zeros(len(USUAL))
@@ -185,11 +201,12 @@ def cost_of_errors(errors: DoubleMap, noise: float, parameters: DoubleMap) -> fl
     return total if np.isfinite(total) else np.inf
 
 
-def _row_differences(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> DoubleMap:
+def _differences(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> DoubleMap:
+    """Return the (n, 2) differences of undistorted points once the cameras are turned, right minus left, px."""
     # A step of the fit may try impossible cameras; their cost is infinite.
     with np.errstate(all="ignore"):
         left, right = _turned(parameters, shape, *straight)
-        return np.asarray(right[:, 1] - left[:, 1])
+        return np.asarray(right - left)
 
 
 def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:

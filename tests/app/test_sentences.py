@@ -316,6 +316,7 @@ ILL = (
     findings.judge_layout(Layout.HALF_BESIDE),
     findings.judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=1),
     *findings.judge_moments(Epipole(0.58, 0.46)),
+    findings.judge_moments(None, 3.14)[0],
     judge_range(Diagnosis((), (2.0, 50.0), (0, 64)), 0, 16),
     judge_range(Diagnosis((), (2.0, 15.0), (0, 16), 24.0), 0, 48),
     judge_range(Diagnosis((), (2.0, 2.4), (-3, 16)), -3, 256),
