@@ -147,11 +147,10 @@ JOBS = {
     "lag by products": _lag(200_000, options=", method='direct', max_lag=40"),
     "lag by votes": _lag(60_000, options=", method='sampled'"),
     "template by fft": _search("image(1060, 1414)", "a[200:700, 300:870]"),
-    "template by fft, nearly as large as the picture": _search("image(1060, 1414)", "a[20:1020, 30:1330]"),
-    "template by fft, as large in a blurred picture": _search(
-        "image(1060, 1414)", "a[20:1020, 30:1330].copy(); a = cv2.GaussianBlur(a, (0, 0), 0.9)"
+    "template by fft, nearly as large as the blurred picture": _search(
+        "image(740, 990)", "a[14:714, 20:930].copy(); a = cv2.GaussianBlur(a, (0, 0), 0.9)"
     ),
-    "template by fft, large and in colours": _search("colours(1060, 1414)", "a[200:700, 300:870]"),
+    "template by fft, large and in colours": _search("colours(740, 990)", "a[140:490, 210:610]"),
     "template by fft, nowhere": _search("image(1060, 1414)", "image(30, 30)"),
     "template by fft, in colours nowhere": _search("colours(640, 850)", "colours(110, 110)"),
     "template by fft, masked": _search("colours(640, 850)", "masked(a[200:410, 300:580])"),
