@@ -97,7 +97,7 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
 
 
 @given(searches())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)
@@ -270,7 +270,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
     return rows * cols / (one.height * one.width)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )

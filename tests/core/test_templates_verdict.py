@@ -49,7 +49,7 @@ def discs(seed: int) -> Array:
     return np.clip(cv2.GaussianBlur(drawn, (0, 0), 0.7), 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("side", "seed"), [(5, 1), (6, 0), (6, 1), (8, 1), (8, 12)])
+@pytest.mark.parametrize(("side", "seed"), [(5, 1), (6, 0), (8, 12)])
 def test_a_few_pixels_are_not_found_where_another_place_fits_better(side: int, seed: int) -> None:
     picture, square = discs(seed + 100), np.ones((3, 3), np.uint8)
     steep = cv2.subtract(cv2.dilate(picture, square), cv2.erode(picture, square))[20:-20, 20:-20]
