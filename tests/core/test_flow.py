@@ -54,7 +54,7 @@ def middle(values, margin=40):
 )
 def test_recovers_a_known_shift(dtype, dy, dx):
     first, second = shifted_pair(150, 190, dy, dx, dtype=dtype)
-    flow = optical_flow(first, second, search=48)
+    flow = optical_flow(first, second, search=32)
     assert np.isfinite(middle(flow.dx)).mean() > 0.98
     assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.025
     assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.025
