@@ -272,9 +272,7 @@ def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_place
 @pytest.mark.parametrize(
     ("rates", "uneven", "gaps"),
     [
-        ((100, 100), (0.0, 0.0), (0.0, 3.0)),
         ((200, 99.1), (0.0, 0.3), (2.5, 0.0)),
-        ((104.17, 102.4), (0.3, 0.3), (0.0, 0.0)),
         ((97.3, 50), (0.3, 0.0), (2.5, 3.7)),
     ],
 )
