@@ -67,20 +67,16 @@ def test_the_table_counts_both_searches_and_lists_each_fault(monkeypatch: pytest
 
 # Searches of every kind that users bring.
 
-MISSED = {("covered by 30 to 40 percent", 0), ("mouse pointers", 1)}
-"""Searches whose template is there and said not to be; the tables of the benchmarks tell how often that is so."""
+MISSED = "covered by 30 to 40 percent"
+"""A search whose template is there and said not to be; the tables of the benchmarks tell how often that is so."""
 
 
 @pytest.mark.usefixtures("data_dir")  # without public pictures other photographs are drawn
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_template_is_found_wherever_it_is_and_nowhere_else(kind: str) -> None:
-    for seed in range(2):
-        given = trial(kind, seed)
-        if seed and given.options.keys() & {"scales", "rotations"}:
-            continue  # a search of sizes and angles takes a second or more
-        answer = our_answer(given)
-        expected = "missed" if (kind, seed) in MISSED else "right"
-        assert outcome(given, answer, posed=True) == expected, (seed, answer)
+    given = trial(kind, 0)
+    answer = our_answer(given)
+    assert outcome(given, answer, posed=True) == ("missed" if kind == MISSED else "right"), answer
 
 
 @pytest.mark.usefixtures("data_dir")

@@ -286,8 +286,7 @@ def bent(points: np.ndarray, by: float) -> np.ndarray:
     ("points", "off_grid", "doubt"),
     [
         pytest.param(FLAT, 0.0, (), id="flat"),
-        pytest.param(bent(FLAT, 0.1), 0.066, (), id="bent by a tenth of a square"),
-        pytest.param(bent(FLAT, 0.25), 0.155, (), id="bent by a quarter"),
+        pytest.param(bent(FLAT, 0.25), 0.155, (), id="bent by a quarter of a square"),
         pytest.param(FLAT * (1, 1.03, 1), 0.064, ("The squares are 3.0 % higher",), id="stretched"),
     ],
 )

@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first, second = noise[123:], noise[:4000]
     sounds = {"first": (first, 8000), "second": (second, 8000), "faster": (resample_poly(second, 2, 1), 16000)}
     sounds |= {"both": (np.column_stack([first, second]), 8000)}
-    sounds["silence"] = np.zeros(4000), 8000
+    sounds |= {"other": (np.random.default_rng(1).uniform(-0.5, 0.5, 4000), 8000), "silence": (np.zeros(4000), 8000)}
     for name, (heard, rate) in sounds.items():
         soundfile.write(folder / f"{name}.wav", heard, rate)
     np.savetxt(folder / "first.txt", first)
@@ -96,8 +96,6 @@ def test_no_lag_has_no_sign(seed: int, ran: Command) -> None:
 
 
 def test_lag_gives_no_metres_where_it_is_not_sure(ran: Command) -> None:
-    random = np.random.default_rng(1)
-    soundfile.write("other.wav", random.uniform(-0.5, 0.5, 4000), 8000)
     tone = 0.5 * np.sin(2 * np.pi * np.arange(4100) / 100)
     soundfile.write("tone_1.wav", tone[:4000], 8000)
     soundfile.write("tone_2.wav", tone[100:], 8000)

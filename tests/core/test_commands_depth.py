@@ -120,22 +120,6 @@ def test_without_a_folder_nothing_is_written(folder: Path, ran: Command) -> None
     assert sorted(folder.iterdir()) == before
 
 
-@pytest.mark.parametrize("choice", [("--preset", "accurate"), ("--method", "bm")], ids=str)
-def test_settings_that_were_written_make_the_same_map_and_a_flag_goes_on_top(
-    choice: tuple[str, str], tmp_path: Path, ran: Command
-) -> None:
-    first, same, moved = (tmp_path / name for name in "abc")
-    settings = "--settings", first / "settings.json"
-    assert ran(*TRUSTED, *choice, "--num-disparities", 32, "--out", first).code == 0
-    assert ran(*TRUSTED, *settings, "--out", same).code == 0
-    for name in MAP_FILES:
-        assert (first / name).read_bytes() == (same / name).read_bytes()
-    assert ran(*TRUSTED, *settings, "--min-disparity", -16, "--out", moved).code == 0
-    once, again = (sl.read_matcher(one / "settings.json") for one in (first, moved))
-    assert once.search_range() == (0, 32)
-    assert again == once.with_search_range(-16, 32)
-
-
 def test_the_range_of_the_calibration_is_searched_unless_another_is_given(tmp_path: Path, ran: Command) -> None:
     calibration = tmp_path / "calibration.json"
     calibration.write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2, "num_disparities": 27}))

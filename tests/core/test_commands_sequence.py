@@ -109,7 +109,8 @@ def test_motion_is_told_if_asked(tmp_path: Path, ran: Command) -> None:
         assert refused.code == 4 and said in refused.err
     (tmp_path / "camera.json").write_text(calibration_json(moving_drives.CAMERA))
     out = tmp_path / "out"
-    told = ran("sequence", tmp_path / "drive.zip", "--out", out, "--calibration", tmp_path / "camera.json", "--motion")
+    given = ("--calibration", tmp_path / "camera.json", "--num-disparities", 32, "--trust", "--motion")
+    told = ran("sequence", tmp_path / "drive.zip", "--out", out, *given)
     assert (told.code, told.err) == (0, "")
     speeds = [float(row["own_speed_kmh"]) for row in rows_of(out) if row["method"] == "motion"]
     assert speeds == pytest.approx([moving_drives.OWN_KMH] * 2, rel=0.05)

@@ -19,7 +19,7 @@ from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.signals import signal_lag
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
+from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, TextureTest
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
@@ -195,24 +195,6 @@ def test_bad_images_are_refused_with_the_value(matcher: StereoMatcher, left: Any
         matcher.compute(left, right)
 
 
-@pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
-@pytest.mark.parametrize(("dtype", "channels"), [(np.uint8, None), (np.uint8, 4), (np.uint16, 3), (np.float32, 3)])
-def test_every_matcher_takes_the_same_images(matcher: StereoBM, dtype: type, channels: int | None) -> None:
-    images = shifted_pair(70, 180, 0, -6, dtype=dtype)
-    if channels:
-        images = tuple(np.repeat(image[:, :, None], channels, axis=2) for image in images)
-    disparity = matcher.compute(*images).disparity[20:-20, 110:-20]
-    assert abs(np.nanmedian(disparity) - 6) < 0.1
-    assert np.isfinite(disparity).mean() > 0.8
-
-
-def test_progress_runs_to_the_end() -> None:
-    seen: list[float] = []
-    matcher = CorrelationMatcher(window_size=9, overlap=0.9, search=SearchArea.centred(19))
-    matcher.compute(*shifted_pair(80, 100, 0, -4), progress=seen.append)
-    assert seen == sorted(seen) and seen[-1] == pytest.approx(1)
-
-
 def test_motorcycle_is_measured_as_well_as_the_report_says(data_dir: object) -> None:
     folder = data_dir / "stereo" / "motorcycle_q"
     left, right = (read_image(folder / name) for name in ("left.png", "right.png"))
@@ -267,19 +249,6 @@ def test_each_check_gives_its_own_reason() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (2, 80, 160), dtype=np.uint8)
     unrelated = CorrelationMatcher(window_size=9, search=search, left_right=LeftRightCheck()).compute(*noise)
     assert np.mean(unrelated.reason == Reason.LEFT_RIGHT) > 0.3
-
-
-def test_speckles_are_dropped_and_the_median_smooths() -> None:
-    left, right = shifted_pair(80, 160, 0, -6)
-    noisy = np.clip(right + np.random.default_rng(1).normal(0, 25, right.shape), 0, 255).astype(np.uint8)
-    rough, clean, smooth = (
-        CorrelationMatcher(window_size=5, search=SearchArea.rectified(16), **stages).compute(left, noisy)
-        for stages in ({}, {"speckle": SpeckleFilter(size=40)}, {"median": MedianFilter()})
-    )
-    assert np.count_nonzero(clean.reason == Reason.SPECKLE) > 10
-    assert np.all(np.isnan(clean.disparity) >= np.isnan(rough.disparity))
-    inner = np.s_[10:-10, 30:-10]
-    assert np.nanstd(smooth.disparity[inner]) < 0.7 * np.nanstd(rough.disparity[inner])
 
 
 @pytest.mark.parametrize("name", ["cube", "square", "road"])

@@ -161,8 +161,7 @@ def test_both_views_in_each_picture_are_told() -> None:
     assert diagnose(left, left).finding(FindingCode.LAYOUT).healthy
 
 
-@pytest.mark.parametrize("name", ["road", "cube", "square"])
-@pytest.mark.parametrize("blurred", ["left", "right"])
+@pytest.mark.parametrize(("name", "blurred"), [("road", "left"), ("cube", "right"), ("square", "left")])
 def test_a_view_that_is_out_of_focus_is_not_darker_and_no_lens_bends_it(name: str, blurred: str) -> None:
     views = dict(zip(("left", "right"), bundled(name)[:2], strict=True))
     views[blurred] = cv2.GaussianBlur(views[blurred], (0, 0), 2)

@@ -101,15 +101,6 @@ def test_the_weighted_median_is_that_of_the_definition(
     np.testing.assert_array_equal(found, stages.weighted_median_reference(values, guide, radius, spacing, contrast))
 
 
-def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
-    guide = np.zeros((30, 30, 3), np.uint8)
-    guide[:, 15:] = 200
-    disparity = np.full((30, 30), 5, np.float32)
-    disparity[:, 17:] = 20  # fattened by two columns
-    found = stages.weighted_median(disparity, guide, 6, 3, 25)
-    assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
-
-
 @given(
     seed=st.integers(0, 99),
     rows=st.integers(1, 40),
@@ -274,16 +265,6 @@ def test_an_empty_road_is_filled_smoothly_where_rows_make_stripes() -> None:
     gaps = np.isnan(noisy)
     assert np.mean(np.abs(found - road)[gaps] > 1) < 0.02
     assert np.abs(found - road)[gaps].mean() < 0.75 * np.abs(gaps_filled(noisy) - road)[gaps].mean()
-
-
-def test_what_is_hidden_behind_a_box_is_the_wall_and_not_the_box() -> None:
-    disparity = np.full((120, 200), 8, np.float32)
-    guide = painted((120, 200))
-    disparity[30:90, 90:150] = 25
-    guide[30:90, 90:150] //= 2
-    disparity[30:90, 73:90] = np.nan
-    found = filled(disparity, guide)
-    np.testing.assert_allclose(found[30:90, 73:90], 8, atol=0.3)
 
 
 def test_alpha_of_sixteen_bits_changes_nothing() -> None:

@@ -54,7 +54,7 @@ def middle(values, margin=40):
 )
 def test_recovers_a_known_shift(dtype, dy, dx):
     first, second = shifted_pair(150, 190, dy, dx, dtype=dtype)
-    flow = optical_flow(first, second, search=48)
+    flow = optical_flow(first, second, search=32)
     assert np.isfinite(middle(flow.dx)).mean() > 0.98
     assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.025
     assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.025
@@ -144,22 +144,6 @@ def test_what_is_covered_in_the_second_frame_is_not_measured():
     assert (around == Reason.LEFT_RIGHT).mean() < 0.1
     assert abs(np.nanmedian(flow.dx[40:100, 50:110]) - 15) < 0.05
     assert abs(np.nanmedian(flow.dx[:20])) < 0.05
-
-
-def test_a_growing_picture_has_a_growing_flow():
-    first = texture(180, 240, seed=6, blur=1.5)
-    scale, angle = 1.06, np.deg2rad(2)
-    row, col = np.mgrid[:180, :240].astype(np.float32)
-    y, x = row - 90, col - 120
-    # The pixel at p in the first frame is at centre + scale * rotated(p - centre) in the second one.
-    true_dy = scale * (np.cos(angle) * y + np.sin(angle) * x) - y
-    true_dx = scale * (np.cos(angle) * x - np.sin(angle) * y) - x
-    back_y, back_x = (np.cos(angle) * y - np.sin(angle) * x) / scale, (np.cos(angle) * x + np.sin(angle) * y) / scale
-    second = cv2.remap(first, (back_x + 120).astype(np.float32), (back_y + 90).astype(np.float32), cv2.INTER_CUBIC)
-    flow = optical_flow(first, second, search=16)
-    error = np.hypot(flow.dy - true_dy, flow.dx - true_dx)[10:-10, 10:-10]
-    assert np.isfinite(error).mean() > 0.9
-    assert np.nanmean(error) < 0.1
 
 
 def test_agrees_with_openpiv_on_particles():

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.io.sources import MAX_BYTES, bundle, file_name, is_archive, read_archive
@@ -21,6 +21,7 @@ names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=
 
 
 @given(names)
+@settings(max_examples=15)
 def test_any_names_give_harmless_ones_with_their_bytes(files):
     try:
         data = bundle(files)

@@ -43,8 +43,6 @@ from stereolag.warming import OF_PAGES, PARTS
 
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
-PROJECT = Path(__file__).resolve().parents[2]
-
 TWO_LOOPS = """
 from stereolag.loops.compilation import compiled
 from stereolag.loops.inner import inner

@@ -42,15 +42,6 @@ def test_colour_and_alpha_are_rectified_like_grey():
     assert (left_rgba[:, :, 3] == 255).mean() > 0.98
 
 
-def test_of_several_modes_the_one_for_the_pictures_is_used():
-    without_lens = replace(RIG, left_distortion=0 * D1).scaled(2)
-    other = replace(unrectified(RIG), rig=without_lens, width=2 * WIDTH, height=2 * HEIGHT)
-    found = rectify(*PAIR, replace(other, modes=(other, unrectified(RIG))))
-    expected = rectify(*PAIR, unrectified(RIG))
-    np.testing.assert_array_equal(found.left, expected.left)
-    assert found.calibration == expected.calibration
-
-
 def test_what_does_not_fit_is_refused():
     calibration = unrectified(RIG)
     rectified = rectify(*PAIR, calibration)

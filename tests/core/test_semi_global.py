@@ -155,17 +155,6 @@ def test_the_cost_is_that_of_the_formula(
     assert (found[:, :, count:] == NOT_TRIED).all()
 
 
-@pytest.mark.parametrize("shift", [-3, 0, 5])
-def test_the_true_lag_costs_least_whatever_the_exposure(shift: int) -> None:
-    scene = noise((40, 80))
-    left, right = scene[:, 10:60], scene[:, 10 + shift : 60 + shift]
-    darker = (right * 0.6 + 20).astype(np.uint8)
-    for other in (right, darker):
-        found = matching_cost(left, other, window_size=9, min_disparity=-4, num_disparities=12, settings=MatchingCost())
-        inside = found[8:-8, 14:-14]
-        assert (inside.argmin(axis=2) == shift + 4).mean() > 0.99
-
-
 def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
     image = noise((11, 17))
     low, high = census(image)

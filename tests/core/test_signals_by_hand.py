@@ -225,14 +225,6 @@ def test_at_the_true_lag_all_arrows_are_in_line_and_the_phase_has_its_slope(seed
         assert signal_lag(first, second, method=method, max_lag=LONGEST_LAG).lag == lag
 
 
-@pytest.mark.parametrize(("name", "lag"), [("coast", 50_082), ("harbour", -31_234)])
-@pytest.mark.parametrize("whiten", [False, True])
-def test_the_excerpts_peak_at_their_true_lag(name: str, lag: int, whiten: bool) -> None:
-    found = excerpt(name)
-    assert peaks(found, whiten=whiten) == [LAG]
-    assert found.offset + LAG * found.step == lag
-
-
 def width(found: phasors.Phasors, *, whiten: bool) -> int:
     """Return the number of places where the curve is above half its peak."""
     _, heights = phasors.correlation(found, whiten=whiten)

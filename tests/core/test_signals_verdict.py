@@ -32,7 +32,7 @@ def reason(result: SignalLag) -> str:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", UNRELATED)
 def test_recordings_with_nothing_in_common_are_never_sure(kind: str, method: SignalMethod) -> None:
-    for seed in range(8 if method == "fft" else 2):  # all methods are judged alike
+    for seed in range(4 if method == "fft" else 2):  # all methods are judged alike
         result = signal_lag(*unrelated(kind, (900, 3000)[seed % 2], seed), method=method, seed=seed)
         assert result.verdict != "sure", (seed, result.judgement)
 
@@ -40,7 +40,7 @@ def test_recordings_with_nothing_in_common_are_never_sure(kind: str, method: Sig
 @pytest.mark.parametrize("method", ["fft", "phat"])
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_a_sound_in_noise_as_loud_is_sure_and_right(method: SignalMethod, colour: float) -> None:
-    for seed in range(12):
+    for seed in range(6):
         lag = int(np.random.default_rng(seed).integers(-3000, 3000))
         result = signal_lag(*common(6000, lag, seed, colour=colour), method=method)
         assert (result.verdict, reason(result), result.lag, result.rivals) == ("sure", "clear", lag, ())
@@ -245,11 +245,10 @@ def test_a_spacing_is_regular_or_none(rivals: tuple[int, ...], lag: int, expecte
     assert found == (None if expected is None else pytest.approx(expected))
 
 
-@pytest.mark.parametrize("method", ["fft", "sampled"])
-def test_the_bundled_harbour_is_sure(method: SignalMethod) -> None:
+def test_the_bundled_harbour_is_sure() -> None:
     example = samples.recordings()["harbour"]
     first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
-    result = signal_lag(first, second, method=method, seed=0)
+    result = signal_lag(first, second)
     assert (result.verdict, result.lag) == ("sure", example.lag)
 
 

@@ -97,7 +97,7 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
 
 
 @given(searches())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)
@@ -126,13 +126,6 @@ def test_extreme_shapes(shape: tuple[int, int], method: TemplateMethod) -> None:
     image = random_image((30, 40), np.uint16)
     template = image[30 - shape[0] :, 40 - shape[1] :]
     assert place(match_template(image, template, method=method)) == (30 - shape[0], 40 - shape[1])
-
-
-@pytest.mark.parametrize("method", EVERY_METHOD)
-def test_a_constant_picture_holds_no_template(method: TemplateMethod) -> None:
-    search = match_template(np.full((30, 30), 7, dtype=np.uint8), random_image((5, 5)), method=method, min_score=-1)
-    assert not search.found
-    assert search.matches == []
 
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
@@ -270,7 +263,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
     return rows * cols / (one.height * one.width)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )

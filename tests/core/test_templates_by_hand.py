@@ -12,21 +12,17 @@ import PIL.Image
 import pytest
 from sprites import SPRITE_PLACE, sprite_scene
 
-from stereolag import samples
 from stereolag.figures.templates import relief
-from stereolag.io.images import read_image
-from stereolag.templates import exact_pixels, match_template
+from stereolag.templates import match_template
 from stereolag.templates.by_hand import (
     MOST_ANCHORS,
     MOST_DOTS,
-    PIXELS,
     Anchor,
     ReducedSearch,
     anchors,
     best_of_blocks,
     reduced_search,
 )
-from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 from stereolag.ui.components import SCORE_STEPS, packed_score_map, packed_search
 from tests.packed import unpacked
 
@@ -118,16 +114,6 @@ def test_grey_beside_colour_is_compared_by_luminance() -> None:
     search = reduced_search(picture[:, :, 1], template, None)
     assert (search.picture[..., 0] == search.picture[..., 2]).all()
     assert search.leaders[0][:2] == PLACE
-
-
-def test_rocketman_stays_himself_when_he_is_reduced() -> None:
-    example = samples.mazes()["maze"]
-    images = read_image(example.picture), read_image(example.template)
-    found = reduced_search(*images, None, near=(example.row, example.col))
-    assert found.picture.shape[0] * found.picture.shape[1] < PIXELS
-    best, rival, *_ = found.leaders
-    assert (found.row + found.factor * best[0], found.col + found.factor * best[1]) == (example.row, example.col)
-    assert best[2] > 0.999 and rival[2] < 0.6
 
 
 # Packed
@@ -239,20 +225,3 @@ def test_a_template_of_many_colours_offers_rare_and_common_ones() -> None:
     assert len(counts) == MOST_ANCHORS
     assert max(counts) > 20 * min(counts)
     assert np.mean(counts[:8]) < np.mean(counts[8:])
-
-
-def test_without_a_find_the_anchor_that_came_closest_tells_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    image, sprite = sprite_scene(0)
-    image[23:32, 41:58] = 77  # the upper part is covered
-    searched, colours = same_channels(image, sprite)
-    pattern = pattern_of(colours, opaque_pixels(sprite, None))
-    every = exact_pixels.rare_pixels(searched, pattern, 0)
-
-    def best_of(anchors: list[tuple[int, int]]) -> float:
-        monkeypatch.setattr(exact_pixels, "rare_pixels", lambda *_: anchors)
-        places, _ = exact_pixels.exact_positions(searched, pattern, 1.0, 0, lambda _: None)
-        return float(places.scores.max(initial=-1.0))
-
-    alone = [best_of([anchor]) for anchor in every]
-    assert max(alone) < 1 and alone[-1] < max(alone)
-    assert best_of(every) == max(alone)

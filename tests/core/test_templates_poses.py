@@ -106,15 +106,6 @@ def test_around_a_full_circle_no_angle_is_an_end(seed: int) -> None:
     assert match.rotation == pytest.approx(rotation, abs=2)
 
 
-def test_of_more_copies_than_are_wanted_all_are_look_alikes() -> None:
-    template, scene = sprite(), blobs((150, 210, 3))
-    for col in (40, 104, 168):
-        for row, angle in ((40, -5), (104, 8)):
-            scene = drawn(scene, template, float(row), float(col), 1.0, float(angle))
-    few = match_template(scene, template, rotations=(-10, 10), max_matches=2)
-    assert (few.clear, few.reason, len(few.matches), len(few.rivals)) == (0, "look_alikes", 2, 5)
-
-
 def test_wide_copies_side_by_side_are_all_found_in_any_direction() -> None:
     template = np.dstack([blobs((16, 100, 3), 7), np.full((16, 100), 255, dtype=np.uint8)])
     turn, down, right = -35.0, math.cos(math.radians(35)), math.sin(math.radians(35))

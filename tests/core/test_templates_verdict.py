@@ -49,7 +49,7 @@ def discs(seed: int) -> Array:
     return np.clip(cv2.GaussianBlur(drawn, (0, 0), 0.7), 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("side", "seed"), [(5, 1), (6, 0), (6, 1), (8, 20), (8, 22)])
+@pytest.mark.parametrize(("side", "seed"), [(5, 1), (6, 0), (8, 20)])
 def test_a_few_pixels_are_not_found_where_another_place_fits_better(side: int, seed: int) -> None:
     picture, square = discs(seed + 100), np.ones((3, 3), np.uint8)
     steep = cv2.subtract(cv2.dilate(picture, square), cv2.erode(picture, square))[20:-20, 20:-20]
@@ -134,21 +134,6 @@ def test_the_flank_of_a_peak_is_no_rival() -> None:
     away = search.score_map.copy()
     away[21:80, 21:100] = np.nan
     assert scores[0] == np.nanmax(away[1:-1, 1:-1])
-
-
-def test_the_best_place_is_told_though_it_is_not_enough() -> None:
-    image = smooth_noise((60, 80))
-    search = match_template(image, smooth_noise((20, 20), seed=1), min_score=0.95)
-    assert (search.found, search.matches, search.reason) == (False, [], "low_score")
-    assert search.best.score == np.nanmax(search.score_map)
-    assert search.look_alikes == []
-
-
-def test_a_texture_that_repeats_holds_look_alikes() -> None:
-    image = np.tile(smooth_noise((16, 16)), (6, 8))
-    search = match_template(image, image[16:32, 32:48])
-    assert (search.found, search.reason) == (False, "look_alikes")
-    assert len(search.look_alikes) > 8
 
 
 @pytest.mark.parametrize("method", METHODS)
