@@ -238,17 +238,6 @@ def test_without_ground_truth_it_says_estimated_and_by_what_and_nothing_judges_t
     assert not app.button
 
 
-def test_a_search_on_another_pair_is_called_off() -> None:
-    app = search_of("StereoSGBM")
-    search = app.session_state[SUGGEST]
-    app.session_state[SUGGEST] = replace(search, digest="another pair")
-    app.run()
-    assert search.job.cancelled
-    assert SUGGEST not in app.session_state
-    assert not app.button[0].disabled
-    search.job.result()
-
-
 # On a set of pairs
 
 
@@ -270,6 +259,7 @@ def looking(view: DepthView) -> None:
     if "begun" not in st.session_state:
         st.session_state["begun"] = True
         begin_job(view.pair.id, "job", None, lambda job: None, LIGHT)
+        st.session_state["first"] = st.session_state["job"].job
     st.session_state["there"] = job_on(view.pair.id, "job") is not None
 
 
@@ -283,17 +273,19 @@ def of_set(number: int, *remedies: Remedy) -> DepthView:
     [
         (of_set(0), {}, True),
         (of_set(1), {}, True),
+        (small_view(), {}, False),
         (of_set(0, Remedy.SWAP_SIDES), {}, False),
         (of_set(0), {rows_key(PAIR): Rows.RECTIFIED}, False),
         (of_set(0), {f"{PAIR}.alpha": 0.5}, False),
         (of_set(0), {SIZE: "Full"}, False),
     ],
-    ids=["nothing", "step", "remedy", "rows", "frame", "size"],
+    ids=["nothing", "step", "another pair", "remedy", "rows", "frame", "size"],
 )
-def test_another_preparation_of_the_pairs_makes_a_job_void_and_a_step_does_not(
+def test_another_pair_or_preparation_calls_a_job_off_and_a_step_does_not(
     view: DepthView, state: dict[str, Any], there: bool
 ) -> None:
     app = part_of_page(looking, of_set(0))
     for key, value in {"view": view, **state}.items():
         app.session_state[key] = value
     assert app.run().session_state["there"] == there
+    assert app.session_state["first"].cancelled != there
