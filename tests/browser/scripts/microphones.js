@@ -27,7 +27,6 @@
   };
   navigator.mediaDevices.getUserMedia = async ({ audio }) => {
     fake.asked.push(audio);
-    if (fake.refused) throw new DOMException("refused", fake.refused);
     const context = new AudioContext();
     const destination = new MediaStreamAudioDestinationNode(context, { channelCount: fake.channels });
     const one = { context, destination };
