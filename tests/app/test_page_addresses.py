@@ -77,19 +77,22 @@ def test_every_setting_of_a_search_is_in_a_link_above(page: str, inputs: str, ki
 
 
 BAD: list[tuple[str, dict[str, str], list[str]]] = [
-    (LAG, {"recordings": "mine"}, ["recordings = “mine” in the address is ignored"]),
     (
         LAG,
-        {"sampling_rate": "1e-12", "speed": "1e-300", "max_lag": "99999999"},
+        {"recordings": "mine", "sampling_rate": "1e-12", "speed": "1e-300", "max_lag": "99999999"},
         [
+            "recordings = “mine” in the address is ignored",
             "max_lag is 99999999; allowed are whole numbers from 0 to 99999 or None.",
             "sampling_rate is 1e-12; on this page allowed are numbers from 1e-09 to",
             "speed is 1e-300; on this page allowed are numbers from 1e-09 to",
         ],
     ),
     (LAG, {"max_lag": "9" * 400}, []),
-    (DEPTH, {"pair": "nowhere", "window_size": "1", "bm.block_size": "20"}, ["“nowhere”", "“1”", "“20”"]),
-    (DEPTH, {"size": "3", "maps": "bm,x", "x": "1"}, ["“3”", "“bm,x”", "“1”"]),
+    (
+        DEPTH,
+        {"pair": "nowhere", "size": "3", "maps": "bm,x", "window_size": "1", "bm.block_size": "20", "x": "7"},
+        ["“nowhere”", "“3”", "“bm,x”", "“1”", "“20”", "“7”"],
+    ),
 ]
 
 
