@@ -67,10 +67,6 @@ def test_a_link_opens_the_page_as_it_was(page: str, link: dict[str, str], values
     assert address(app) == link
 
 
-def test_what_a_link_asks_for_is_measured() -> None:
-    assert lag_found(linked(LAG, **HARBOUR_LINK)) == -31_234
-
-
 @pytest.mark.parametrize(("page", "inputs", "kind"), [(LAG, "recordings", LagSearch), (FIND, "picture", TemplateQuery)])
 def test_every_setting_of_a_search_is_in_a_link_above(page: str, inputs: str, kind: type[Any]) -> None:
     assert {name for one, link, _ in LINKS if one == page for name in link} == {inputs, *kind.model_fields}
