@@ -160,10 +160,9 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
     assert player(app)["name"] != shown["name"]
 
 
-@pytest.mark.parametrize(("data", "said"), [(b"PK\x03\x04nothing", "ZIP"), (b"no video at all" * 9, "video")])
-def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) -> None:
-    app = opened(data)
-    assert said in app.error[0].value
+def test_what_is_no_sequence_is_refused_in_a_sentence() -> None:
+    app = opened(b"no video at all" * 9)
+    assert "video" in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
 
