@@ -193,14 +193,11 @@ def test_a_result_is_said_only_of_the_settings_asked_about() -> None:
 
 
 def test_a_suggestion_stays_once_it_is_in_use() -> None:
-    better, other = (StereoBM(num_disparities=64, block_size=size) for size in (11, 9))
+    better = StereoBM(num_disparities=64, block_size=11)
     app = found_for_blocks(better, Outcome.BETTER)
     assert app.button[1].label == "Use these settings"
     app = in_use(app, better)
     assert (app.button[1].label, app.button[1].disabled, len(app.dataframe)) == ("In use", True, 1)
-    app = in_use(app, other)
-    assert not app.success
-    assert not app.dataframe
 
 
 def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
@@ -238,17 +235,6 @@ def test_without_ground_truth_it_says_estimated_and_by_what_and_nothing_judges_t
     assert not app.button
 
 
-def test_a_search_on_another_pair_is_called_off() -> None:
-    app = search_of("StereoSGBM")
-    search = app.session_state[SUGGEST]
-    app.session_state[SUGGEST] = replace(search, digest="another pair")
-    app.run()
-    assert search.job.cancelled
-    assert SUGGEST not in app.session_state
-    assert not app.button[0].disabled
-    search.job.result()
-
-
 # On a set of pairs
 
 
@@ -270,6 +256,7 @@ def looking(view: DepthView) -> None:
     if "begun" not in st.session_state:
         st.session_state["begun"] = True
         begin_job(view.pair.id, "job", None, lambda job: None, LIGHT)
+        st.session_state["first"] = st.session_state["job"].job
     st.session_state["there"] = job_on(view.pair.id, "job") is not None
 
 
@@ -283,17 +270,19 @@ def of_set(number: int, *remedies: Remedy) -> DepthView:
     [
         (of_set(0), {}, True),
         (of_set(1), {}, True),
+        (small_view(), {}, False),
         (of_set(0, Remedy.SWAP_SIDES), {}, False),
         (of_set(0), {rows_key(PAIR): Rows.RECTIFIED}, False),
         (of_set(0), {f"{PAIR}.alpha": 0.5}, False),
         (of_set(0), {SIZE: "Full"}, False),
     ],
-    ids=["nothing", "step", "remedy", "rows", "frame", "size"],
+    ids=["nothing", "step", "another pair", "remedy", "rows", "frame", "size"],
 )
-def test_another_preparation_of_the_pairs_makes_a_job_void_and_a_step_does_not(
+def test_another_pair_or_preparation_calls_a_job_off_and_a_step_does_not(
     view: DepthView, state: dict[str, Any], there: bool
 ) -> None:
     app = part_of_page(looking, of_set(0))
     for key, value in {"view": view, **state}.items():
         app.session_state[key] = value
     assert app.run().session_state["there"] == there
+    assert app.session_state["first"].cancelled != there

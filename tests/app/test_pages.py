@@ -146,9 +146,6 @@ def test_search_page_says_where_he_is_or_plainly_that_he_was_not_found_and_what_
     moved(app, {"pictures": "maze_dulled"})
     assert app.header[0].value == "Not found"
     assert "FFT" in app.warning[0].value
-    moved(app, {"template.method": "fft", "template.min_score": 1.0})
-    assert app.header[0].value == "Not found"
-    assert "The best place scores" in app.warning[0].value
     assert_written(app)
 
 

@@ -64,6 +64,7 @@ def test_a_look_alike_is_framed_in_dashes_beside_the_template() -> None:
     found, *_ = [url for url, _, alt in pictures(app) if alt.startswith("The image: ")]
     moved(app, {"template.min_score": 1.0})
     assert app.header[0].value == "Not found"
+    assert "The best place scores" in app.warning[0].value
     assert found not in {url for url, *_ in pictures(app)}
     captions = [caption for _, caption, _ in pictures(app)]
     assert "the template" in captions

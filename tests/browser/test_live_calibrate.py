@@ -5,25 +5,12 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pytest
 from playwright.sync_api import Page, expect
 
-from stereolag.core.arrays import Rgb
 from tests.browser import fake_media
 from tests.browser.axe import check
-from tests.browser.visits import OpenPage, expect_visible, screenshot, settled, turned_dark
+from tests.browser.visits import OpenPage, expect_visible, settled, turned_dark
 from tests.held_boards import SQUARE_M, obeying, taken
-
-
-@pytest.fixture(scope="module")
-def pairs() -> list[tuple[Rgb, Rgb]]:
-    return [taken(poses) for _, poses in obeying(4)]
-
-
-def camera_page(open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]) -> Page:
-    left, right = zip(*pairs, strict=True)
-    cameras = fake_media.played_cameras(both=[np.hstack(pair) for pair in pairs], one=left, two=right)
-    return open_page("Calibrate", choose="Live camera", script=cameras)
 
 
 def start(page: Page) -> None:
@@ -31,23 +18,43 @@ def start(page: Page) -> None:
     expect(page.locator(".live .state")).to_have_text("Live")
 
 
-def show(page: Page, number: int) -> None:
-    page.evaluate("(number) => (window.fakeMedia.frame = number)", number)
-
-
-def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
-    open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]
+def test_pairs_outlive_a_lost_camera_are_used_on_demand_and_without_a_click_once_there_are_enough(
+    open_page: OpenPage,
 ) -> None:
-    page = camera_page(open_page, pairs)
+    pairs = [taken(poses) for _, poses in obeying(4)]
+    camera = fake_media.played_cameras(both=[np.hstack(pair) for pair in pairs])
+    page = open_page("Calibrate", choose="Live camera", script=camera)
+    count = page.locator(".boards .count")
+
+    def show(number: int) -> None:
+        page.evaluate("(number) => (window.fakeMedia.frame = number)", number)
+
     start(page)
-    count, said = page.locator(".boards .count"), page.locator(".boards .said")
-    for number in range(len(pairs) - 1):
-        show(page, number)
-        expect(count).to_contain_text(re.compile(rf"^{number + 1} pair"))
-        expect(said).not_to_be_empty()
+    expect(count).to_have_text("1 pair taken")
     expect(page.get_by_text("A chessboard of 10 × 7 squares.")).to_be_attached()
-    screenshot(page)
-    show(page, len(pairs) - 1)
+    fake_media.unplug_cameras(page)
+    expect(page.locator(".live .state")).to_contain_text("was unplugged")
+    finish = page.get_by_role("button", name="Calibrate with these")
+    expect(finish).to_be_disabled()
+    start(page)
+    show(1)
+    expect(count).to_have_text("2 pairs taken")
+    check(page, "Calibrate, live")
+    turned_dark(page, width=390)
+    page.get_by_role("button", name="Start over").click()
+    expect(count).to_have_text("1 pair taken")  # of the board as it is held now
+    for number in (0, 2):
+        show(number)
+        expect(count).to_have_text(f"{2 + number // 2} pairs taken")
+    finish.click()
+    expect(page.get_by_text("The 3 pairs that the camera has taken are in use.")).to_be_attached()
+    settled(page)
+
+    page.get_by_role("radio", name="Live camera").click()
+    start(page)
+    for number in range(3, len(pairs)):
+        expect(count).to_have_text(f"{number} pairs taken")
+        show(number)
     expect(page.get_by_text(f"The {len(pairs)} pairs that the camera has taken are in use.")).to_be_attached()
     settled(page)
     fake_media.expect_cameras_off(page)
@@ -59,39 +66,3 @@ def test_a_board_that_is_held_as_told_is_calibrated_without_a_click(
     found = re.search(r"([\d.]+)\spx\sreprojection", heading.inner_text())
     assert found is not None
     assert float(found[1]) < 0.15  # as from files: tests/app/test_calibrate_live.py
-
-
-def test_few_pairs_are_kept_when_the_camera_is_lost_and_calibrated_on_demand(
-    open_page: OpenPage, pairs: list[tuple[Rgb, Rgb]]
-) -> None:
-    page = camera_page(open_page, pairs)
-    state, count = page.locator(".live .state"), page.locator(".boards .count")
-    fake_media.refuse_cameras(page, "NotAllowedError")
-    page.get_by_role("button", name="Start the camera").click()
-    expect(state).to_contain_text("does not allow it")
-    fake_media.refuse_cameras(page, "")
-    start(page)
-    expect(count).to_have_text("1 pair taken")
-    fake_media.unplug_cameras(page)
-    expect(state).to_contain_text("was unplugged")
-    finish = page.get_by_role("button", name="Calibrate with these")
-    expect(finish).to_be_disabled()
-    fake_media.choose_arrangement(page, "Two webcams")
-    start(page)
-    for label, device in (("Right camera", "two"), ("Camera", "one")):
-        fake_media.choose_device(page, label, device)
-        expect(state).to_have_text("Live")
-    expect(page.locator(".skew")).to_contain_text("ms")
-    for number in (1, 2):
-        show(page, number)
-        expect(count).to_have_text(f"{number + 1} pairs taken")
-    check(page, "Calibrate, live")
-    turned_dark(page, width=390)
-    page.get_by_role("button", name="Start over").click()
-    expect(count).to_have_text("1 pair taken")  # of the board as it is held now
-    for number in (3, 4):
-        show(page, number)
-        expect(count).to_have_text(f"{number - 1} pairs taken")
-    finish.click()
-    expect(page.get_by_text("The 3 pairs that the camera has taken are in use.")).to_be_attached()
-    settled(page)

@@ -18,12 +18,6 @@ BROKEN = file_of("broken.wav", b"RIFF and nothing more")
 REFUSAL = "cut short before the layout of its samples"
 
 
-def give_both(page: Page) -> None:
-    give(page, file_of("first.wav", wav(SOUND[300:][:8_000])), file_of("second.wav", wav(SOUND[:8_000])))
-    expect_visible(page.get_by_role("heading", name=OWN))
-    settled(page)  # the uploaders are folded away now
-
-
 @pytest.fixture(scope="module")
 def own_page(keep_page: OpenPage) -> Page:
     return keep_page("Sensor_lag", choose="Your own files", loses_server=True)
@@ -31,7 +25,9 @@ def own_page(keep_page: OpenPage) -> Page:
 
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
     page = own_page
-    give_both(page)
+    give(page, file_of("first.wav", wav(SOUND[300:][:8_000])), file_of("second.wav", wav(SOUND[:8_000])))
+    expect_visible(page.get_by_role("heading", name=OWN))
+    settled(page)  # the uploaders are folded away now
     unfold(page, "Your own files")
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
     page.evaluate(
@@ -48,32 +44,9 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -
     expect_visible(page.get_by_role("heading", name=OWN))
     assert not page.evaluate("window.thrownBack")
     page.evaluate("window.watch.disconnect()")  # reading all of the text at every change takes the processor
-    give(page, file_of("third.wav", wav(SOUND[200:][:8_000])), first=1)
-    expect_visible(page.get_by_role("heading", name="Sensor 2 hears it 0.0125 s"))
-    expect(page.get_by_text(REFUSAL)).to_have_count(0)
 
 
-DROP = """(zone, given) => {
-  const dataTransfer = new DataTransfer();
-  for (const [name, bytes] of given) dataTransfer.items.add(new File([Uint8Array.from(bytes)], name));
-  zone.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
-}"""
-
-
-def test_files_dropped_together_on_a_box_are_shared_out_by_name_and_the_page_says_how(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", choose="Your own files")
-    given = {"c.txt": b"1", "b.wav": wav(SOUND[:8_000]), "a.wav": wav(SOUND[300:][:8_000])}
-    second = page.get_by_test_id("stFileUploaderDropzone").last
-    second.evaluate(DROP, [[name, [*data]] for name, data in given.items()])
-    said = "Dropped together: “a.wav” went to Sensor 1, “b.wav” went to Sensor 2, “c.txt” was not taken."
-    expect_visible(page.get_by_text(said))
-    expect_visible(page.get_by_role("heading", name=OWN))
-    settled(page)
-
-
-def test_after_a_restart_the_page_says_that_the_files_are_gone_and_one_that_is_removed_is_forgotten(
-    own_page: Page, server: Server
-) -> None:
+def test_after_a_restart_the_page_says_that_the_files_are_gone(own_page: Page, server: Server) -> None:
     page = own_page
     server.stop()
     server.start()
@@ -83,9 +56,21 @@ def test_after_a_restart_the_page_says_that_the_files_are_gone_and_one_that_is_r
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
     expect(page.get_by_text("Your own recordings.")).to_have_count(0)
     expect(page.get_by_role("heading", name=EXAMPLE)).to_have_count(0)  # nobody must take that for an answer
-    give_both(page)
-    unfold(page, "Your own files")
-    page.get_by_role("button", name="Remove second.wav").click()
-    expect_visible(page.get_by_text("the page shows the example"))
+
+
+DROP = """(zone, given) => {
+  const dataTransfer = new DataTransfer();
+  for (const [name, bytes] of given) dataTransfer.items.add(new File([Uint8Array.from(bytes)], name));
+  zone.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+}"""
+
+
+def test_files_dropped_together_on_a_box_are_shared_out_by_name_and_the_page_says_how(own_page: Page) -> None:
+    page = own_page
+    given = {"c.txt": b"1", "b.wav": wav(SOUND[:8_000]), "a.wav": wav(SOUND[300:][:8_000])}
+    second = page.get_by_test_id("stFileUploaderDropzone").last
+    second.evaluate(DROP, [[name, [*data]] for name, data in given.items()])
+    said = "Dropped together: “a.wav” went to Sensor 1, “b.wav” went to Sensor 2, “c.txt” was not taken."
+    expect_visible(page.get_by_text(said))
+    expect_visible(page.get_by_role("heading", name=OWN))
     settled(page)
-    expect_visible(page.get_by_role("heading", name=EXAMPLE))

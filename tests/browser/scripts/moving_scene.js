@@ -1,9 +1,9 @@
 // A camera that films a seeded scene: a sign moves, is covered, goes out of the picture and comes back, beside one like it.
 // It takes its next picture once the one before was answered, so that answers and pictures go together.
 (() => {
-  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 80];
-  const COVERED = [15, 30];
-  const AWAY = [40, 70];
+  const [COLS, ROWS, SIDE, LAST] = [400, 300, 40, 60];
+  const COVERED = [11, 22];
+  const AWAY = [30, 52];
   let seed = 7;
   const random = () => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648;
   const drawing = (cols, rows) => new OffscreenCanvas(cols, rows).getContext("2d");
@@ -38,7 +38,7 @@
   const camera = Object.assign(document.createElement("canvas"), { width: COLS, height: ROWS });
   const context = camera.getContext("2d");
   const placeAt = (number) => {
-    const turn = (2 * Math.PI * number) / 100;
+    const turn = (2 * Math.PI * number) / 75;
     const away = within(number, AWAY) ? 1.1 * COLS * Math.sin((Math.PI * (number - AWAY[0])) / (AWAY[1] - AWAY[0])) : 0;
     return { row: ROWS * (0.45 + 0.28 * Math.sin(1.3 * turn)), col: COLS * (0.5 + 0.33 * Math.cos(turn)) + away };
   };
@@ -47,11 +47,11 @@
     const { row, col } = placeAt(number);
     context.drawImage(ground.canvas, 0, 0);
     context.drawImage(other, 0.14 * COLS, 0.79 * ROWS);
-    const side = SIDE * (1 + 0.05 * Math.sin(number / 40));
+    const side = SIDE * (1 + 0.05 * Math.sin(number / 30));
     context.drawImage(own, col - side / 2, row - side / 2, side, side);
     context.fillStyle = "#506888";
     if (within(number, COVERED)) context.fillRect(col - SIDE, row - SIDE, 2 * SIDE, 2 * SIDE);
-    context.fillStyle = `rgba(0, 0, 0, ${0.12 + 0.12 * Math.sin(number / 15)})`; // the light changes
+    context.fillStyle = `rgba(0, 0, 0, ${0.12 + 0.12 * Math.sin(number / 11)})`; // the light changes
     context.fillRect(0, 0, COLS, ROWS);
     for (let bit = 0; bit < 8; bit++) {
       context.fillStyle = (number >> bit) & 1 ? "#fff" : "#000"; // which picture it is, read when it is sent
@@ -60,17 +60,14 @@
   };
 
   const sent = []; // numbers of the pictures that are not answered yet
-  const scene = { number: 0, told: [], placeAt, AWAY, COLS, SIDE, LAST, refused: "", tracks: [] };
+  const scene = { number: 0, told: [], placeAt, AWAY, COLS, SIDE, LAST };
   /** @type {any} */ (window).scene = scene;
   const take = () => paint(scene.number); // what is painted is the camera's next picture
   navigator.mediaDevices.getUserMedia = async () => {
-    if (scene.refused) throw new DOMException("as the test wants", scene.refused);
     Object.assign(scene, { number: 0, told: [] });
     sent.length = 0;
-    const media = camera.captureStream();
-    scene.tracks.push(...media.getVideoTracks());
     const waiting = setInterval(() => (scene.told.length + sent.length ? clearInterval(waiting) : take()), 50);
-    return media;
+    return camera.captureStream();
   };
   navigator.mediaDevices.enumerateDevices = async () => [];
 
