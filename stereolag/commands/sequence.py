@@ -191,7 +191,7 @@ def _read_sequence(
     )
     calibration = calibration_as_asked(options)
     if calibration is None:
-        return sequence, None, ()
+        return sequence, None, sequence.notes
     first = sequence.first_readable()
     if first is None:
         raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
@@ -201,7 +201,7 @@ def _read_sequence(
         sequence = rectified_sequence(sequence, calibration)
     else:
         sequence = replace(sequence, turn=pair.turn)
-    return sequence, upright(pair).calibration, (*said_of_calibration(pair.calibration), *said)
+    return sequence, upright(pair).calibration, (*sequence.notes, *said_of_calibration(pair.calibration), *said)
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from os import PathLike
@@ -20,7 +21,8 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
-from stereolag.io.disparities import read_disparity
+from stereolag.io.disparities import read_disparity, read_stored_disparity
+from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
@@ -30,6 +32,9 @@ from stereolag.samples import DriveExample
 
 USUAL_RATE = 10.0
 """Default frame rate of pictures, which do not record one, Hz."""
+
+MOST_TRIED = 10
+"""Most frames that are tried for one whose true disparity can be read."""
 
 MAX_ARCHIVED = 20_000
 """Most files in an archive of frames."""
@@ -80,6 +85,8 @@ class StereoSequence:
         their maps are turned back.
     findings
         What the input doctor finds wrong with the frames, for their table.
+    notes
+        Sentences about the true disparities: how they are read, or what speaks against them.
     """
 
     names: tuple[str, ...]
@@ -89,6 +96,7 @@ class StereoSequence:
     rectified: bool = False
     turn: int = 0
     findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -157,23 +165,48 @@ def _picture_sequence(
     source_of: Callable[[str], Source] = Path,
     door: Door = unguarded,
 ) -> StereoSequence:
-    """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique."""
+    """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique.
+
+    One frame tells how the true disparities of all are to be read; depth in their place is left out.
+    """
+    fit, note = _fit_of_truths(files, source_of, door)
+    if fit is not None and fit.is_depth:
+        files = [one._replace(truth=None) for one in files]
+    divisor = None if fit is None else fit.divisor
     names = [PurePosixPath(one.left.replace("\\", "/")).stem for one in files]
     if len(set(names)) < len(names):
         names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
     return StereoSequence(
         tuple(names),
         frame_rate or USUAL_RATE,
-        lambda number: partial(_read_pictures, files[number], source_of, door),
+        lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
         has_truth=any(one.truth is not None for one in files),
+        notes=(note,) if note else (),
     )
 
 
-def _read_pictures(names: FrameFiles, source_of: Callable[[str], Source], door: Door) -> StereoFrame:
+def _fit_of_truths(
+    files: Sequence[FrameFiles], source_of: Callable[[str], Source], door: Door
+) -> tuple[TruthFit | None, str]:
+    """Return how the first true disparity that can be read fits its frame, and a sentence if that is to be said."""
+    for one in [one for one in files if one.truth is not None and one.right is not None][:MOST_TRIED]:
+        with suppress(ValueError, OSError):  # a damaged frame
+            left, right, _ = _read_pictures(one._replace(truth=None), source_of, door)
+            stored = door(read_stored_disparity)(source_of(one.truth or ""))
+            fit = stored_truth_fit(stored, left, right)
+            return fit, fit.doubt or divisor_in_words(stored, fit.divisor)
+    return None, ""
+
+
+def _read_pictures(
+    names: FrameFiles, source_of: Callable[[str], Source], door: Door, divisor: float | None = None
+) -> StereoFrame:
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
     left, right = (door(read_image)(source_of(name)) for name in (names.left, names.right))
-    return StereoFrame(left, right, None if names.truth is None else door(read_disparity)(source_of(names.truth)))
+    if names.truth is None:
+        return StereoFrame(left, right)
+    return StereoFrame(left, right, door(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pairs import bundled
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders, zipped
 
 from stereolag.assess.layout import Layout
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
-from stereolag.io.disparities import kitti_png
+from stereolag.io.disparities import kitti_png, pfm
 from stereolag.io.images import image_png
 from stereolag.io.pairing import matched_pairs
 from stereolag.sequences import StereoSequence, open_sequence
@@ -73,6 +74,18 @@ def test_frames_are_in_their_order_and_other_names_match_by_number_or_by_place(t
         (left / f"cam_l_{number}.png").rename(left / f"cam_l_{'abcdef'[number - 7]}.png")
     with pytest.raises(ValueError, match="6 left pictures and 5 right pictures, with other names"):
         open_sequence(left, right)
+
+
+def test_the_truths_of_a_drive_are_read_as_they_fit_its_first_frame_and_depth_is_left_out() -> None:
+    left, right, truth = bundled("cube", 0.5)
+    of_eight_bits = image_png(np.rint(np.nan_to_num(truth) * 8).astype(np.uint8))
+    for stored, said in ((of_eight_bits, "÷ 8 agrees best"), (pfm(3.8 / truth), "looks like depth, not disparity")):
+        views = {"left/0.png": image_png(left), "right/0.png": image_png(right)}
+        sequence = open_sequence(zipped(views | {"disparity/0.pfm" if said[0] == "l" else "disparity/0.png": stored}))
+        assert said in sequence.notes[0]
+        known = sequence.frame(0).truth
+        assert (known is not None) == sequence.has_truth == (stored is of_eight_bits)
+        assert known is None or np.nanmax(np.abs(known - truth)) < 0.07
 
 
 def test_an_archive_of_several_cameras_may_lack_right_pictures_and_bring_the_truth() -> None:

@@ -410,6 +410,8 @@ def ask_methods(drive: Drive) -> DriveSettings:
         with refusals_shown(f"{title}: {{}}"):
             found[name] = matcher.with_search_range(first, count)
     motion = _ask_motion(drive)
+    for note in drive.sequence.notes:
+        prose.caption(note, width="content")
     truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
     field = SequenceSettings.model_fields["steadiness"]
     steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
