@@ -112,7 +112,9 @@ def _add_files(parser: CommandParser) -> None:
     add_layout(parser)
     add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
-    files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
+    files.add_argument(
+        "--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, NPZ, MAT, PNG, PGM or TIFF"
+    )
     files.add_argument(
         "--truth-divisor",
         metavar="NUMBER",
