@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import AROUND, FARTHEST, RIM, Matrix, Motions, Place, Plane, gradient
-from stereolag.templates.patterns import FULL_WEIGHT, Pattern, blurred
+from stereolag.templates.aligning import AROUND, FARTHEST, Matrix, Motions, Place, Plane, gradient
+from stereolag.templates.differences import another_mark, beyond, explained, squares
+from stereolag.templates.patterns import FULL_WEIGHT, Pattern
 from stereolag.templates.softening import LEAST_MIXED, Blur, Rim
 
 STEPS = 8
@@ -35,9 +36,6 @@ template; the least change of it; and so many times its spread what is beyond th
 SETTLED, NONE = 0.002, 1e-6
 """The alignment ends once a step moves no corner by so many px, unless told otherwise, and changes the colours by no
 more than what is no difference: a squared one of the last share of the variance."""
-
-TOLERANCE = 0.5
-"""Share of a pixel by which edges may be displaced without counting as a difference."""
 
 BLOCKS, LEAST_BLOCK = 7, 5
 """Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
@@ -72,15 +70,6 @@ OF_MOVED = 0.5
 
 PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Shifts of a part of the template against the rest, px."""
-
-MARK, STRONG, ANOTHER, UNMOVED, NOISY = 1.5, 0.4, 0.14, 0.08, 20
-"""Spread of a window about a mark, px; least variance in it, as a share of the largest; and least squared difference in
-it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain; and how
-many times the median of all differences that is at least, as noise and JPEG make 2 to 14, and other marks 48 and more.
-
-A frame that agrees, or many such marks, hide one from what is told block by block. Measured on cards and signs of a
-map: from 0.082 at 8 of 14 taken for others; up to 0.06 where the template is, but for 1 of 243.
-"""
 
 STEADY, MOST = 0.01, 0.3
 """Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
@@ -181,7 +170,7 @@ class Fit:
         self.recoloured, light = _recoloured(soft, lit, shown, trusted, image.dtype)
         if light is not None and image.dtype == np.uint8 and self._keeps_white(pattern, mean, light):
             self.recoloured = 1.0
-        if _squares(self._residual()).max() >= NONE * self.variance:
+        if squares(self._residual()).max() >= NONE * self.variance:
             self._curves = self._tones(trust.astype(np.float64))
             self.predicted = self._as_seen(self.template)
         behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
@@ -253,7 +242,7 @@ class Fit:
             if step == STEPS - 1 or ended or not self.variance > 0:
                 break
             residual = self._residual()
-            squares = _squares(residual)
+            squared = squares(residual)
             moved, softer = motions.explaining(self.predicted, residual, trust)
             motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
             softer = 0.0 if sharp else min(max(self._softer + softer, SHARPEST), SOFTEST)
@@ -261,9 +250,9 @@ class Fit:
             if softened:
                 self._soften(blur(self._deviations, softer), softer)
             if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
-                usual = max(0.06 * self.variance, 2 * median(squares))
-                trust = np.asarray(self._counts / np.square(1 + squares.astype(np.float64) / usual), dtype=np.float32)
-            elif step and squares.max() < NONE * self.variance:
+                usual = max(0.06 * self.variance, 2 * median(squared))
+                trust = np.asarray(self._counts / np.square(1 + squared.astype(np.float64) / usual), dtype=np.float32)
+            elif step and squared.max() < NONE * self.variance:
                 break
         return motion, trust
 
@@ -331,28 +320,9 @@ class Fit:
 
     def has_another_mark(self) -> bool:
         """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
-        left = self.seen - self.predicted
-        if _squares(self._flat(left)).max() < NONE * self.variance:
-            return False
-        windows = Windows(self.weights, MARK)
-        shares, most = windows.compared(self.predicted, self.seen, STRONG)
-        where = np.zeros(self.shape, dtype=np.bool_)
-        where[RIM:-RIM, RIM:-RIM] = shares[RIM:-RIM, RIM:-RIM] > ANOTHER
-        if not where.any():
-            return False
-
-        def common(one: Plane, other: Plane) -> Matrix:
-            return windows.mean((one * other).sum(axis=2, keepdims=True))[where].ravel().astype(np.float64)
-
-        bend = cv2.Laplacian(self.predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE).reshape(left.shape)
-        terms = [*gradient(self.predicted), np.asarray(bend, dtype=np.float32)]
-        products = np.array([[common(one, other) for other in terms] for one in terms]).transpose(2, 0, 1)
-        sums = np.stack([common(one, left) for one in terms], axis=1)
-        ridge = (1e-9 + 1e-3 * float(products.max())) * np.eye(len(terms))
-        moves = np.linalg.solve(products + ridge, sums[:, :, np.newaxis])[:, :, 0]
-        rest = common(left, left) - (moves * sums).sum(axis=1)
-        usual = float(np.median(windows.variance(left)[RIM:-RIM, RIM:-RIM]))
-        return bool((rest > np.maximum(UNMOVED * most[where], NOISY * usual)).any())
+        left = self._flat(self.seen - self.predicted)
+        exact = squares(left).max() < NONE * self.variance
+        return not exact and another_mark(self.seen, self.predicted, self.weights)
 
     def grain_in(self, blocks: npt.NDArray[np.bool_]) -> float:
         """Return the mean square of the grain of the place in these blocks, over that of what remains there.
@@ -575,60 +545,7 @@ def _recoloured(
     return (left / varies, None) if TINTED[0] <= gain <= TINTED[1] and left < TINT * share * varies else (share, light)
 
 
-def beyond(one: Plane, other: Plane) -> Plane:
-    """Return by how much one image leaves the range of the other within a part of a pixel around."""
-    square = np.ones((3, 3), np.uint8)
-    highest, lowest = (change(other, square).reshape(other.shape) for change in (cv2.dilate, cv2.erode))
-    upper, lower = other + TOLERANCE * (highest - other), other + TOLERANCE * (lowest - other)
-    return np.asarray(np.maximum(np.maximum(lower - one, one - upper), 0))
-
-
-class Windows:
-    """Means and variances over windows of a few px, of what counts.
-
-    Parameters
-    ----------
-    weights
-        (rows, cols), how much a pixel counts.
-    spread
-        Spread of the windows, px.
-    """
-
-    def __init__(self, weights: Plane, spread: float) -> None:
-        self._weights, self._spread = weights[:, :, np.newaxis], spread
-        self._shares = np.maximum(blurred(weights, spread, cv2.BORDER_REPLICATE), 1e-3)[:, :, np.newaxis]
-
-    def mean(self, plane: Plane) -> Plane:
-        """Return the means of a plane (rows, cols, channels)."""
-        soft = blurred(plane * self._weights, self._spread, cv2.BORDER_REPLICATE)
-        return np.asarray(soft.reshape(plane.shape) / self._shares, dtype=np.float32)
-
-    def variance(self, plane: Plane) -> Plane:
-        """Return the variances of a plane, summed over channels."""
-        return np.asarray(np.maximum(self.mean(plane * plane) - np.square(self.mean(plane)), 0).sum(axis=2))
-
-    def compared(self, drawn: Plane, seen: Plane, faintest: float) -> tuple[Plane, Plane]:
-        """Return the squared differences, as shares of the larger variance, 0 where that is faint; and that variance.
-
-        Faint is less than this share of the largest: nothing is drawn there that could differ.
-        """
-        most = np.maximum(self.variance(drawn), self.variance(seen))
-        left = self.variance(drawn - seen) / np.maximum(most, 1e-12)
-        return np.asarray(np.where(most > faintest * most.max(), left, 0), dtype=np.float32), most
-
-
 def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
     """Return the means of a plane over blocks, so many along its sides."""
     smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
     return np.asarray(smaller, dtype=np.float32).reshape(shape)
-
-
-def explained(seen: Plane, predicted: Plane, counts: Plane) -> float:
-    """Return the share of the variance of pixels seen, one after another, that those predicted explain."""
-    varies = float(counts @ _squares(seen - counts @ seen / counts.sum()))
-    left = float(counts @ _squares(seen - predicted))
-    return max(0.0, 1 - left / varies) if varies > 0 else 0.0
-
-
-def _squares(vectors: Plane) -> Plane:
-    return np.asarray(np.einsum("ij,ij->i", vectors, vectors))

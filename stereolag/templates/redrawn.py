@@ -18,7 +18,7 @@ import numpy as np
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane
-from stereolag.templates.fits import Windows, explained
+from stereolag.templates.differences import Windows, explained
 from stereolag.templates.patterns import Pattern, blurred
 
 SOFT = 0.55
