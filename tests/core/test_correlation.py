@@ -19,7 +19,7 @@ from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.signals import signal_lag
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, TextureTest
+from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
@@ -249,6 +249,19 @@ def test_each_check_gives_its_own_reason() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (2, 80, 160), dtype=np.uint8)
     unrelated = CorrelationMatcher(window_size=9, search=search, left_right=LeftRightCheck()).compute(*noise)
     assert np.mean(unrelated.reason == Reason.LEFT_RIGHT) > 0.3
+
+
+def test_speckles_are_dropped_and_the_median_smooths() -> None:
+    left, right = shifted_pair(80, 160, 0, -6)
+    noisy = np.clip(right + np.random.default_rng(1).normal(0, 25, right.shape), 0, 255).astype(np.uint8)
+    rough, clean, smooth = (
+        CorrelationMatcher(window_size=5, search=SearchArea.rectified(16), **stages).compute(left, noisy)
+        for stages in ({}, {"speckle": SpeckleFilter(size=40)}, {"median": MedianFilter()})
+    )
+    assert np.count_nonzero(clean.reason == Reason.SPECKLE) > 10
+    assert np.all(np.isnan(clean.disparity) >= np.isnan(rough.disparity))
+    inner = np.s_[10:-10, 30:-10]
+    assert np.nanstd(smooth.disparity[inner]) < 0.7 * np.nanstd(rough.disparity[inner])
 
 
 @pytest.mark.parametrize("name", ["cube", "square", "road"])

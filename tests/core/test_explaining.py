@@ -212,6 +212,13 @@ def test_a_bare_wall_is_no_smooth_sky() -> None:
     assert explain_match(matcher, left, right, *pixel).kind is MatchKind.BARE
 
 
+@pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(31)])
+def test_shifted_noise_repeats_nowhere(search: SearchArea) -> None:
+    noise = np.random.default_rng(7).integers(0, 256, (120, 200), dtype=np.uint8)
+    matcher = CorrelationMatcher(window_size=11, search=search)
+    assert example_pixel(ExampleKind.REPEATS, matcher, noise, np.roll(noise, -7, axis=1)) is None
+
+
 @pytest.mark.parametrize("kind", [ExampleKind.REPEATS, ExampleKind.BARE, ExampleKind.HIDDEN])
 def test_a_scene_without_it_has_none(kind: ExampleKind) -> None:
     assert example_pixel(kind, MATCHER, *scene(wall=False, fence=False, near=False)) is None
