@@ -251,6 +251,15 @@ def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
     assert shown(app) == before
 
 
+def test_a_file_that_made_way_for_an_unreadable_one_is_back() -> None:
+    app = open_own("pairs", **GOOD["pairs"])
+    before = shown(app)
+    app.file_uploader(key="pairs.left").clear().run()  # as the browser does while the other one is on its way
+    assert shown(app) != before
+    assert_one_sentence(uploaded(app, "pairs", left=NO_PICTURE), "The previous file stays in use")
+    assert shown(app) == before
+
+
 def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on() -> None:
     app = open_own("pairs", **pngs(left=uploads.texture(1, 1, 0), right=uploads.texture(1, 1, 1)))
     for part in reversed(app.button_group(key=keys.PART).options):  # the last is the first again
