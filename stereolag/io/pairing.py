@@ -319,7 +319,7 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
     """
     read: Callable[[str], bytes] = partial(read_bytes, what="picture")
     if len(given) == 2 and all(glob.has_magic(text) and not Path(text).exists() for text in given):
-        pairs = _in_order(*given)
+        pairs = few_enough(_in_order(*given))
     else:
         names = [one for text in given for one in _files(text)]
         if len(given) == 1 and Path(given[0]).is_file():
@@ -333,15 +333,29 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
             except ValueError as error:
                 raise ValueError(f"{given[0]}: {error}") from error
             names, read = [*archive.names], archive.read
-        pairs = matched_pairs(names)
-        if not pairs:
-            raise ValueError(
-                f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
-                "or give two patterns in quotes."
-            )
+        pairs = board_pairs(names, "or give two patterns in quotes")
+    return [pair.name for pair in pairs], PicturesOfFiles(pairs, read)
+
+
+def board_pairs(names: Sequence[str], otherwise: str) -> list[PairFiles]:
+    """Return the pairs of pictures of a board among files, matched by name; ValueError if there are none, or too many.
+
+    `otherwise` ends the sentence about what to do where there are none.
+    """
+    pairs = matched_pairs(names)
+    if not pairs:
+        raise ValueError(
+            f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
+            f"{otherwise}."
+        )
+    return few_enough(pairs)
+
+
+def few_enough(pairs: list[PairFiles]) -> list[PairFiles]:
+    """Return pairs of pictures of a board; ValueError if there are too many."""
     if len(pairs) > MOST_PAIRS:
         raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
-    return [pair.name for pair in pairs], PicturesOfFiles(pairs, read)
+    return pairs
 
 
 def _in_order(left: str, right: str) -> list[PairFiles]:

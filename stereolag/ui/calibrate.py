@@ -39,7 +39,7 @@ from stereolag.geometry.rectification import rectify
 from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
-from stereolag.io.pairing import PicturesOfFiles, matched_pairs
+from stereolag.io.pairing import PicturesOfFiles, board_pairs
 from stereolag.io.sources import MAX_BYTES, escape, is_archive, quote, read_archive
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
@@ -204,14 +204,7 @@ def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs,
             readers[name] = partial(bytes, data)
     if sum(len(data) for _, data in files) > MAX_BYTES:
         raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total; upload fewer, or JPEGs.")
-    pairs = matched_pairs([*readers])
-    if not pairs:
-        raise ValueError(
-            f"No left and right pictures match by name (files given: {len(readers)}); name them left01 and right01, "
-            "left02 and right02, and so on."
-        )
-    if len(pairs) > MOST_PAIRS:
-        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    pairs = board_pairs([*readers], "left02 and right02, and so on")
     pictures = PicturesOfFiles(pairs, lambda name: readers[name](), guarded(read_image))
     pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
     used = {name for pair in pairs for name in (pair.left, pair.right)}
