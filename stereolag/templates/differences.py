@@ -61,9 +61,13 @@ class Windows:
         soft = blurred(plane * self._weights, self._spread, cv2.BORDER_REPLICATE)
         return np.asarray(soft.reshape(plane.shape) / self._shares, dtype=np.float32)
 
+    def squared(self, plane: Plane) -> Plane:
+        """Return the means of the squares of a plane, summed over channels."""
+        return self.mean(np.square(plane).sum(axis=2, keepdims=True))[:, :, 0]
+
     def variance(self, plane: Plane) -> Plane:
         """Return the variances of a plane, summed over channels."""
-        return np.asarray(np.maximum(self.mean(plane * plane) - np.square(self.mean(plane)), 0).sum(axis=2))
+        return np.asarray(np.maximum(self.squared(plane) - np.square(self.mean(plane)).sum(axis=2), 0))
 
     def compared(self, drawn: Plane, seen: Plane, faintest: float) -> tuple[Plane, Plane]:
         """Return the squared differences, as shares of the larger variance, 0 where that is faint; and that variance.
@@ -77,11 +81,13 @@ class Windows:
 
 def another_mark(seen: Plane, predicted: Plane, weights: Plane) -> bool:
     """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
-    windows = Windows(weights, MARK)
-    left = seen - predicted
+    windows, left, inner = Windows(weights, MARK), seen - predicted, np.s_[RIM:-RIM, RIM:-RIM]
+    usual = float(np.median(windows.variance(left)[inner]))
+    if windows.squared(left)[inner].max() <= NOISY * usual:
+        return False
     shares, most = windows.compared(predicted, seen, STRONG)
     where = np.zeros(weights.shape, dtype=np.bool_)
-    where[RIM:-RIM, RIM:-RIM] = shares[RIM:-RIM, RIM:-RIM] > ANOTHER
+    where[inner] = shares[inner] > ANOTHER
     if not where.any():
         return False
 
@@ -95,5 +101,4 @@ def another_mark(seen: Plane, predicted: Plane, weights: Plane) -> bool:
     ridge = (1e-9 + 1e-3 * float(products.max())) * np.eye(len(terms))
     moves = np.linalg.solve(products + ridge, sums[:, :, np.newaxis])[:, :, 0]
     rest = common(left, left) - (moves * sums).sum(axis=1)
-    usual = float(np.median(windows.variance(left)[RIM:-RIM, RIM:-RIM]))
     return bool((rest > np.maximum(UNMOVED * most[where], NOISY * usual)).any())
