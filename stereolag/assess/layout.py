@@ -205,8 +205,9 @@ may be wrong matches."""
 MOSTLY_FLAT = 0.5
 """Share of the matches that follow one homography from which on a rotation is looked for: a lens bends the others."""
 
-LONGEST_FOCAL = 2.5
-"""Focal length in image widths from which on a rotation hardly differs from a shift."""
+FOCAL = 0.3, 2.5
+"""Focal lengths, image widths: from the longer on, a rotation hardly differs from a shift; what goes forward is taken
+for a rotation of one far below the shorter."""
 
 NOISE_LEFT = 1.5
 """Spread of what a rotation leaves of the matches, over their noise, up to which it explains them: up to 1.2 are
@@ -375,7 +376,7 @@ def turned_alone(points: Correspondences) -> float:
     on_a_plane = moved - terms @ robust_fit(terms, moved)
     gain = np.log1p((on_a_plane / noise) ** 2).sum() - np.log1p((left_over / noise) ** 2).sum()
     explained = agreeing > FLAT_SHARE and row_spread(left_over.ravel()) < NOISE_LEFT * noise and gain > EVIDENCE
-    return turning.turn if explained and turning.focal < LONGEST_FOCAL else 0.0
+    return turning.turn if explained and FOCAL[0] < turning.focal < FOCAL[1] else 0.0
 
 
 def depth_order(left: Image, right: Image) -> float:

@@ -481,6 +481,15 @@ def test_rows_are_evidence_where_they_differ(given: float, rectified: float, alr
     assert RowEvidence(given, rectified, 50, 50).already_rectified is already
 
 
+@pytest.mark.parametrize(("number", "late"), [(6, 5), (40, 4)])
+def test_a_late_frame_of_a_drive_is_not_of_a_camera_that_only_turned(number: int, late: int, data_dir: Path) -> None:
+    left, right = (sorted((data_dir / "sequences" / "kitti_seq1" / side).iterdir()) for side in ("left", "right"))
+    diagnosis = diagnose(read_image(left[number]), read_image(right[number + late]))
+    for code in (FindingCode.NOT_SAME_MOMENT, FindingCode.ONE_MOVING_CAMERA):
+        finding = diagnosis.finding(code)
+        assert finding is not None and not finding.healthy and "x" in finding.numbers
+
+
 # The scale factor of an 8-bit ground truth
 
 
