@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from stereolag.templates.aligning import RIM, Matrix, Plane, gradient
-from stereolag.templates.patterns import blurred
+from stereolag.templates.patterns import FULL_WEIGHT, blurred
 
 TOLERANCE = 0.5
 """Share of a pixel by which edges may be displaced without counting as a difference."""
@@ -50,16 +50,21 @@ class Windows:
         (rows, cols), how much a pixel counts.
     spread
         Spread of the windows, px.
+
+    Attributes
+    ----------
+    shares
+        (rows, cols), how much of the window about each pixel counts.
     """
 
     def __init__(self, weights: Plane, spread: float) -> None:
         self._weights, self._spread = weights[:, :, np.newaxis], spread
-        self._shares = np.maximum(blurred(weights, spread, cv2.BORDER_REPLICATE), 1e-3)[:, :, np.newaxis]
+        self.shares = np.maximum(blurred(weights, spread, cv2.BORDER_REPLICATE), 1e-3)
 
     def mean(self, plane: Plane) -> Plane:
         """Return the means of a plane (rows, cols, channels)."""
         soft = blurred(plane * self._weights, self._spread, cv2.BORDER_REPLICATE)
-        return np.asarray(soft.reshape(plane.shape) / self._shares, dtype=np.float32)
+        return np.asarray(soft.reshape(plane.shape) / self.shares[:, :, np.newaxis], dtype=np.float32)
 
     def squared(self, plane: Plane) -> Plane:
         """Return the means of the squares of a plane, summed over channels."""
@@ -87,7 +92,7 @@ def another_mark(seen: Plane, predicted: Plane, weights: Plane) -> bool:
         return False
     shares, most = windows.compared(predicted, seen, STRONG)
     where = np.zeros(weights.shape, dtype=np.bool_)
-    where[inner] = shares[inner] > ANOTHER
+    where[inner] = (shares[inner] > ANOTHER) & (windows.shares[inner] > FULL_WEIGHT)  # no ground shines through
     if not where.any():
         return False
 
