@@ -86,6 +86,8 @@ class Windows:
 
 def another_mark(seen: Plane, predicted: Plane, weights: Plane) -> bool:
     """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
+    if min(weights.shape) <= 2 * RIM:
+        return False
     windows, left, inner = Windows(weights, MARK), seen - predicted, np.s_[RIM:-RIM, RIM:-RIM]
     usual = float(np.median(windows.variance(left)[inner]))
     if windows.squared(left)[inner].max() <= NOISY * usual:

@@ -52,7 +52,7 @@ def measured(lag: int, search: LagSearch, size: int = 3000) -> sl.SignalLag:
 
 def without_time(document: str) -> dict[str, Any]:
     """Return the figures without the elapsed time, and without the details of the files that a command adds."""
-    left_out = "elapsed_s", "recordings", "starts_apart_s"
+    left_out = "elapsed_s", "recordings", "starts_apart_s", "doubts"
     return {name: value for name, value in json.loads(document).items() if name not in left_out}
 
 
