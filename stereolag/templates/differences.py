@@ -14,7 +14,8 @@ TOLERANCE = 0.5
 MARK, STRONG, ANOTHER, UNMOVED, NOISY = 1.5, 0.4, 0.14, 0.08, 20
 """Spread of a window about a mark, px; least variance in it, as a share of the largest; and least squared difference in
 it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain; and how
-many times the median of all differences that is at least, as noise and JPEG make 2 to 14, and other marks 48 and more.
+many times the median of all differences that is at least: noise and JPEG make 2 to 14, other marks 48 and more but for
+one of a dozen.
 
 A frame that agrees, or many such marks, hide one from what is told block by block. Measured on cards and signs of a
 map: from 0.082 at 8 of 14 taken for others; up to 0.06 where the template is, but for 1 of 243.
