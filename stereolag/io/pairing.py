@@ -127,6 +127,16 @@ def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int
     return [name for name in _pictures(names)[0] if name not in paired and left.search(_stem_path(name))]
 
 
+def pictures_by_side(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the left and the right pictures among files, in natural order, if the names of their folders tell them."""
+    pictures = sorted(_pictures(names)[0], key=natural_order)
+    for patterns in CONVENTIONS:
+        left, right = ([name for name in pictures if re.search(side, _folder(name))] for side in patterns)
+        if left and right and not {*left} & {*right}:
+            return left, right
+    return [], []
+
+
 def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
     """Return the camera pictures and the ground truths among files."""
     truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}

@@ -14,9 +14,11 @@ from typing import Any
 import av
 import numpy as np
 from av.container import InputContainer
+from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from stereolag.core.arrays import Vector
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.io.formats import sound_format
@@ -37,6 +39,9 @@ USUAL_RATE = 10.0
 LEAST_RATE, MOST_RATE = 0.01, 1000
 """Range of plausible frame rates, Hz."""
 
+GAP = 1.5
+"""Intervals between frames that are this many times as long as usual are gaps: frames were dropped."""
+
 _DEMUXERS = ("mov", "matroska", "avi")
 _PATIENCE_PACKETS = 64
 """Number of later frames decoded before a missing frame counts as damaged."""
@@ -54,23 +59,30 @@ class VideoFile:
         (megapixels, frames, seconds). All are checked before a frame is decoded.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, track: int = 0) -> None:
         self._source: Path | bytes = (
             Path(source).resolve() if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
         )
+        self._track = track
         self._turn = threading.Lock()
         self._next = -1
         self._frames: Iterator[VideoFrame] | None = None
         stream = self._stream
-        self.width, self.height = stream.codec_context.width, stream.codec_context.height
-        """px."""
-        rate = stream.average_rate or stream.guessed_rate
-        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
-        """Hz."""
+        self.tracks = len(self._streams)
+        """Number of tracks with pictures of one size, from the first on."""
         self._shown, self._keys = self._indexed()
+        self.times_s = (np.array(self._shown) - self._shown[0]) * float(stream.time_base or 1)
+        """Times at which the frames are shown, s after the first."""
+        interval = usual_interval(self.times_s)
+        # The mean rate of the stream is rounder, but dropped frames lower it.
+        gaps = interval is not None and (np.diff(self.times_s) > GAP * interval).any()
+        rate = 1 / interval if interval and gaps else stream.average_rate or stream.guessed_rate
+        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
+        """Hz; gaps where frames were dropped do not count."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_opened_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
+        opened = _opened_once if isinstance(self._source, Path) else VideoFile
+        return opened, (self._source, self._track)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -80,6 +92,7 @@ class VideoFile:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
 
         Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe before it.
+        A frame of a camera that was held upright or upside down is turned as the file says.
 
         Raises
         ------
@@ -93,7 +106,8 @@ class VideoFile:
             try:
                 frame = self._decoded(number)
                 grey = frame.format.name.startswith("gray")
-                return np.ascontiguousarray(frame.to_ndarray(format="gray" if grey else "rgb24"))
+                image = frame.to_ndarray(format="gray" if grey else "rgb24")
+                return np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
             except (av.FFmpegError, ValueError, EOFError) as error:
                 self._frames = None
                 raise ValueError(f"Frame {number} of the {WHAT} is damaged and cannot be decoded.") from error
@@ -118,10 +132,16 @@ class VideoFile:
             raise ValueError(DAMAGED) from error
 
     @cached_property
-    def _stream(self) -> VideoStream:
-        if not self._container.streams.video:
+    def _streams(self) -> list[VideoStream]:
+        """The first track, and all others with pictures of its size."""
+        every = [one for one in self._container.streams.video if not one.disposition & Disposition.attached_pic]
+        if not every:
             raise ValueError(f"The {WHAT} holds no pictures.")
-        stream = self._container.streams.video[0]
+        return [one for one in every if _size(one) == _size(every[0])]
+
+    @cached_property
+    def _stream(self) -> VideoStream:
+        stream = self._streams[self._track]
         context = stream.codec_context
         if context is None or context.name not in CODECS:
             name = quote(context.name if context else "unknown")
@@ -192,18 +212,18 @@ class VideoFile:
 class GuardedVideo(VideoFile):
     """A stranger's video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
 
-    def __init__(self, source: Source) -> None:
-        self._source = read_bytes(source, WHAT)
-        self._guarded = GuardedObject(VideoFile, self._source)
-        facts: tuple[int, int, int, float] = self._guarded.ask(_facts)
-        self._count, self.width, self.height, self.frame_rate = facts
+    def __init__(self, source: Source, track: int = 0) -> None:
+        self._source, self._track = read_bytes(source, WHAT), track
+        self._guarded = GuardedObject(VideoFile, self._source, track)
+        facts: tuple[Vector, int, float] = self._guarded.ask(_facts)
+        self.times_s, self.tracks, self.frame_rate = facts
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return GuardedVideo, (self._source,)
+        return GuardedVideo, (self._source, self._track)
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return self._count
+        return len(self.times_s)
 
     def frame(self, number: int) -> Image:
         """Return a frame."""
@@ -212,11 +232,21 @@ class GuardedVideo(VideoFile):
         return image
 
 
-def _facts(video: VideoFile) -> tuple[int, int, int, float]:
-    return len(video), video.width, video.height, video.frame_rate
+def _facts(video: VideoFile) -> tuple[Vector, int, float]:
+    return video.times_s, video.tracks, video.frame_rate
+
+
+def _size(stream: VideoStream) -> tuple[int, int]:
+    return stream.codec_context.width, stream.codec_context.height
+
+
+def usual_interval(times_s: Vector) -> float | None:
+    """Return the mean interval between frames without the gaps of dropped ones, s; None for a single frame."""
+    steps = np.diff(times_s)
+    return float(steps[steps <= GAP * np.median(steps)].mean()) if len(steps) else None
 
 
 @lru_cache(maxsize=8)
-def _opened_once(path: Path) -> VideoFile:
+def _opened_once(path: Path, track: int) -> VideoFile:
     """Return the video at a path, opened only once by a worker process that reads frame after frame."""
-    return VideoFile(path)
+    return VideoFile(path, track)

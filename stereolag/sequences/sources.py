@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -25,10 +24,18 @@ from stereolag.io.disparities import read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
-from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
+from stereolag.io.pairing import (
+    PICTURE_ENDINGS,
+    TRUTH_ENDINGS,
+    left_alone,
+    matched_pairs,
+    natural_order,
+    pictures_by_side,
+)
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
+from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
 
 USUAL_RATE = 10.0
 """Default frame rate of pictures, which do not record one, Hz."""
@@ -86,7 +93,8 @@ class StereoSequence:
     findings
         What the input doctor finds wrong with the frames, for their table.
     notes
-        Sentences about the true disparities: how they are read, or what speaks against them.
+        Sentences about the frames: how videos of two rates are paired, how true disparities are read, and what speaks
+        against these.
     """
 
     names: tuple[str, ...]
@@ -178,7 +186,7 @@ def _picture_sequence(
         names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
     return StereoSequence(
         tuple(names),
-        frame_rate or USUAL_RATE,
+        frame_rate or frame_rate_in_names([one.left for one in files]) or USUAL_RATE,
         lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
@@ -219,14 +227,33 @@ def _opened_once(path: Path) -> Archive:
     return read_archive(path, max_files=MAX_ARCHIVED)
 
 
-def _video_sequence(read: Callable[[int], StereoFrame], count: int, frame_rate: float) -> StereoSequence:
-    return StereoSequence(
-        tuple(f"{number:06d}" for number in range(count)), frame_rate, lambda number: partial(read, number)
+def _video_sequence(
+    reader: Callable[[int], FrameReader], count: int, frame_rate: float, notes: tuple[str, ...] = ()
+) -> StereoSequence:
+    return StereoSequence(tuple(f"{number:06d}" for number in range(count)), frame_rate, reader, notes=notes)
+
+
+def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None) -> StereoSequence:
+    """Return the frames of two videos that are shown at the same time."""
+    frames = partners_of_frames(left.times_s, right.times_s)
+    rates = left.frame_rate, right.frame_rate
+    note = (
+        f"The videos have {rates[0]:.4g} and {rates[1]:.4g} frames a second. Each frame of the slower one is paired "
+        "with the nearest in time, both counted from the beginning."
+    )
+    return _video_sequence(
+        lambda number: partial(_read_two, left, right, number, *frames[number]),
+        len(frames),
+        frame_rate or min(rates),
+        () if same_rate(*rates) else (note,),
     )
 
 
-def _read_two(left: VideoFile, right: VideoFile, number: int) -> StereoFrame:
-    return StereoFrame(left.frame(number), right.frame(number))
+def _read_two(left: VideoFile, right: VideoFile, number: int, of_left: int | None, of_right: int | None) -> StereoFrame:
+    if of_left is None or of_right is None:
+        side = "left" if of_left is None else "right"
+        raise ValueError(f"The {side} video has no frame at the time of frame {number}.")
+    return StereoFrame(left.frame(of_left), right.frame(of_right))
 
 
 def _read_halves(video: VideoFile, layout: Layout, crossed: bool, number: int) -> StereoFrame:
@@ -275,7 +302,7 @@ def open_sequence(
         A folder or pattern of true disparities, with the names or in the order of the left pictures; an archive
         includes its own.
     frame_rate
-        Hz; by default that of the video, or 10 for pictures.
+        Hz; by default that of the slower video; of pictures, that of Unix times in their names, or 10.
     layout
         How both views stand in the frames of one video, the left one first; by default found from them.
     door
@@ -284,8 +311,9 @@ def open_sequence(
     Returns
     -------
     StereoSequence
-        Pictures with the same name are paired; if the two sides have no name in common, they are paired in the order of
-        their names. A left picture without a right one counts as a damaged frame.
+        Pictures with the same name are paired; otherwise those whose names have the same number, or nearly the same
+        time; otherwise all in the order of their names. Frames of two videos, or of the two tracks of one, are paired
+        by their times. A left picture without a right one counts as a damaged frame.
 
     Raises
     ------
@@ -303,12 +331,11 @@ def open_sequence(
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
         lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
         truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
-        partners = _partners(lefts, rights, "right pictures")
-        known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
+        partners = partners_by_name(lefts, rights, "right pictures")
+        known = partners_by_name(lefts, truths, "true disparities") if truths else [None] * len(lefts)
         sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
     else:
-        two = video(left), video(right)
-        sequence = _video_sequence(partial(_read_two, *two), min(map(len, two)), frame_rate or two[0].frame_rate)
+        sequence = _two_videos(video(left), video(right), frame_rate)
     if len(sequence) > limits().max_frames:
         raise ValueError(f"The sequence has {len(sequence):,} frames; at most {limits().max_frames:,} are accepted.")
     return sequence
@@ -332,10 +359,14 @@ def _of_one(
         raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(beginning(source)):
         both = video(source)
+        if both.tracks == 2 and layout is None:
+            return _two_videos(both, video(source, track=1), frame_rate)
         found, crossed = _layout_of(both) if layout is None else (layout, False)
-        if found is Layout.BESIDE and (both.width < 2 or both.width % 2):
-            raise ValueError(f"The video is {both.width} px wide; two pictures side by side have an even width.")
-        return _video_sequence(partial(_read_halves, both, found, crossed), len(both), frame_rate or both.frame_rate)
+        return _video_sequence(
+            lambda number: partial(_read_halves, both, found, crossed, number),
+            len(both),
+            frame_rate or both.frame_rate,
+        )
     if layout is not None:
         raise ValueError("A layout is that of one video with both views; this is an archive.")
     archive = read_archive(source, max_files=MAX_ARCHIVED)
@@ -350,6 +381,9 @@ def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     pairs = matched_pairs(names)
     surest = min((pair.convention for pair in pairs), default=0)
     pairs = [pair for pair in pairs if pair.convention == surest]
+    left, right = pictures_by_side(names)
+    if 2 * len(pairs) < min(len(left), len(right)):  # the names of the pictures differ, too
+        return [*map(FrameFiles, left, partners_by_name(left, right, "right pictures"))]
     frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
     if frames:
         frames += [FrameFiles(name, None) for name in left_alone(names, pairs, surest)]
@@ -370,33 +404,6 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
             "or one ZIP archive alone with both sides in it."
         )
     return sorted((str(one.absolute()) for one in kept), key=lambda name: [natural_order(name), name])
-
-
-def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[str | None]:
-    """Return the partner of each file: the one with its name, with its number, or at its position if neither agree."""
-    by_name = {_stem(other): other for other in others}
-    found = [by_name.get(_stem(name)) for name in names]
-    if any(found):
-        return found
-    mine, by_number = [_number(name) for name in names], {_number(other): other for other in others}
-    if len({*mine}) == len(names) and len(by_number) == len(others) and any(one in by_number for one in mine):
-        return [by_number.get(one) for one in mine]
-    if len(names) != len(others):
-        raise ValueError(
-            f"There are {len(names):,} left pictures and {len(others):,} {what}, with other names; either their names "
-            "or their number must match."
-        )
-    return list(others)
-
-
-def _stem(name: str) -> str:
-    return Path(name).stem
-
-
-def _number(name: str) -> int | None:
-    """Return the last number in the name of a file; a lost frame must not shift the others."""
-    numbers = re.findall(r"\d+", _stem(name))
-    return int(numbers[-1]) if numbers else None
 
 
 def _ending(path: Path) -> str:

@@ -96,24 +96,37 @@ def number_in(picture: npt.NDArray[np.uint8]) -> int:
 
 
 def video(
-    pictures: Sequence[npt.NDArray[np.uint8]],
-    *,
+    *tracks: Sequence[npt.NDArray[np.uint8]],
     codec: str = "libx264",
     kind: str = "mp4",
     rate: int = 10,
     every: int = 12,
     options: dict[str, str] | None = None,
     pixels: str = "yuv420p",
+    rotation: int = 0,
+    dropped: Sequence[int] = (),
 ) -> bytes:
-    """Return pictures as a video, by default with bidirectionally predicted frames."""
+    """Return pictures as a video of one track or more, by default with bidirectionally predicted frames.
+
+    Players turn its frames by `rotation` degrees; frames whose numbers are `dropped` leave gaps in time.
+    """
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
-        track = container.add_stream(codec, rate=rate, options=options or {})
-        assert isinstance(track, av.VideoStream)
-        track.width, track.height, track.pix_fmt = pictures[0].shape[1], pictures[0].shape[0], pixels
-        track.codec_context.gop_size = every
-        for picture in pictures:
-            frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
-            container.mux(track.encode(frame))
-        container.mux(track.encode())
+        written = []
+        for pictures in tracks:
+            track = container.add_stream(codec, rate=rate, options=options or {})
+            assert isinstance(track, av.VideoStream)
+            written.append(track)
+            track.width, track.height, track.pix_fmt = pictures[0].shape[1], pictures[0].shape[0], pixels
+            track.codec_context.gop_size = every
+            if rotation:
+                track.set_display_rotation(rotation)
+        for number in sorted({*range(len(tracks[0]))} - {*dropped}):
+            for track, pictures in zip(written, tracks, strict=True):
+                picture = pictures[number]
+                frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
+                frame.pts = number
+                container.mux(track.encode(frame))
+        for track in written:
+            container.mux(track.encode())
     return stream.getvalue()

@@ -35,7 +35,7 @@ def mp4() -> bytes:
 def test_any_frame_is_the_one_asked_for_by_seeking_as_in_turn(codec: str, kind: str, options: dict[str, str]) -> None:
     pixels = "yuvj420p" if codec == "mjpeg" else "yuv420p"
     file = VideoFile(video(numbered(COUNT), codec=codec, kind=kind, options=options, pixels=pixels))
-    assert (len(file), file.frame_rate, file.width, file.height) == (COUNT, 10.0, 96, 64)
+    assert (len(file), file.frame_rate, file.frame(0).shape) == (COUNT, 10.0, (64, 96, 3))
     in_turn = [file.frame(number) for number in range(COUNT)]
     assert [*map(number_in, in_turn)] == [*range(COUNT)]
     for number in (*random.Random(0).sample(range(COUNT), COUNT), COUNT - 1, COUNT - 1, 0):
@@ -46,6 +46,15 @@ def test_grey_stays_grey() -> None:
     pictures = [picture[:, :, 0] for picture in numbered(4)]
     file = VideoFile(video(pictures, codec="ffv1", kind="matroska", pixels="gray"))
     assert [np.array_equal(file.frame(number), pictures[number]) for number in range(4)] == [True] * 4
+
+
+def test_frames_are_turned_as_their_camera_was_held() -> None:
+    """Of two cameras on one rig, one is often mounted upside down, and its file says so."""
+    picture = numbered(40)[37]
+    assert [
+        number_in(np.rot90(VideoFile(video([picture], rotation=turn)).frame(0), -turn // 90)) for turn in (180, 90)
+    ] == [37] * 2
+    assert VideoFile(video([picture], rotation=90)).frame(0).shape == (96, 64, 3)
 
 
 def test_a_video_at_a_path_is_pickled_as_its_path(mp4: bytes, tmp_path: Path) -> None:
@@ -62,7 +71,7 @@ def test_a_video_at_a_path_is_pickled_as_its_path(mp4: bytes, tmp_path: Path) ->
 
 def test_a_guarded_video_is_the_same_and_survives_the_end_of_its_worker(mp4: bytes) -> None:
     file, guarded = VideoFile(mp4), GuardedVideo(mp4)
-    assert (len(guarded), guarded.frame_rate, guarded.width, guarded.height) == (COUNT, 10.0, 96, 64)
+    assert (len(guarded), guarded.frame_rate, guarded.frame(0).shape) == (COUNT, 10.0, (64, 96, 3))
     for number in (0, 1, 2, 40, 3):
         np.testing.assert_array_equal(guarded.frame(number), file.frame(number))
     guarded._guarded.close()

@@ -144,6 +144,75 @@ def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
         open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4", layout=Layout.BESIDE)
 
 
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("{seconds:.6f}", "{later:.6f}"),
+        ("{nanoseconds}", "{later_nanoseconds}"),
+        ("2026-11-29_12-00-{short:06.3f}", "2026-11-29_12-00-{short_later:06.3f}"),
+        ("{number:04d}_cam0", "{number:04d}_cam1"),
+        ("frame{number}left640", "frame{number}right640"),
+    ],
+)
+def test_a_dropped_picture_shifts_no_other_whether_names_hold_times_or_numbers(
+    left: str, right: str, tmp_path: Path
+) -> None:
+    """As many pictures were dropped on both sides, so that pairing in order would go unnoticed."""
+    files = {}
+    for number, pair in enumerate(pairs_of(range(1, 21))):
+        seconds = 1_764_417_600 + number / 30
+        values = {"number": number, "seconds": seconds, "later": seconds + 0.004, "short": number / 30}
+        nanoseconds = round(seconds * 1e9)
+        values |= {
+            "short_later": number / 30 + 0.004,
+            "nanoseconds": nanoseconds,
+            "later_nanoseconds": nanoseconds + 120,
+        }
+        for side, name, picture, dropped in zip(("left", "right"), (left, right), pair, (4, 11), strict=True):
+            if number != dropped:
+                files[f"{side}/{name.format(**values)}.png"] = image_png(picture)
+    for name, data in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+    for sequence in (open_sequence(tmp_path / "left", tmp_path / "right"), open_sequence(zipped(files))):
+        assert len(sequence) == 19
+        with pytest.raises(ValueError, match="has no picture of the right camera"):
+            sequence.frame(10)
+        for number in (0, 7, 9, 11, 18):
+            frame = sequence.frame(number)
+            disparity = number + 1 + (number >= 4)
+            np.testing.assert_array_equal(frame.left[:, disparity:], frame.right[:, :-disparity])
+        assert sequence.frame_rate == pytest.approx(30 if "seconds" in left else 10, rel=1e-3)
+
+
+def test_frames_of_two_videos_are_paired_by_their_times() -> None:
+    pictures = numbered(40)
+    left = video(pictures[:20], rate=30)
+    for right, pairs in (
+        (video(pictures[:20], rate=30, dropped=(5, 6)), {3: 3, 7: 7, 19: 19}),
+        (video(pictures, rate=60), {0: 0, 7: 14, 19: 38}),
+        (video(pictures[::2], rate=15), {0: 0, 5: 10}),
+    ):
+        sequence = open_sequence(left, right)
+        for number, other in pairs.items():
+            frame = sequence.frame(number)
+            assert number_in(frame.right) == other
+            assert number_in(frame.left) == number * (2 if len(sequence) == 10 else 1)
+        assert len(sequence.notes) == (len(sequence) == 10 or 38 in pairs.values())
+    assert sequence.frame_rate == 15
+    with pytest.raises(ValueError, match="The right video has no frame at the time of frame 5"):
+        open_sequence(left, video(pictures[:20], rate=30, dropped=(5, 6))).frame(5)
+
+
+def test_two_tracks_of_one_video_are_both_views(tmp_path: Path) -> None:
+    pictures = numbered(20)
+    path = tmp_path / "both.avi"
+    path.write_bytes(video(pictures[:12], pictures[8:], codec="mjpeg", kind="avi", pixels="yuvj420p"))
+    for source in (path, path.read_bytes()):
+        frame = pickle.loads(pickle.dumps(open_sequence(source).reader(7)))()
+        assert (number_in(frame.left), number_in(frame.right)) == (7, 15)
+
+
 def test_a_damaged_or_missing_picture_concerns_its_frame_alone(tmp_path: Path) -> None:
     left, right, _ = write_folders(tmp_path)
     (left / "001.png").write_bytes((left / "001.png").read_bytes()[:200])
