@@ -25,12 +25,15 @@ from stereolag.io.formats import sound_format
 from stereolag.io.guard import GuardedObject
 from stereolag.io.sources import Source, beginning, check_pixels, quote, read_bytes
 
-ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
+ACCEPTED = "MP4, MOV, MKV, WebM, AVI and WMV"
 WHAT = "video"
 DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
-VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
+VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf"])
 
-CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo"])
+CODECS = frozenset(
+    "h264 hevc av1 libdav1d vp8 vp9 mpeg4 mjpeg ffv1 png rawvideo "
+    "prores cfhd dvvideo huffyuv ffvhuff msmpeg4v2 msmpeg4 wmv1 wmv2 wmv3 h263".split()
+)
 """The codecs that cameras and editors write; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
 
 USUAL_RATE = 10.0
@@ -42,7 +45,7 @@ LEAST_RATE, MOST_RATE = 0.01, 1000
 GAP = 1.5
 """Intervals between frames that are this many times as long as usual are gaps: frames were dropped."""
 
-_DEMUXERS = ("mov", "matroska", "avi")
+_DEMUXERS = ("mov", "matroska", "avi", "asf")
 _PATIENCE_PACKETS = 64
 """Number of later frames decoded before a missing frame counts as damaged."""
 
@@ -145,7 +148,7 @@ class VideoFile:
         context = stream.codec_context
         if context is None or context.name not in CODECS:
             name = quote(context.name if context else "unknown")
-            raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9 and Motion JPEG are decoded.")
+            raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9, ProRes and Motion JPEG are among those decoded.")
         check_pixels(context.width, context.height, WHAT)
         # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
         context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}

@@ -30,10 +30,12 @@ def mp4() -> bytes:
         ("libx264", "matroska", {"bf": "2"}),
         ("libvpx-vp9", "webm", {"deadline": "realtime", "cpu-used": "8"}),
         ("mjpeg", "avi", {}),
+        ("wmv2", "asf", {}),
+        ("huffyuv", "avi", {}),
     ],
 )
 def test_any_frame_is_the_one_asked_for_by_seeking_as_in_turn(codec: str, kind: str, options: dict[str, str]) -> None:
-    pixels = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    pixels = {"mjpeg": "yuvj420p", "huffyuv": "yuv422p"}.get(codec, "yuv420p")
     file = VideoFile(video(numbered(COUNT), codec=codec, kind=kind, options=options, pixels=pixels))
     assert (len(file), file.frame_rate, file.frame(0).shape) == (COUNT, 10.0, (64, 96, 3))
     in_turn = [file.frame(number) for number in range(COUNT)]
