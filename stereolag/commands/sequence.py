@@ -129,8 +129,8 @@ def _add_frames(parser: CommandParser) -> None:
     parser.add_argument(
         "left",
         metavar="LEFT",
-        help="left pictures, as a folder or a pattern in quotes, or the left video; alone: a ZIP of both sides, or a "
-        "video of both side by side",
+        help="left pictures, as a folder or a pattern in quotes, or the left video; alone: a folder or "
+        "ZIP of both sides, or a video or pictures with both views in each",
     )
     parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same for the right")
     add_layout(parser)

@@ -30,11 +30,10 @@ WHAT = "video"
 DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
 VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf"])
 
-CODECS = frozenset(
-    "h264 hevc av1 libdav1d vp8 vp9 mpeg4 mjpeg ffv1 png rawvideo "
-    "prores cfhd dvvideo huffyuv ffvhuff msmpeg4v2 msmpeg4 wmv1 wmv2 wmv3 h263".split()
-)
-"""The codecs that cameras and editors write; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
+CAMERA_CODECS = ["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo", "h263"]
+EDITOR_CODECS = ["prores", "cfhd", "dvvideo", "huffyuv", "ffvhuff", "msmpeg4v2", "msmpeg4", "wmv1", "wmv2", "wmv3"]
+CODECS = frozenset([*CAMERA_CODECS, *EDITOR_CODECS])
+"""The codecs that cameras and editors write; FFmpeg has hundreds more, few of them tested on hostile bytes."""
 
 USUAL_RATE = 10.0
 """Frame rate of a video that states no plausible one, Hz."""
@@ -148,7 +147,9 @@ class VideoFile:
         context = stream.codec_context
         if context is None or context.name not in CODECS:
             name = quote(context.name if context else "unknown")
-            raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9, ProRes and Motion JPEG are among those decoded.")
+            raise ValueError(
+                f"The {WHAT} is coded as {name}; accepted are H.264, H.265, AV1, VP9, ProRes, Motion JPEG and others."
+            )
         check_pixels(context.width, context.height, WHAT)
         # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
         context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -32,7 +32,7 @@ from stereolag.io.pairing import (
     natural_order,
     pictures_by_side,
 )
-from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
+from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
@@ -173,7 +173,7 @@ def _picture_sequence(
     source_of: Callable[[str], Source] = Path,
     door: Door = unguarded,
 ) -> StereoSequence:
-    """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique.
+    """Return the frames in separate picture files.
 
     One frame tells how the true disparities of all are to be read; depth in their place is left out.
     """
@@ -181,12 +181,10 @@ def _picture_sequence(
     if fit is not None and fit.is_depth:
         files = [one._replace(truth=None) for one in files]
     divisor = None if fit is None else fit.divisor
-    names = [PurePosixPath(one.left.replace("\\", "/")).stem for one in files]
-    if len(set(names)) < len(names):
-        names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
+    lefts = [one.left for one in files]
     return StereoSequence(
-        tuple(names),
-        frame_rate or frame_rate_in_names([one.left for one in files]) or USUAL_RATE,
+        _frame_names(lefts),
+        frame_rate or frame_rate_in_names(lefts) or USUAL_RATE,
         lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
@@ -211,7 +209,7 @@ def _read_pictures(
 ) -> StereoFrame:
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
-    left, right = (door(read_image)(source_of(name)) for name in (names.left, names.right))
+    left, right = (_read_picture(name, source_of, door) for name in (names.left, names.right))
     if names.truth is None:
         return StereoFrame(left, right)
     return StereoFrame(left, right, door(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
@@ -227,12 +225,6 @@ def _opened_once(path: Path) -> Archive:
     return read_archive(path, max_files=MAX_ARCHIVED)
 
 
-def _video_sequence(
-    reader: Callable[[int], FrameReader], count: int, frame_rate: float, notes: tuple[str, ...] = ()
-) -> StereoSequence:
-    return StereoSequence(tuple(f"{number:06d}" for number in range(count)), frame_rate, reader, notes=notes)
-
-
 def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None) -> StereoSequence:
     """Return the frames of two videos that are shown at the same time."""
     frames = partners_of_frames(left.times_s, right.times_s)
@@ -241,11 +233,11 @@ def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None) -> 
         f"The videos have {rates[0]:.4g} and {rates[1]:.4g} frames a second. Each frame of the slower one is paired "
         "with the nearest in time, both counted from the beginning."
     )
-    return _video_sequence(
-        lambda number: partial(_read_two, left, right, number, *frames[number]),
-        len(frames),
+    return StereoSequence(
+        _numbered(len(frames)),
         frame_rate or min(rates),
-        () if same_rate(*rates) else (note,),
+        lambda number: partial(_read_two, left, right, number, *frames[number]),
+        notes=() if same_rate(*rates) else (note,),
     )
 
 
@@ -256,29 +248,41 @@ def _read_two(left: VideoFile, right: VideoFile, number: int, of_left: int | Non
     return StereoFrame(left.frame(of_left), right.frame(of_right))
 
 
-def _read_halves(video: VideoFile, layout: Layout, crossed: bool, number: int) -> StereoFrame:
-    left, right = views(video.frame(number), layout, crossed=crossed)
+def _frame_names(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return the stems of pictures, numbered if they are not unique."""
+    names = [PurePosixPath(path.replace("\\", "/")).stem for path in paths]
+    if len(set(names)) < len(names):
+        names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
+    return tuple(names)
+
+
+def _numbered(count: int) -> tuple[str, ...]:
+    return tuple(f"{number:06d}" for number in range(count))
+
+
+def _read_both_views(read: Callable[[], Image], layout: Layout, crossed: bool) -> StereoFrame:
+    left, right = views(read(), layout, crossed=crossed)
     return StereoFrame(np.ascontiguousarray(left), np.ascontiguousarray(right))
 
 
-def _layout_of(video: VideoFile) -> tuple[Layout, bool]:
-    """Return how both views stand in the frames of a video, from its first or its middle one; side by side if unseen.
+def _layout_of(pictures: Iterable[Callable[[], Image]]) -> tuple[Layout, bool] | None:
+    """Return how both views stand in the first of some pictures that shows it; None if none does.
 
     Raises
     ------
     Anaglyph
-        A video whose views are in its colours.
+        A picture whose views are in its colours.
     """
-    for number in {0: None, len(video) // 2: None}:
+    for read in pictures:
         try:
-            found = likely_layout(video.frame(number))
+            found = likely_layout(read())
         except Anaglyph:
             raise
         except (ValueError, OSError):  # a damaged frame
             continue
         if found is not None:
             return found
-    return Layout.BESIDE, False
+    return None
 
 
 def open_sequence(
@@ -295,16 +299,16 @@ def open_sequence(
     Parameters
     ----------
     left, right
-        Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; or `left` alone: a ZIP
-        archive of pictures whose folders or names show the side ("left/000.png"), or one video with both pictures, side
-        by side or one above the other. Archives and videos may also be given as bytes or binary file objects.
+        Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; or `left` alone: a folder
+        or ZIP archive of pictures whose folders or names show the side ("left/000.png"), or which have both views in
+        each, or one video of both views. Archives and videos may also be given as bytes or binary file objects.
     truth
         A folder or pattern of true disparities, with the names or in the order of the left pictures; an archive
         includes its own.
     frame_rate
         Hz; by default that of the slower video; of pictures, that of Unix times in their names, or 10.
     layout
-        How both views stand in the frames of one video, the left one first; by default found from them.
+        How both views stand in each picture or frame, the left one first; by default found from them.
     door
         :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
 
@@ -327,7 +331,7 @@ def open_sequence(
     if right is None:
         sequence = _of_one(left, frame_rate, door, video, layout)
     elif layout is not None:
-        raise ValueError("A layout is that of one video with both views; these are two.")
+        raise ValueError("A layout is that of frames with both views; these are two files.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
         lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
         truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
@@ -354,26 +358,56 @@ def example_sequence(example: DriveExample) -> StereoSequence:
 def _of_one(
     source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
 ) -> StereoSequence:
-    path = Path(source).resolve() if isinstance(source, str | PathLike) else None
-    if path is not None and path.is_dir():
-        raise ValueError(f"{quote(path.name)} is a folder; give two, of the left and of the right pictures.")
-    if not is_archive(beginning(source)):
-        both = video(source)
-        if both.tracks == 2 and layout is None:
-            return _two_videos(both, video(source, track=1), frame_rate)
-        found, crossed = _layout_of(both) if layout is None else (layout, False)
-        return _video_sequence(
-            lambda number: partial(_read_halves, both, found, crossed, number),
-            len(both),
-            frame_rate or both.frame_rate,
+    path = Path(source).absolute() if isinstance(source, str | PathLike) else None
+    if path is not None and (path.is_dir() or (glob.has_magic(str(path)) and not path.exists())):
+        names = sorted(_below(path) if path.is_dir() else _pictures(path, PICTURE_ENDINGS), key=natural_order)
+        return _of_files(names, frame_rate, path.joinpath, door, layout)
+    if is_archive(beginning(source)):
+        archive = read_archive(source, max_files=MAX_ARCHIVED)
+        return _of_files(archive.names, frame_rate, partial(_archived, path or archive), door, layout)
+    both = video(source)
+    if both.tracks == 2 and layout is None:
+        return _two_videos(both, video(source, track=1), frame_rate)
+    shown = (partial(both.frame, number) for number in sorted({0, len(both) // 2}))
+    found, crossed = (layout, False) if layout else _layout_of(shown) or (Layout.BESIDE, False)
+    return StereoSequence(
+        _numbered(len(both)),
+        frame_rate or both.frame_rate,
+        lambda number: partial(_read_both_views, partial(both.frame, number), found, crossed),
+    )
+
+
+def _of_files(
+    names: Sequence[str],
+    frame_rate: float | None,
+    source_of: Callable[[str], Source],
+    door: Door,
+    layout: Layout | None,
+) -> StereoSequence:
+    """Return the frames in the pictures of a folder or an archive: pairs by their names, or both views in each."""
+    if layout is None and (files := _frames_among(names)):
+        return _picture_sequence(files, frame_rate, source_of, door)
+    pictures = [name for name in names if _ending(Path(name)) in PICTURE_ENDINGS]
+    shown = (partial(_read_picture, name, source_of, door) for name in pictures[:: max(1, len(pictures) // 2)])
+    both = (layout, False) if layout and pictures else _layout_of(shown)
+    if both is None:
+        raise ValueError(
+            f"There are no pictures named left and right, nor any with both views in it; files there: {len(names):,}."
         )
-    if layout is not None:
-        raise ValueError("A layout is that of one video with both views; this is an archive.")
-    archive = read_archive(source, max_files=MAX_ARCHIVED)
-    files = _frames_among(archive.names)
-    if not files:
-        raise ValueError(f"The archive holds no pictures named left and right; files in it: {len(archive.names):,}.")
-    return _picture_sequence(files, frame_rate, partial(_archived, path or archive), door)
+    return StereoSequence(
+        _frame_names(pictures),
+        frame_rate or frame_rate_in_names(pictures) or USUAL_RATE,
+        lambda number: partial(_read_both_views, partial(_read_picture, pictures[number], source_of, door), *both),
+    )
+
+
+def _read_picture(name: str, source_of: Callable[[str], Source], door: Door) -> Image:
+    return door(read_image)(source_of(name))
+
+
+def _below(folder: Path) -> list[str]:
+    """Return the paths of all files in a folder and below it, relative to it."""
+    return [one.relative_to(folder).as_posix() for one in folder.rglob("*") if one.is_file() and one.name[0] != "."]
 
 
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:

@@ -140,8 +140,28 @@ def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
     assert (number_in(frame.left), number_in(frame.right)) == (4, 15)
     over = open_sequence(video(both), layout=Layout.HALF_OVER_UNDER).frame(4)
     assert over.left.shape == over.right.shape == (64, 192, 3)
-    with pytest.raises(ValueError, match="these are two"):
+    with pytest.raises(ValueError, match="these are two files"):
         open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4", layout=Layout.BESIDE)
+
+
+def test_a_folder_is_read_as_its_archive_is_and_pictures_may_hold_both_views(tmp_path: Path) -> None:
+    write_folders(tmp_path)
+    assert_holds_the_pairs(open_sequence(tmp_path))
+    left, right, _ = bundled("cube", 0.5)
+    both = image_png(np.hstack([right, left]))
+    for name in ("both/0.png", "both/more/0.png"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(both)
+    drives = [
+        open_sequence(tmp_path / "both"),
+        open_sequence(f"{tmp_path}/both/*.png"),
+        open_sequence(zipped({"0.png": both})),
+    ]
+    assert [drive.names for drive in drives] == [("000000_0", "000001_0"), ("0",), ("0",)]
+    for drive in drives:
+        frame = pickle.loads(pickle.dumps(drive.reader(0)))()
+        assert np.array_equal(frame.left, left) and np.array_equal(frame.right, right)
+    assert open_sequence(tmp_path / "both", layout=Layout.OVER_UNDER).frame(0).left.shape[1] == 2 * left.shape[1]
 
 
 @pytest.mark.parametrize(
@@ -230,7 +250,7 @@ def test_what_is_no_sequence_is_refused(tmp_path: Path, monkeypatch: pytest.Monk
     left, right, _ = write_folders(tmp_path)
     for given, rate, message in (
         ((tmp_path / "nothing", right), None, "There are no pictures at"),
-        ((left,), None, "is a folder; give two"),
+        ((left,), None, "no pictures named left and right, nor any with both views"),
         ((left, right), 0, r"frame_rate is 0 Hz; allowed are 0\.01 to 1000 Hz"),
         ((b"no video at all",), None, "not a video"),
         ((zipped({"notes.txt": b"nothing"}),), None, "no pictures named left and right"),
