@@ -96,7 +96,7 @@ def test_a_cell_is_taken_over_from_the_list_too_the_best_first_and_other_values_
     for values, shown in (("11", 0), ("15, 11", 2)):
         app.text_input[1].set_value(values).run()
         assert len(charts(app)) == shown
-    cells = labelled(app.selectbox, "Take settings over")
+    cells = labelled(app.selectbox, "Use the settings of")
     shares = [float(option.rpartition(": ")[2].removesuffix(" %")) for option in cells.options]
     assert len(shares) == 4
     assert shares == sorted(shares)
@@ -248,7 +248,7 @@ def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None
     assert len(charts(app)) == 2
     assert typeset("Left: the maps of pair 1 of 2.") in app.caption[-1].value
     app.button(key="pairs.step.1").click().run()
-    assert typeset("Left: the maps of pair 1 of 2, not of the pair in use.") in app.caption[-1].value
+    assert typeset("Left: the maps of pair 1 of 2, not the pair in use.") in app.caption[-1].value
 
 
 def looking(view: DepthView) -> None:
