@@ -112,8 +112,7 @@ def _kinds(kind: type[Settings], name: str) -> dict[str, type[Settings]]:
 
 def _first_shown(kind: type[Settings]) -> Iterable[str]:
     """Return the settings shown outside the expander, in the order of their controls."""
-    first_shown: tuple[str, ...] = getattr(kind, "first_shown", ())
-    return first_shown or _fields(kind)
+    return cast(Iterable[str], getattr(kind, "first_shown", ()) or _fields(kind))
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
 
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
     app = part_on_a_set(show_all_pairs)
-    assert "several pairs at once" in app.info[-1].value
+    assert "needs several pairs" in app.info[-1].value
     uploaded(app, "pairs", several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe
     app.button(key="depth.all_pairs.start").click().run()

@@ -112,7 +112,7 @@ def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
     app = ended(cancel(app), SWEEP)
     assert not app.button[0].disabled
     assert not app.session_state[SWEEP].job.result().finished
-    assert "ended before" in app.caption[0].value
+    assert "stopped before" in app.caption[0].value
 
 
 def test_maps_of_the_judge_itself_have_no_figure() -> None:

@@ -200,7 +200,7 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     app = with_motion(app, "colours")
     shown = player(app)
     assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM", "Optical flow"]
-    assert any("need metres: give a calibration" in one.value for one in app.caption)
+    assert any("need metres: add a calibration" in one.value for one in app.caption)
     wheel = shown["legends"][-1]
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)

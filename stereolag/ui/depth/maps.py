@@ -97,7 +97,7 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
 
     Call it before :func:`choose_maps` draws its control: in a callback, or above it.
     """
-    shown = [one.short_name for one in shown_methods()]
+    shown = [other.short_name for other in shown_methods()]
     if method.short_name not in shown:
         st.session_state[SHOWN] = [*shown[instead:], method.short_name]
 
@@ -131,7 +131,7 @@ def computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
 
 
 def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
-    """Send the maps that take no waiting, before anything else is drawn, and return them by title.
+    """Send the maps that can be computed at once, before anything else is drawn, and return them by title.
 
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
@@ -381,8 +381,10 @@ def show_controls(states: Mapping[type[StereoMatcher], ControlState]) -> None:
 def show_presets(pair: Pair) -> None:
     """Draw a button for each preset, and one that resets all methods to their default settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
-        for name, one in PRESETS.items():
-            st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
+        for name, offered in PRESETS.items():
+            st.button(
+                offered.title, key=preset_key(name), help=offered.meaning, on_click=partial(_set_preset, name, pair)
+            )
         st.button(
             "Reset",
             key=preset_key("reset"),
@@ -397,9 +399,9 @@ def _set_preset(name: PresetName, pair: Pair) -> None:
     """Show the map of a preset, searched over the range of the method whose settings are shown."""
     tab = st.session_state.get(TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
-    # A square search area reaches equally far to both sides, which makes no range for a strip.
-    strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
-    first, count = strips[0] if strips else (pair.min_disparity, pair.num_disparities or DEFAULT_DISPARITIES)
+    # A centred search area reaches equally far to both sides, which is not a range for a one-sided search.
+    one_sided = [reach for reach in searched if reach is not None and reach[0] + reach[1] - 1 != -reach[0]]
+    first, count = one_sided[0] if one_sided else (pair.min_disparity, pair.num_disparities or DEFAULT_DISPARITIES)
     matcher = preset(name, count, first)
     set_controls(matcher, pair)
     show_method(type(matcher), instead=True)

@@ -116,8 +116,9 @@ def _kept_calibration() -> Calibration | None:
     if kept is not None:
         error = "" if kept.rms is None else f", {kept.rms:.2f} px"
         sentence = f"In use: the calibration you made on the page Calibrate{error}."
-        forget = partial(st.session_state.pop, OWN_CALIBRATION, None)
-        show_offer(sentence, "Remove", f"{OWN_CALIBRATION}.remove", forget)
+        show_offer(
+            sentence, "Remove", f"{OWN_CALIBRATION}.remove", partial(st.session_state.pop, OWN_CALIBRATION, None)
+        )
     return kept
 
 
@@ -243,8 +244,9 @@ def show_doctor(view: DepthView, line: Container) -> None:
         for finding in problems:
             act = partial(_apply_remedy, pair.id, finding.remedy)
             if diagnosis.suggested_range is not None and finding.code == FindingCode.RANGE:
-                matchers = [matcher.with_search_range(*diagnosis.suggested_range) for matcher in searched]
-                act = partial(_set_all, matchers, pair)
+                act = partial(
+                    _set_all, [matcher.with_search_range(*diagnosis.suggested_range) for matcher in searched], pair
+                )
             show_remedy(_marked(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
             if finding.code == FindingCode.BENT_ROWS:
                 label, icon = PAGES[CALIBRATE]

@@ -35,7 +35,7 @@ REMEDIES_OFFERED = {
 
 def problems_in_words(count: int, subject: str = "pair") -> str:
     """Return a sentence with the number of problems found."""
-    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this {subject}."
+    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found in this {subject}."
 
 
 def remedy_in_words(finding: Finding) -> str:
@@ -80,8 +80,10 @@ def suggestion_in_words(suggestion: Suggestion) -> str:
     method, name = suggestion.start.title, bad_2(suggestion.criterion, first=True)
     if suggestion.outcome is Outcome.BETTER:
         change = f"{suggestion.bad_before:.1f} % → {suggestion.bad:.1f} %"
-        said = f"The best of {suggestion.tried} settings tried for {method}"
-        return f"{said}. {name} on the whole images: **{change}**.{ended}"
+        return (
+            f"The best of {suggestion.tried} settings tried for {method}. {name} on the whole images: "
+            f"**{change}**.{ended}"
+        )
     said = f"Your {method} settings are as good: none of the {suggestion.tried} tried is clearly better."
     if suggestion.finished and not suggestion.tried:
         said = f"{method} has no other settings to try over this range."
@@ -90,8 +92,10 @@ def suggestion_in_words(suggestion: Suggestion) -> str:
 
 def search_so_far(suggestion: Suggestion) -> str:
     """Return the progress of a search for settings."""
-    figure = f"{bad_2(suggestion.criterion)} {suggestion.bad_before:.1f} %"
-    yours = f"{suggestion.start.title}: {suggestion.tried} tried. Yours: {figure}."
+    yours = (
+        f"{suggestion.start.title}: {suggestion.tried} tried. "
+        f"Yours: {bad_2(suggestion.criterion)} {suggestion.bad_before:.1f} %."
+    )
     if not suggestion.trials:
         return yours
     gain = max(0.0, *(trial.gain for trial in suggestion.trials))

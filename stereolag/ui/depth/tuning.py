@@ -104,8 +104,12 @@ class JudgedPairs:
         others = [partial(pairs.pair, index) for index in spread if index != shown][: held - 1]
         judged = 1 + len(others)
         which = f"all {count} pairs" if judged == count else f"{judged} of the {count} pairs, spread evenly,"
-        sentence = f"Settings are judged on **{which} together**, by the mean. "
-        return cls(pair, tuple(others), preparation_of_sets(), sentence)
+        return cls(
+            pair,
+            tuple(others),
+            preparation_of_sets(),
+            sentence=f"Settings are judged on **{which} together**, by the mean. ",
+        )
 
     def __iter__(self) -> Iterator[Pair]:
         """Yield the pairs, each read when its turn comes; skip those whose files do not form a pair."""
@@ -311,8 +315,9 @@ def _ask_axis(
             key=key,
             width=280,
         )
-        initial = ", ".join(f"{value:g}" for value in known[name].values(initial_count))
-        st.session_state.setdefault(f"{key}.{name}", initial)
+        st.session_state.setdefault(
+            f"{key}.{name}", ", ".join(f"{value:g}" for value in known[name].values(initial_count))
+        )
         text = st.text_input(f"{known[name].title}: values", key=f"{key}.{name}", width=420)
     return Axis(known[name], _numbers(text or "", type(known[name].value)))
 
@@ -478,8 +483,9 @@ def _show_suggestion(view: DepthView, suggestion: Suggestion) -> None:
         prose.info(suggestion_in_words(suggestion), icon=":material/balance:")
         return
     better = suggestion.outcome is Outcome.BETTER
-    icon = ":material/auto_fix_high:" if better else ":material/check_circle:"
-    prose.success(suggestion_in_words(suggestion), icon=icon)
+    prose.success(
+        suggestion_in_words(suggestion), icon=":material/auto_fix_high:" if better else ":material/check_circle:"
+    )
     if not better:
         return
     st.dataframe(

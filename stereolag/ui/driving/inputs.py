@@ -100,8 +100,8 @@ class Drive:
     @property
     def range(self) -> tuple[int, int] | None:
         """Return the first disparity and the number of disparities that the frames need, px; None if unknown."""
-        pair = self.first
-        return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+        count = self.first.num_disparities
+        return None if count is None else (self.first.min_disparity, count)
 
 
 def ask_drive(call_off: Callable[[], None]) -> Drive:
@@ -140,7 +140,7 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
-        refuse(f"None of the first {FRAMES_TRIED} frames can be read. Check that each left image has a right one.")
+        refuse(f"None of the first {FRAMES_TRIED} frames can be read. Check that their two images belong together.")
         return None
     rows, cols = frame.left.shape[:2]
     fitted = None
@@ -234,7 +234,7 @@ def _ask_one_file() -> Upload[_Frames] | None:
 
 
 def _video(data: bytes) -> bytes:
-    """Return the bytes of a video; ValueError if they are not one, so that a visitor is told before the other one."""
+    """Return the bytes of a video, checked before the other video is uploaded; ValueError if they are not a video."""
     GuardedVideo(data)
     return data
 
@@ -377,7 +377,10 @@ class DriveSettings(NamedTuple):
 
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
-    own = {f"own_{one.short_name}": (f"{one.title}, as on the depth page", one) for one in matchers_in_use()}
+    own = {
+        f"own_{matcher.short_name}": (f"{matcher.title}, as on the depth page", matcher)
+        for matcher in matchers_in_use()
+    }
     lowest, needed = drive.range or (0, DEFAULT_DISPARITIES)
     offered = OFFERED | own
     chosen = st.pills(
