@@ -87,8 +87,10 @@ def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     name = hashlib.sha256("\0".join([drive.first.digest, *others, *matchers]).encode()).hexdigest()
     current: DriveWork | None = st.session_state.get(WORK)
     if current is not None and current.name == name:
-        resumed = current.abandoned and st.session_state[ORIGIN] == EXAMPLE
-        return resume(current, drive, asked) if resumed else current
+        if current.abandoned and st.session_state[ORIGIN] == EXAMPLE:
+            resume(current, drive, asked)
+        resumed_or_same: DriveWork = st.session_state[WORK]
+        return resumed_or_same
     if current is not None:
         current.job.cancel()
     with _examples_lock:
@@ -106,11 +108,10 @@ def call_off() -> None:
         work.abandoned = True
 
 
-def resume(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
-    """Resume cancelled work, and return it as new work: finished frames are drawn again, not computed again."""
+def resume(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+    """Resume cancelled work: finished frames are drawn again, not computed again."""
     again = DriveWork(work.name, work.kept, VideoPieces(drive.sequence.frame_rate), starts=work.starts + 1)
     st.session_state[WORK] = _started(again, drive, asked)
-    return again
 
 
 def _started(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
