@@ -17,7 +17,7 @@ from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.live import LiveCamera, follow_sliders, show_live
 from stereolag.ui.depth.maps import (
     choose_maps,
-    measured,
+    compute_map,
     send_ahead,
     send_images,
     show_controls,
@@ -28,8 +28,8 @@ from stereolag.ui.depth.maps import (
 from stereolag.ui.depth.preparing import show_doctor
 from stereolag.ui.depth.state import write_address
 from stereolag.ui.depth.tuning import show_suggest, show_sweep
-from stereolag.ui.depth.view import PART, coloured_alike, offer_fit
-from stereolag.ui.matcher_controls import matcher_as_set
+from stereolag.ui.depth.view import PART, coloured_view, offer_fit
+from stereolag.ui.matcher_controls import control_state
 from stereolag.ui.navigation import bench, fragment, page
 
 PARTS = {
@@ -48,8 +48,8 @@ PARTS = {
 @fragment
 def workspace(pair: Pair) -> None:
     """Draw the controls, compute and show; moving a control reruns only this fragment, and the maps come first."""
-    as_set = {method: matcher_as_set(method, pair) for method in METHODS}
-    matchers = {method: found.matcher for method, found in as_set.items()}
+    states = {method: control_state(method, pair) for method in METHODS}
+    matchers = {method: state.matcher for method, state in states.items()}
     shown = shown_methods()
     sent = send_ahead(pair, [matchers[method] for method in shown])
     controls, maps = bench()
@@ -61,11 +61,11 @@ def workspace(pair: Pair) -> None:
             line = st.container(horizontal=True, width="content")
             waiting = st.container(width="stretch")
         for method in shown:
-            results |= measured(pair, matchers[method], waiting)
+            results |= compute_map(pair, matchers[method], waiting)
         with line:
-            view = coloured_alike(pair, results)
-            late = {one.settings.title for one in results.values() if one.settings != matchers[type(one.settings)]}
-            view = replace(view, late=late)
+            view = coloured_view(pair, results)
+            outdated = {one.settings.title for one in results.values() if one.settings != matchers[type(one.settings)]}
+            view = replace(view, outdated=outdated)
         if results:
             show_maps(view, sent)
             offer_fit(view)
@@ -73,7 +73,7 @@ def workspace(pair: Pair) -> None:
             prose.info("No map is chosen. Choose one above.", icon=":material/touch_app:")
     with controls:
         show_presets(pair)
-        show_controls(as_set)
+        show_controls(states)
     write_address(pair, matchers.values())
     prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
@@ -84,7 +84,7 @@ def workspace(pair: Pair) -> None:
     if part:
         for method in METHODS:
             if method not in shown:
-                results |= measured(pair, matchers[method])
+                results |= compute_map(pair, matchers[method])
         view = replace(view, results=results)
     if part and results:
         PARTS[part](view)

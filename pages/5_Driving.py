@@ -17,7 +17,7 @@ def workspace(drive: Drive) -> None:
         )
     with result_place:
         if not asked.matchers:
-            prose.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
+            prose.info("Choose a method to compute its maps.", icon=":material/touch_app:")
             return
         show_findings(drive, asked.matchers.values())
         work = work_on(drive, asked)

@@ -15,7 +15,7 @@ from stereolag.geometry.calibrating import StereoCalibration
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui import calibrate
-from stereolag.ui.depth.preparing import KEPT
+from stereolag.ui.depth.preparing import OWN_CALIBRATION
 from stereolag.ui.depth.view import HANDED
 from tests.app import uploads
 from tests.app.driving import zipped_frames
@@ -162,9 +162,11 @@ def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> N
     app.session_state[HANDED] = "a frame of a drive, which the calibration must not lie behind"
     app.button(key="calibrate.use").click().run()
     assert HANDED not in app.session_state
-    np.testing.assert_allclose(app.session_state[KEPT].rig.translation, calibrate.drawn_rig().translation, atol=1e-3)
+    np.testing.assert_allclose(
+        app.session_state[OWN_CALIBRATION].rig.translation, calibrate.drawn_rig().translation, atol=1e-3
+    )
     app.switch_page(DEPTH).run()
     assert "the calibration you made on the page Calibrate" in said(app)
     assert not any("gone" in warning.value for warning in app.warning)
-    app.button(key=f"{KEPT}.remove").click().run()
-    assert KEPT not in app.session_state
+    app.button(key=f"{OWN_CALIBRATION}.remove").click().run()
+    assert OWN_CALIBRATION not in app.session_state

@@ -19,7 +19,7 @@ from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM
 from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
+from stereolag.ui.matcher_controls import ask_matcher, control_state
 from tests.app import keys
 from tests.app.pages import DEPTH, finished, open_page, page_of
 
@@ -27,7 +27,7 @@ from tests.app.pages import DEPTH, finished, open_page, page_of
 def panel() -> None:
     pair = st.session_state["pair"]
     pair = prepared(pair, Preparation(remedies=chosen_remedies(pair.id.untreated)))
-    matcher = ask_matcher(matcher_as_set(StereoBM, pair))
+    matcher = ask_matcher(control_state(StereoBM, pair))
     if matcher is not None:
         view = DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64))
         show_doctor(view, st.container())

@@ -29,7 +29,7 @@ from stereolag.ui.depth.downloads import Download, archive, files, show_download
 from stereolag.ui.depth.state import recall_settings
 from stereolag.ui.depth.view import DepthView, KnownDistance
 from stereolag.ui.downloads import File
-from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
+from stereolag.ui.matcher_controls import ask_matcher, control_state
 from tests.app import keys
 from tests.app.depth_view import part_of_page
 from tests.app.pages import page_of
@@ -71,7 +71,7 @@ def unpack(download: Download, folder: Path) -> None:
 def section() -> None:
     pair = st.session_state["pair"]
     recall_settings(pair)
-    matcher = ask_matcher(matcher_as_set(StereoBM, pair)) or StereoBM()
+    matcher = ask_matcher(control_state(StereoBM, pair)) or StereoBM()
     show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
     st.session_state["matcher"] = matcher
 
@@ -118,7 +118,7 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip(tmp_path: Path) 
     download = Download(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
     refused, in_metres = refusals(download), ("cloud.ply", "depth.tif", "depth_mm.png")
     assert refused.keys() == {"disparity_kitti.png", *in_metres}
-    said = "Depth in metres takes a calibration, or one point whose distance is known."
+    said = "Depth in metres needs a calibration, or one point whose distance is known."
     assert {refused[name] for name in in_metres} == {said}
     unpack(download, tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
@@ -308,7 +308,7 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
     in_metres = ["Point cloud PLY", "Depth TIFF, m", "Depth PNG, mm"]
     assert [label for label, disabled in buttons.items() if disabled] == in_metres
     assert first_line(app) == ["All in one ZIP", "Python script"]
-    assert any(caption.value.startswith("Depth in metres takes a calibration") for caption in app.caption)
+    assert any(caption.value.startswith("Depth in metres needs a calibration") for caption in app.caption)
     calibrated = opened(replace(small_pair(), calibration=Calibration(100.0, 0.1, width=100, height=60)))
     assert first_line(calibrated) == ["All in one ZIP", "Python script", *in_metres]
     assert "calibration.json" in offered(calibrated)

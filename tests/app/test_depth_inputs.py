@@ -15,7 +15,7 @@ from stereolag.core.typography import typeset
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
+from stereolag.ui.matcher_controls import ask_matcher, control_state
 from tests.app import keys, uploads
 from tests.app.depth_view import LEFT, RIGHT, own_files, shown
 from tests.app.pages import page_of, uploaded
@@ -40,7 +40,7 @@ ndisp=64
 
 def inputs() -> None:
     pair = choose_pair()
-    shown = [ask_matcher(matcher_as_set(method, pair)) for method in (StereoBM, CorrelationMatcher)]
+    shown = [ask_matcher(control_state(method, pair)) for method in (StereoBM, CorrelationMatcher)]
     st.session_state["shown"] = pair, *shown
 
 

@@ -67,7 +67,7 @@ def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted_and_nothing_is_c
     app = open_unfolded(DEPTH)
 
     def said() -> bool:
-        return any("beyond the colour range" in markdown.value for markdown in app.markdown)
+        return any("Outside the colour range" in markdown.value for markdown in app.markdown)
 
     assert not said()
     before = pictures(app)
@@ -124,11 +124,11 @@ def test_the_map_before_stays_until_the_new_one_is_there(monkeypatch: pytest.Mon
     monkeypatch.setattr(CorrelationMatcher, "compute", late)
     monkeypatch.setattr(results, "is_heavy", lambda estimate: True)
     moved(app, {keys.WINDOW: 31})
-    assert figures(app)["Convolution"] == before | {"Of": "the settings before"}
+    assert figures(app)["Convolution"] == before | {"Of": "the previous settings"}
     began.wait()
     app.button(key="results.cancel.map correlation").click().run()
     gate.set()
-    assert figures(app)["Convolution"] == before | {"Of": "the settings before"}
+    assert figures(app)["Convolution"] == before | {"Of": "the previous settings"}
     app.button(key="results.again.map correlation").click().run()
     until(lambda: "Of" not in figures(app.run())["Convolution"])
     assert figures(app)["Convolution"]["Coverage"] != before["Coverage"]

@@ -160,8 +160,8 @@ def test_the_figure_of_overlapping_windows_follows_the_settings() -> None:
     for overlap, says in ((0.9, "one every 2 px, so 289 values"), (0.0, "one every 20 px, so 9 values")):
         matcher = CorrelationMatcher(window_size=20, overlap=overlap)
         pair = small_view().pair
-        seen = explain_match(matcher, pair.left, pair.right, 80, 140)
-        app = part_of_page(partial(show_overlap, matcher=matcher, seen=seen))
+        match = explain_match(matcher, pair.left, pair.right, 80, 140)
+        app = part_of_page(partial(show_overlap, matcher=matcher, match=match))
         assert typeset(says) in app.markdown[-1].value
         shapes = charts(app)[0]["layout"]["shapes"]
         assert len(shapes) == 9
@@ -218,7 +218,7 @@ def test_without_truth_the_figures_are_estimates_and_say_by_what() -> None:
     judge = preset("accurate").compute(view.pair.left, view.pair.right)
     app = part_of_page(show_scoreboard, replace(view, results={**view.results, "Semi-global": judge}))
     reference = measured_reference(view.pair.left, view.pair.right, search_range=(0, 64))
-    measured = f"{100 * np.isfinite(reference).mean():.0f} % of the pixels that the accurate preset"
+    measured = f"{100 * np.isfinite(reference).mean():.0f} % of the pixels that it measured"
     assert "**estimates**" in app.markdown[0].value
     assert typeset(measured) in app.markdown[0].value
     figures = app.dataframe[0].value

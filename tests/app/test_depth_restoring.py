@@ -23,10 +23,10 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.comparing import show_all_pairs, table_of
 from stereolag.ui.depth.downloads import Download, archive, pair_files
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.maps import measured, shown_methods
+from stereolag.ui.depth.maps import compute_map, shown_methods
 from stereolag.ui.depth.tuning import JudgedPairs
-from stereolag.ui.depth.view import DepthView, coloured_alike
-from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set
+from stereolag.ui.depth.view import DepthView, coloured_view
+from stereolag.ui.matcher_controls import ask_matcher, control_state
 from tests.app import keys
 from tests.app.depth_view import LEFT, RIGHT, SCENE, own_files, pair_of, part_on_a_set, shown
 from tests.app.pages import uploaded
@@ -37,11 +37,11 @@ from tests.archives import zipped
 
 def page() -> None:
     pair = choose_pair()
-    matchers = {method: ask_matcher(matcher_as_set(method, pair)) for method in METHODS}
+    matchers = {method: ask_matcher(control_state(method, pair)) for method in METHODS}
     results: dict[str, DisparityMap] = {}
     for method in shown_methods():
-        results |= measured(pair, matchers[method])
-    view = coloured_alike(pair, results)
+        results |= compute_map(pair, matchers[method])
+    view = coloured_view(pair, results)
     st.session_state["shown"] = pair, [*matchers.values()], view
     st.session_state["taken"] = archive(Download(view, next(iter(results))), pair_files)
 
@@ -175,14 +175,14 @@ def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> N
     assert app.session_state["judged"][1] == ""
     files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
     uploaded(app, "pairs", several=("pairs.zip", zipped(files)))
-    assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
+    assert app.session_state["judged"] == ([5, 9, 7], "Settings are judged on **all 3 pairs together**, by the mean. ")
     app.button(key="pairs.step.1").click().run()
     assert app.session_state["judged"][0] == [9, 5, 7]
 
 
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
     app = part_on_a_set(show_all_pairs)
-    assert "several pairs at once" in app.info[-1].value
+    assert "needs several pairs" in app.info[-1].value
     uploaded(app, "pairs", several=("pairs.zip", zipped(pair_of(1, 5) | pair_of(2, 9))))
     assert not app.dataframe
     app.button(key="depth.all_pairs.start").click().run()

@@ -96,7 +96,7 @@ def test_a_cell_is_taken_over_from_the_list_too_the_best_first_and_other_values_
     for values, shown in (("11", 0), ("15, 11", 2)):
         app.text_input[1].set_value(values).run()
         assert len(charts(app)) == shown
-    cells = labelled(app.selectbox, "Take settings over")
+    cells = labelled(app.selectbox, "Use the settings of")
     shares = [float(option.rpartition(": ")[2].removesuffix(" %")) for option in cells.options]
     assert len(shares) == 4
     assert shares == sorted(shares)
@@ -112,7 +112,7 @@ def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
     app = ended(cancel(app), SWEEP)
     assert not app.button[0].disabled
     assert not app.session_state[SWEEP].job.result().finished
-    assert "ended before" in app.caption[0].value
+    assert "stopped before" in app.caption[0].value
 
 
 def test_maps_of_the_judge_itself_have_no_figure() -> None:
@@ -248,7 +248,7 @@ def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None
     assert len(charts(app)) == 2
     assert typeset("Left: the maps of pair 1 of 2.") in app.caption[-1].value
     app.button(key="pairs.step.1").click().run()
-    assert typeset("Left: the maps of pair 1 of 2, not of the pair in use.") in app.caption[-1].value
+    assert typeset("Left: the maps of pair 1 of 2, not the pair in use.") in app.caption[-1].value
 
 
 def looking(view: DepthView) -> None:

@@ -119,7 +119,7 @@ def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
     labelled(app.toggle, "Steady").set_value(True).run()
     computed_anew()
     moved(app, {"driving.methods": []})
-    assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
+    assert [one.value for one in app.info] == ["Choose a method to compute its maps."]
 
 
 CANCELLED = 16
@@ -155,7 +155,7 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
     if shown["computed"] == CANCELLED:
         pytest.skip("it was done before it could be called off")
     assert 0 < shown["computed"] < CANCELLED
-    finished(labelled(app.button, "Go on").click().run())
+    finished(labelled(app.button, "Resume").click().run())
     assert player(app)["computed"] == CANCELLED
     assert player(app)["name"] != shown["name"]
 
@@ -200,12 +200,12 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     app = with_motion(app, "colours")
     shown = player(app)
     assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM", "Optical flow"]
-    assert any("need metres: give a calibration" in one.value for one in app.caption)
+    assert any("need metres: add a calibration" in one.value for one in app.caption)
     wheel = shown["legends"][-1]
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
     app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
-    labelled(app.number_input, "Frames a second").set_value(2 * moving_drives.RATE).run()
+    labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE).run()
     app = with_motion(app, "arrows")
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
@@ -272,7 +272,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rect
     calibrated(app, focal_px=500, baseline_m=0.1, width=640, height=640)
     (error,) = app.error
     assert "The calibration is for 640 × 640 pixels and the images are 320 × 240" in error.value
-    assert error.value.endswith("The drive is processed without it.")
+    assert error.value.endswith("The drive is processed without the calibration.")
     assert player(app)["computed"] == 2
     assert player(app)["legends"][0]["title"] == "disparity, px"
     app = calibrated(app, **straight_and_raw.ENTRIES)

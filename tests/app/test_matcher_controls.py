@@ -15,7 +15,7 @@ from stereolag.stereo.methods import METHODS, PRESETS
 from stereolag.ui.controls import class_of
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import show_controls, show_presets
-from stereolag.ui.matcher_controls import matcher_as_set, matcher_moved, matchers_in_use
+from stereolag.ui.matcher_controls import control_state, matcher_with_moved_slider, matchers_in_use
 from tests.app import keys
 from tests.app.pages import page_of
 from tests.app.reading import controls
@@ -23,12 +23,12 @@ from tests.app.reading import controls
 
 def page() -> None:
     pair = choose_pair()
-    as_set = {method: matcher_as_set(method, pair) for method in METHODS}
+    states = {method: control_state(method, pair) for method in METHODS}
     show_presets(pair)
-    show_controls(as_set)
-    st.session_state["met"] = matchers_in_use(), [matcher_as_set(method, pair).matcher for method in METHODS]
+    show_controls(states)
+    st.session_state["met"] = matchers_in_use(), [control_state(method, pair).matcher for method in METHODS]
     if drag := st.session_state.pop("drag", None):
-        st.session_state["dragged"] = matcher_moved(pair, *drag)
+        st.session_state["dragged"] = matcher_with_moved_slider(pair, *drag)
 
 
 def opened(pair: str) -> AppTest:

@@ -122,7 +122,7 @@ def test_it_is_watched_while_it_is_computed_and_called_off(page: Page) -> None:
     visit = Drive(page, long_drive(LONG), LONG)
     visit.wait_for_video("buffered.length")
     page.get_by_role("button", name="Cancel").click()
-    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    expect(page.get_by_role("button", name="Resume")).to_be_visible()
     settled(page)
     ended = visit.video("buffered.end(0)")
     assert 0 < ended < LONG / 10

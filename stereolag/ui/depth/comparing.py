@@ -1,4 +1,4 @@
-"""Every method compared: side by side, with the ground truth or an estimate, and on every pair of a set."""
+"""Comparison of all methods: maps side by side, true or estimated errors, and a table of all pairs of a set."""
 
 from __future__ import annotations
 
@@ -61,17 +61,18 @@ from stereolag.ui.results import computed, computed_before, computed_in_turn, co
 
 COMPARISON, SCOREBOARD, ESTIMATES = "depth.comparison", "depth.scoreboard", "depth.estimates"
 ALL_PAIRS = "depth.all_pairs"
-BYTES_OF_A_PAIR = 40
+BYTES_PER_PIXEL = 40
 """Memory per pixel while a pair is decoded, rectified and scaled down."""
 REFERENCE = "reference"
-"""The task of measuring the reference of estimates: the accurate preset over the ranges of all methods."""
+"""The task, in the store of results, of computing the reference of estimates with the accurate preset."""
 
-THRESHOLD_PX = 2.0
-BEST = "background-color: rgba(76, 175, 105, 0.28); font-weight: 600"
+MAX_ERROR_PX = 2.0
+"""Largest error that does not count as wrong in the curves of error against coverage, px."""
+BEST_CELL_STYLE = "background-color: rgba(76, 175, 105, 0.28); font-weight: 600"
 
 COUNTED, LEFT_OUT = "count as wrong", "are left out"
-ROWS = {"": "All pixels", " (non-occluded)": "Seen by both cameras"}
-"""The pixels that a row of the metrics table is about, by the end of its name."""
+PIXELS_BY_SUFFIX = {"": "All pixels", " (non-occluded)": "Seen by both cameras"}
+"""The pixels that a row of the metrics table covers, by the suffix of its name."""
 
 MEANINGS = {
     "Density": "Share of the pixels with ground truth that have a disparity.",
@@ -100,14 +101,14 @@ def show_comparison(view: DepthView) -> None:
         legends.append(strip_legend("difference, px", -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE))
     if len(view.results) > 1:
         pictures.append(_agreement(view))
-        some = [(SOME_AGREE, "some agree")] if len(view.results) > 2 else []
-        colours, meanings = zip((ALL_AGREE, "all agree to 1 px"), *some, (ALL_DIFFER, "none agree"), strict=True)
+        partly = [(SOME_AGREE, "some agree")] if len(view.results) > 2 else []
+        colours, meanings = zip((ALL_AGREE, "all agree to 1 px"), *partly, (ALL_DIFFER, "none agree"), strict=True)
         legends.append(word_legend("agreement", [hexadecimal(colour) for colour in colours], meanings))
     linked_pictures(pictures, key=COMPARISON, colours=view.colours, legends=legends)
 
 
 def _difference(maps: dict[str, FloatMap]) -> Picture:
-    """Ask for two of the maps and return the first minus the second."""
+    """Ask for two of the maps, and return the first minus the second."""
     names = list(maps)
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.markdown("Difference of", width="content")
@@ -117,20 +118,24 @@ def _difference(maps: dict[str, FloatMap]) -> Picture:
             "Minus", names, index=len(names) - 1, key=f"{COMPARISON}.second", label_visibility="collapsed", width=170
         )
     difference = maps[first] - maps[second]
-    reading, said = Reading(difference, unit="px", digits=2), partial(difference_in_words, difference)
-    return Picture(f"{first} − {second}", difference_picture(difference), (reading,), alternative=said)
+    return Picture(
+        f"{first} − {second}",
+        difference_picture(difference),
+        (Reading(difference, unit="px", digits=2),),
+        alternative=partial(difference_in_words, difference),
+    )
 
 
 def _agreement(view: DepthView) -> Picture:
-    """Return the number of methods that agree to 1 px at each pixel, and say how far agreement can be trusted."""
+    """Return a picture of the number of methods that agree at each pixel, and say how often agreement is right."""
     maps, truth = [result.disparity for result in view.results.values()], view.pair.truth
     count = len(maps)
     agreeing = consensus(maps)
     agreed = agreeing == count
     wrong = None
     if truth is not None and (agreed & np.isfinite(truth)).any():
-        every = [np.where(agreed, maps[0], np.nan), *maps]
-        wrong = [evaluate(one, truth).bad_measured[1.0] for one in every]
+        judged = [np.where(agreed, maps[0], np.nan), *maps]
+        wrong = [evaluate(disparity, truth).bad_measured[1.0] for disparity in judged]
     prose.markdown(agreement_in_words(count, agreed, wrong, strong=True))
     words = ("no disparity", "one method alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
     return Picture(
@@ -143,51 +148,52 @@ def _agreement(view: DepthView) -> Picture:
 
 @fragment
 def show_scoreboard(view: DepthView) -> None:
-    """Show the accuracy of every method; an estimate without ground truth."""
+    """Show the accuracy of every method; without ground truth, an estimate of it."""
     truth = known_truth(view.pair)
     if truth is None:
         _show_estimates(view)
         return
-    judged = {name: _judged(view, name, truth) for name in view.results}
-    _show_figures(view, {row: figures for one in judged.values() for row, figures in one.figures.items()})
+    accuracies = {name: _accuracy(view, name, truth) for name in view.results}
+    _show_figures(view, {row: figures for one in accuracies.values() for row, figures in one.figures.items()})
     prose.markdown("### Where they are wrong")
     _show_errors(view.results, truth, "the ground truth", SCOREBOARD)
     prose.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
     prose.markdown("### Do they know where they are wrong?")
-    curves = {name: one.curve for name, one in judged.items()}
-    show_chart(error_over_coverage(curves, THRESHOLD_PX), f"{SCOREBOARD}.curves", coverage_curves_in_words(curves))
+    curves = {name: accuracy.curve for name, accuracy in accuracies.items()}
+    show_chart(error_over_coverage(curves, MAX_ERROR_PX), f"{SCOREBOARD}.curves", coverage_curves_in_words(curves))
     prose.caption(
-        "Only the surest matches are kept, then more and more. If its line climbs to the right, a method knows where "
-        "it is wrong: a higher minimum score would keep the good matches. A method without a score is a single point."
+        "Each line starts with the surest matches alone and then keeps more and more. If it climbs to the right, the "
+        "method knows where it is wrong: a higher minimum score would keep the good matches. A method without a score "
+        "is a single point."
     )
 
 
 def evaluations(pair: Pair, results: Mapping[str, DisparityMap]) -> dict[str, Evaluation]:
     """Return the figures of every method against the ground truth, by row of the metrics table.
 
-    They are over all pixels and, if known, the non-occluded ones; there are none without ground truth.
+    They cover all pixels and, if known, the non-occluded ones. Without ground truth, the result is empty.
     """
     truth, visible = pair.truth, pair.visible
     if truth is None:
         return {}
     known = visible is not None and (visible & np.isfinite(truth)).any()
-    masks = dict(zip(ROWS, (None, visible) if known else (None,), strict=False))
+    masks = dict(zip(PIXELS_BY_SUFFIX, (None, visible) if known else (None,), strict=False))
     return {
-        f"{name}{row}": evaluate(result.disparity, truth, mask=mask)
+        f"{name}{suffix}": evaluate(result.disparity, truth, mask=mask)
         for name, result in results.items()
-        for row, mask in masks.items()
+        for suffix, mask in masks.items()
     }
 
 
-def _judged(view: DepthView, name: str, truth: FloatMap) -> Accuracy:
+def _accuracy(view: DepthView, name: str, truth: FloatMap) -> Accuracy:
     """Return the accuracy of a map; from memory if it was computed before."""
     result = view.results[name]
 
     def judge(_: object) -> Accuracy:
-        curve = error_against_coverage(result.disparity, truth, result.score, threshold=THRESHOLD_PX)
+        curve = error_against_coverage(result.disparity, truth, result.score, threshold=MAX_ERROR_PX)
         return Accuracy(evaluations(view.pair, {name: result}), curve)
 
-    return computed("judgement", judge, **view.kept(name), label="Judging all pixels and the surest …")
+    return computed("judgement", judge, **view.kept(name), label="Comparing the map with the ground truth …")
 
 
 def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
@@ -199,8 +205,8 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
             default=COUNTED,
             required=True,
             key=f"{SCOREBOARD}.missing",
-            help="A method can look good by matching only where it is easy. Counted as wrong, a pixel without a "
-            "disparity costs as much as a wrong one; left out, the figures show how far to trust the rest.",
+            help="A method can look good by matching only where it is easy. If pixels without a disparity count as "
+            "wrong, it gains nothing by that; if they are left out, the figures show how far to trust the others.",
         )
         download_button(
             "Figures as CSV",
@@ -210,16 +216,18 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
             key=f"{SCOREBOARD}.csv",
             icon=":material/download:",
         )
-    for row, pixels in ROWS.items():
-        judged = {name: figures[f"{name}{row}"] for name in view.results if f"{name}{row}" in figures}
+    for suffix, pixels in PIXELS_BY_SUFFIX.items():
+        judged = {name: figures[f"{name}{suffix}"] for name in view.results if f"{name}{suffix}" in figures}
         if judged:
-            some = next(iter(judged.values()))
-            prose.markdown(f"**{pixels}** · {some.truth_pixels:,} with ground truth")
-            cells = {name: _cells(one, missing == LEFT_OUT) for name, one in judged.items()}
+            first = next(iter(judged.values()))
+            prose.markdown(f"**{pixels}** · {first.truth_pixels:,} with ground truth")
+            cells = {name: _cells(evaluation, missing == LEFT_OUT) for name, evaluation in judged.items()}
             table = pd.DataFrame.from_dict(cells, orient="index").style
             if len(judged) > 1:
-                table.highlight_max(subset=["Density"], props=BEST).highlight_min(subset=table.columns[1:], props=BEST)
-            meanings = MEANINGS | {f"Bad-{one:g}": f"Pixels off by more than {one:g} px." for one in some.bad}
+                table.highlight_max(subset=["Density"], props=BEST_CELL_STYLE).highlight_min(
+                    subset=table.columns[1:], props=BEST_CELL_STYLE
+                )
+            meanings = MEANINGS | {f"Bad-{px:g}": f"Pixels off by more than {px:g} px." for px in first.bad}
             columns = {
                 name: st.column_config.NumberColumn(format=PIXELS if name == "EPE" else PERCENT, help=meaning)
                 for name, meaning in meanings.items()
@@ -257,7 +265,7 @@ def _show_estimates(view: DepthView) -> None:
         lambda progress: measured_reference(pair.left, pair.right, search_range=searched, progress=progress),
         estimate_reference(searched, pair.left.shape, pair.left.dtype),
         **kept_for(pair, repr(searched)),
-        label="The accurate preset, which judges …",
+        label="Computing the reference with the accurate preset …",
     )
     if reference is None:
         return
@@ -266,9 +274,9 @@ def _show_estimates(view: DepthView) -> None:
         prose.info(UNJUDGED[Unjudged.TOO_LITTLE_MEASURED], icon=":material/balance:")
         return
     prose.markdown(
-        "There is no ground truth, so these figures are **estimates**: every method is compared on the "
-        f"{percent(measured)} of the pixels that the accurate preset measured. They rank the methods; pixels hidden "
-        "from one camera are not judged, so the true share of wrong pixels is higher.",
+        "There is no ground truth, so these figures are **estimates**: every method is compared with the accurate "
+        f"preset, on the {percent(measured)} of the pixels that it measured. They rank the methods; pixels hidden from "
+        "one camera are not judged, so the true share of wrong pixels is higher.",
         width=760,
     )
     bad = _estimated_bad(view, reference)
@@ -276,15 +284,17 @@ def _show_estimates(view: DepthView) -> None:
         prose.caption("Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself.")
     if not bad:
         return
-    rows = {name: {"Estimated bad-2": one, "Coverage": 100 * view.results[name].coverage} for name, one in bad.items()}
+    rows = {
+        name: {"Estimated bad-2": share, "Coverage": 100 * view.results[name].coverage} for name, share in bad.items()
+    }
     st.dataframe(
         pd.DataFrame.from_dict(rows, orient="index").sort_values("Estimated bad-2"),
         column_config={
             "_index": st.column_config.TextColumn("Method"),
             "Estimated bad-2": st.column_config.NumberColumn(
                 format=PERCENT,
-                help="Of the pixels that the accurate preset measured, the share where the method is off by more than "
-                "2 px from it, or has no disparity.",
+                help="Of the pixels that the accurate preset measured, the share where the method differs from it by "
+                "more than 2 px or has no disparity.",
             ),
             "Coverage": st.column_config.NumberColumn(
                 format=PERCENT, help="Share of all pixels whose disparity was measured, not filled in."
@@ -299,8 +309,8 @@ def _show_estimates(view: DepthView) -> None:
     prose.caption("Grey: no disparity. Black: not judged.")
 
 
-def estimates_so_far(view: DepthView) -> dict[str, float]:
-    """Return the estimated bad-2 of every method, %, if the reference is already in memory; else nothing."""
+def estimates_in_memory(view: DepthView) -> dict[str, float]:
+    """Return the estimated bad-2 of every method, %, if the reference is in memory; otherwise an empty dict."""
     reference = computed_before(REFERENCE, **kept_for(view.pair, repr(_searched(view))))
     if not isinstance(reference, np.ndarray) or float(np.isfinite(reference).mean()) < LEAST_MEASURED:
         return {}
@@ -308,7 +318,7 @@ def estimates_so_far(view: DepthView) -> dict[str, float]:
 
 
 def _estimated_bad(view: DepthView, reference: FloatMap) -> dict[str, float]:
-    """Return the estimated bad-2 of every method but the reference's own, %."""
+    """Return the estimated bad-2 of every method except the reference's own, %."""
     return {
         name: Judgement.of(result.disparity, reference).bad
         for name, result in view.results.items()
@@ -325,7 +335,7 @@ def _searched(view: DepthView) -> tuple[int, int] | None:
 
 @dataclass(frozen=True)
 class Table:
-    """{pair of a set: {column: figure}}, and one sentence about each pair that has no figures."""
+    """{pair of a set: {column: figure}}, and a sentence about each pair that failed."""
 
     figures: dict[str, dict[str, float]]
     problems: Sequence[str]
@@ -337,25 +347,25 @@ def show_all_pairs(view: DepthView) -> None:
     pairs, preparation = set_of(view.pair.id), preparation_of_sets()
     if pairs is None:
         prose.info(
-            "This is for several pairs at once: choose “Files at once, or a ZIP” under your own files, and give a ZIP, "
-            "or many files whose names tell left from right.",
+            "This part needs several pairs: choose “Files at once, or a ZIP” under your own files, and add a ZIP, or "
+            "many files whose names tell left from right.",
             icon=":material/stacks:",
         )
         return
     shape, dtype, count = view.pair.left.shape, view.pair.left.dtype, len(pairs)
     matchers = [result.settings for result in view.results.values()]
     settings = " ".join([str(preparation), *(f"{type(one).__name__} {one.model_dump_json()}" for one in matchers)])
-    once = [matcher.estimate(shape, dtype) for matcher in matchers]
-    once.append(estimate_reference(widest_range(matchers), shape, dtype))
-    seconds, wanted = count * sum(estimate.seconds for estimate in once), f"{pairs.digest} {settings}"
+    costs = [matcher.estimate(shape, dtype) for matcher in matchers]
+    costs.append(estimate_reference(widest_range(matchers), shape, dtype))
+    seconds, request = count * sum(cost.seconds for cost in costs), f"{pairs.digest} {settings}"
     meaning = f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}."
     label, icon = f"Compute all {count} pairs", ":material/stacks:"
-    if not asked_for(wanted, label, ALL_PAIRS, type="primary", icon=icon, help=meaning):
+    if not asked_for(request, label, ALL_PAIRS, type="primary", icon=icon, help=meaning):
         return
     table = computed_in_turn(
         "all pairs",
         lambda progress: table_of(pairs, matchers, preparation, progress),
-        Estimate(max(estimate.memory for estimate in once) + BYTES_OF_A_PAIR * shape[0] * shape[1], seconds),
+        Estimate(max(cost.memory for cost in costs) + BYTES_PER_PIXEL * shape[0] * shape[1], seconds),
         inputs=pairs.digest,
         settings=settings,
         shared=False,
@@ -366,13 +376,14 @@ def show_all_pairs(view: DepthView) -> None:
 
 
 def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Preparation, progress: Progress) -> Table:
-    """Compute every pair of a set with all matchers, one pair in memory at a time; a pair that fails says why."""
+    """Return the figures of all matchers on every pair of a set, read one at a time; for a pair that fails, why."""
     figures: dict[str, dict[str, float]] = {}
     problems = []
     for number in range(len(pairs)):
         try:
-            pair, progressing = prepare(pairs.pair(number), preparation), part(progress, number, len(pairs))
-            figures[f"{number + 1}: {pairs.name(number)}"] = _figures(pair, matchers, progressing)
+            pair = prepare(pairs.pair(number), preparation)
+            row = _figures(pair, matchers, part(progress, number, len(pairs)))
+            figures[f"{number + 1}: {pairs.name(number)}"] = row
         except ValueError as error:
             problems.append(str(error))
         progress((number + 1) / len(pairs))
@@ -380,9 +391,9 @@ def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Pre
 
 
 def _figures(pair: Pair, matchers: Sequence[StereoMatcher], progress: Progress) -> dict[str, float]:
-    """Return the cells of a row: bad-2 of every method first, then coverage, then time; NaN if nothing can judge it.
+    """Return the cells of a row: bad-2 of every method, then coverage, then time.
 
-    Bad-2 is relative to the ground truth, or estimated without one.
+    Bad-2 is relative to the ground truth, or estimated without one; NaN if nothing can judge the method.
     """
     count, searched = len(matchers) + 1, widest_range(matchers)
     judge = TuningPair.of(
@@ -421,8 +432,8 @@ def _show_table(table: Table) -> None:
         )
         prose.caption(
             "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated "
-            "bad-2: against the accurate preset, for pairs without ground truth. Every pair is computed with the "
-            "settings in use, without the input doctor’s remedies."
+            "bad-2: the same against the accurate preset, for pairs without ground truth. Every pair is computed with "
+            "the settings in use, without the input doctor’s remedies."
         )
     for problem in table.problems:
         prose.warning(problem)

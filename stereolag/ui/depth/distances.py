@@ -1,4 +1,4 @@
-"""Values and distances: what every method says at the cursor and at two points, and a map in three dimensions."""
+"""Values and distances: the disparity and depth of every method at two points, and a map in three dimensions."""
 
 from __future__ import annotations
 
@@ -42,14 +42,18 @@ from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
 
 READOUT, SPACE = "depth.readout", "depth.space"
-FAR_BEHIND = 3.0
-"""Points farther than this multiple of the median distance are hidden at first."""
+MAX_MEDIAN_DISTANCES = 3.0
+"""Points farther than this multiple of the median distance are hidden initially: they would squeeze all others."""
 
 VIEWS = {"Left camera": (0, 0), "Left": (-50, 15), "Right": (50, 15), "Above": (0, 60)}
 """Rotation and elevation of each view about the centre of the scene, degrees."""
 
-LEAST_SHARE, MOST_AT_FIRST = 20, 95
-CELLS = 280
+MIN_SHOWN_PERCENT = 20
+"""Smallest share of the points that can be shown, nearest first, %."""
+MAX_INITIAL_PERCENT = 95
+"""Largest share shown initially, %."""
+BIRDS_EYE_CELLS = 280
+"""Number of cells across the view from above."""
 
 
 # The values at points
@@ -66,7 +70,7 @@ def show_readout(view: DepthView) -> None:
 
     entered = f"the **{known.metres:g} m** that you entered for row {known.row}, column {known.col}" if known else ""
     prose.markdown(metres_in_words(view.calibration, entered))
-    line = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
+    connection = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
     linked_pictures(
         [
             photograph(LEFT, view.pair.left),
@@ -77,7 +81,7 @@ def show_readout(view: DepthView) -> None:
         colours=view.colours,
         legends=map_legends(view),
         hint="Click two points to measure the distance between them; a third click starts over.",
-        marks=[*line, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))],
+        marks=[*connection, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))],
         on_pick=pick,
     )
     if points:
@@ -96,7 +100,7 @@ def show_readout(view: DepthView) -> None:
 
 
 def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
-    """Return the values of each method at the points, with a line of headings."""
+    """Return the lines of a table with the values of each method at the points, headings first."""
     calibration, two = view.calibration, len(points) == 2
     values = ("disparity",) if calibration is None else ("disparity", "depth")
     heading = ["", *(f"{letter}: {value}" for letter in "AB"[: len(points)] for value in values)]
@@ -106,14 +110,14 @@ def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
         for point in points:
             line.append(disparity_in_words(view, name, point, score=True))
             if calibration is not None:
-                found = float(disparity[point])
-                depth, uncertainty = calibration.depth(found), calibration.depth_uncertainty(found, error)
+                value = float(disparity[point])
+                depth, uncertainty = calibration.depth(value), calibration.depth_uncertainty(value, error)
                 line.append(length_in_words(float(depth), float(uncertainty)))
         if calibration is not None and two:
-            one, other = (SeenPoint(*point, float(disparity[point])) for point in points)
-            apart = distance_between(calibration, one, other, width=width, height=height, disparity_error=error)
-            said = length_in_words(apart.metres, apart.error)
-            line.append(said if math.isnan(apart.metres) else f"**{said}**")
+            first, second = (SeenPoint(*point, float(disparity[point])) for point in points)
+            distance = distance_between(calibration, first, second, width=width, height=height, disparity_error=error)
+            length = length_in_words(distance.metres, distance.error)
+            line.append(length if math.isnan(distance.metres) else f"**{length}**")
         lines.append(line)
     return lines
 
@@ -122,22 +126,23 @@ def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
     """Ask for the distance of the last clicked point, and calibrate with it."""
     pair = view.pair
     doffs = pair.calibration.doffs_px if pair.calibration else 0.0
-    near = {name: found for name, one in view.results.items() if (found := float(one.disparity[point])) + doffs > 0}
-    if not near:
+    disparities = {name: float(result.disparity[point]) for name, result in view.results.items()}
+    finite = {name: disparity for name, disparity in disparities.items() if disparity + doffs > 0}
+    if not finite:
         prose.caption(f"No method gives {letter} a finite distance; choose a point where one does.")
         return
     with st.container(horizontal=True, vertical_alignment="bottom"):
         metres = st.number_input(
             f"Distance of {letter} from the camera, m", min_value=0.001, value=None, key=f"{READOUT}.metres", width=230
         )
-        name = st.selectbox("Disparity there by", [*near], key=f"{READOUT}.method", width=190)
+        name = st.selectbox("Disparity from", [*finite], key=f"{READOUT}.method", width=190)
         st.button(
             "Use this distance",
             key=f"{READOUT}.use",
             disabled=metres is None,
             type="primary",
             on_click=_use_distance,
-            args=(pair, point, near[name], metres),
+            args=(pair, point, finite[name], metres),
         )
     if pair.calibration is None:
         prose.caption(
@@ -155,14 +160,14 @@ def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class MapPoints:
     """The points of a map up to a given distance.
 
     Attributes
     ----------
     points, colours
-        (n, 3) float32 and uint8: an even subsample, as many points as a browser can rotate.
-    kept, flying
+        (n, 3) float32 and uint8: an even subsample of as many points as a browser can rotate.
+    count, flying
         Number of points before subsampling, and of flying pixels left out.
     farthest
         Distance up to which points are shown.
@@ -172,7 +177,7 @@ class Space:
 
     points: Points
     colours: Colours
-    kept: int
+    count: int
     flying: int
     farthest: float
     above: BirdsEyeView | None
@@ -188,54 +193,53 @@ def show_space(view: DepthView) -> None:
         if not np.isfinite(depth).any():
             prose.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")
             return
-        # Those far behind most of the scene would squeeze the rest.
         known = depth[np.isfinite(depth)]
-        worth_showing = 100 * float(np.mean(known <= FAR_BEHIND * np.median(known)))
+        initial = 100 * float(np.mean(known <= MAX_MEDIAN_DISTANCES * np.median(known)))
         nearest = st.slider(
             "Nearest points shown",
-            LEAST_SHARE,
+            MIN_SHOWN_PERCENT,
             100,
-            int(np.clip(worth_showing, LEAST_SHARE, MOST_AT_FIRST)),
+            int(np.clip(initial, MIN_SHOWN_PERCENT, MAX_INITIAL_PERCENT)),
             format="%d %%",
             key=f"{SPACE}.nearest.{view.pair.digest}.{name}",
             width=320,
             help="The farthest points are the least certain: their distance grows without bound as the disparity "
-            "nears zero. Leaving some of them out brings the rest closer.",
+            "approaches zero. Leaving some of them out brings the others closer.",
         )
         seen_from = st.segmented_control(
             "Seen from", list(VIEWS), default=next(iter(VIEWS)), required=True, key=f"{SPACE}.seen_from"
         )
-    space = _space(view, name, calibration, float(np.nanpercentile(depth, nearest)))
-    if space.above is None:
+    cloud = _map_points(view, name, calibration, float(np.nanpercentile(depth, nearest)))
+    if cloud.above is None:
         prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
-    reach = typeset(f"from {_distance(float(space.points[:, 2].min()))} to {_distance(space.farthest)} {unit} away")
-    cloud, above = st.columns([3, 2], gap="medium")
-    with cloud:
-        prose.markdown("**Point cloud**: drag to turn, scroll to come closer")
+    reach = typeset(f"from {_distance(float(cloud.points[:, 2].min()))} to {_distance(cloud.farthest)} {unit} away")
+    in_space, above = st.columns([3, 2], gap="medium")
+    with in_space:
+        prose.markdown("**Point cloud**: drag to rotate, scroll to zoom")
         turned, raised = VIEWS[seen_from]
         st.plotly_chart(
-            point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
+            point_cloud(cloud.points, cloud.colours, unit, turned=turned, raised=raised),
             key=f"{SPACE}.cloud.{seen_from}",
             config={"displaylogo": False},
-            alt=f"Cloud of {len(space.points):,} points, {reach}.",
+            alt=f"Cloud of {len(cloud.points):,} points, {reach}.",
         )
     with above:
         prose.markdown("**Bird’s-eye view**, the camera at the bottom")
         st.plotly_chart(
-            birds_eye(space.above, unit),
+            birds_eye(cloud.above, unit),
             key=f"{SPACE}.above",
             config={"displayModeBar": False, "scrollZoom": True},
             alt=f"The points from above, {reach}.",
         )
     prose.caption(
-        f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "
-        f"{space.flying:,} flying pixels, which hang between the near and the far side of an edge."
+        f"{len(cloud.points):,} of {cloud.count:,} points, up to {_distance(cloud.farthest)} {unit} away. Left out: "
+        f"{cloud.flying:,} flying pixels, which hang between the near and the far side of an edge."
     )
 
 
 def _cameras(view: DepthView) -> tuple[Calibration, str]:
-    """Return the calibration and the unit of its distances; without one, say what is assumed."""
+    """Return the calibration and the unit of its distances; without a calibration, assume one and say so."""
     if view.calibration is not None:
         return view.calibration, "m"
     width = int(view.pair.left.shape[1])
@@ -248,21 +252,20 @@ def _cameras(view: DepthView) -> tuple[Calibration, str]:
     return Calibration(float(width), 1.0), "baselines"
 
 
-def _space(view: DepthView, name: str, calibration: Calibration, farthest: float) -> Space:
+def _map_points(view: DepthView, name: str, calibration: Calibration, farthest: float) -> MapPoints:
     """Return the points of a map up to a distance; from memory if they were computed before."""
     disparity = view.results[name].disparity
 
-    def work_out(_: object) -> Space:
-        near_enough = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
-        points, colours = clean_point_cloud(calibration, near_enough, as_rgb(view.pair.left), max_points=None)
-        flying = int(np.count_nonzero(np.isfinite(near_enough))) - len(points)
-        some, their_colours = subsampled(points, colours, MOST_POINTS)
-        above = seen_from_above(points, colours, cells=CELLS) if len(points) else None
-        return Space(some, their_colours, len(points), flying, farthest, above)
+    def compute(_: object) -> MapPoints:
+        near = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
+        points, colours = clean_point_cloud(calibration, near, as_rgb(view.pair.left), max_points=None)
+        flying = int(np.count_nonzero(np.isfinite(near))) - len(points)
+        above = seen_from_above(points, colours, cells=BIRDS_EYE_CELLS) if len(points) else None
+        return MapPoints(*subsampled(points, colours, MOST_POINTS), len(points), flying, farthest, above)
 
     return computed(
         "points",
-        work_out,
+        compute,
         **view.kept(name, f"{calibration} {farthest}"),
         label="Placing the points …",
     )

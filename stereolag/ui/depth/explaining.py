@@ -1,4 +1,4 @@
-"""Why this match, and why none: the scores of one window, the overlap of windows, and blank pixels by reason."""
+"""Explanations of a map: the scores of one window, the overlap of windows, and the reasons for blank pixels."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ from stereolag.ui.depth.maps import disparity_in_words, reasons_of
 from stereolag.ui.depth.sentences import (
     EXAMPLE_LABELS,
     HOVER_WORDS,
+    MAX_MATCH_ERROR_PX,
     NO_EXAMPLE,
     REASONS_EXPLAINED,
-    RIGHT_PX,
     all_blanks_in_words,
     fit_in_words,
     markdown_table,
@@ -68,8 +68,9 @@ from stereolag.ui.navigation import fragment
 
 INSPECTION, BLANKS = "depth.inspection", "depth.blanks"
 ROWS_AROUND = 8
-SAME_PX = 1e-4
-"""Disparities this close to that of the match are not drawn separately, px."""
+"""Rows above and below that are scored for the surface of scores, where only the row itself is searched."""
+MIN_DRAWN_DIFFERENCE_PX = 1e-4
+"""Disparities of a map closer than this to that of the match are not drawn separately, px."""
 
 PLACES = {"Runner-up": RUNNER_UP_COLOUR, "True place": TRUTH_COLOUR, "Found": WINDOW_COLOUR}
 """The places of one match in the right image, and the colours of their frames; later ones are drawn on top."""
@@ -84,8 +85,8 @@ EXAMPLE_ICONS = {
 
 @fragment
 def show_inspection(view: DepthView) -> None:
-    """Show the window of one pixel, its search area, all scores, and the disparity of each method."""
-    matcher, pair = _correlation(view), view.pair
+    """Show the window of a pixel, its search area, all scores, and the disparity of each method."""
+    matcher, pair = _matcher_to_explain(view), view.pair
     if matcher is None:
         prose.info("Correlation has no result to explain yet.")
         return
@@ -94,19 +95,32 @@ def show_inspection(view: DepthView) -> None:
     height, width = pair.left.shape[:2]
     row, col = st.session_state.get(pixel_key, (height // 2, width // 2))
     pixel = min(row, height - 1), min(col, width - 1)
-    seen = explain_match(matcher, pair.left, pair.right, *pixel)
+    match = explain_match(matcher, pair.left, pair.right, *pixel)
     truth = math.nan if pair.truth is None else float(pair.truth[pixel])
     true_lag = None if math.isnan(truth) else (0, -round(truth))
-    found = {"Runner-up": seen.runner_up, "True place": true_lag, "Found": seen.peak}
-    lags = {name: lag for name, lag in found.items() if lag is not None}
+    places = {"Runner-up": match.runner_up, "True place": true_lag, "Found": match.peak}
+    lags = {name: lag for name, lag in places.items() if lag is not None}
     # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
-    if can_follow(pair, matcher):
-        hovered_match(pair, matcher, pixel, pictures=INSPECTION)
+    if can_follow_pointer(pair, matcher):
+        show_hovered_match(pair, matcher, pixel, pictures=INSPECTION)
     else:
         prose.caption(
             "The scores do not follow the pointer here: phase correlation, a very large search or a very large pair "
             "takes too long in the browser. Click a pixel instead."
         )
+    _show_places(pair, match, pixel, lags, pixel_key)
+    _show_verdict(view, matcher, match, pixel, truth)
+    patches, scores = st.columns([1, 1.7], gap="medium")
+    with patches:
+        _show_patches(pair, match, lags)
+    with scores:
+        _show_scores(pair, matcher, match, pixel)
+    _show_row(view, match, pixel)
+    show_overlap(view, matcher, match)
+
+
+def _show_places(pair: Pair, match: MatchExplanation, pixel: Pixel, lags: Mapping[str, Lag], pixel_key: str) -> None:
+    """Show the window in the left image and its places in the right one; a click stores the pixel under `pixel_key`."""
     legend = {
         "the window, and where it was found": WINDOW_COLOUR,
         **({} if pair.truth is None else {"the true place": TRUTH_COLOUR}),
@@ -119,59 +133,51 @@ def show_inspection(view: DepthView) -> None:
                 "Left image: point at it, or click",
                 as_rgb(pair.left),
                 photograph=True,
-                alternative=lambda: f"the window at row {seen.window.row}, column {seen.window.col}, framed",
+                alternative=lambda: f"the window at row {match.window.row}, column {match.window.col}, framed",
             ),
             Picture(
-                "Right image: where it was looked for",
+                "Right image: the search area and the matches",
                 as_rgb(pair.right),
                 photograph=True,
                 pickable=False,
-                alternative=lambda: scores_in_words(seen, "framed places"),
+                alternative=lambda: scores_in_words(match, "framed places"),
             ),
         ],
         key=INSPECTION,
         columns=2,
         legends=[word_legend("", [*legend.values()], [*legend])],
         marks=[
-            _frame(seen.search, SEARCH_COLOUR, 1),
-            _frame(seen.window, WINDOW_COLOUR, 0),
-            *(_frame(seen.window_at(lag), PLACES[name], 1) for name, lag in lags.items()),
+            _frame(match.search, SEARCH_COLOUR, 1),
+            _frame(match.window, WINDOW_COLOUR, 0),
+            *(_frame(match.window_at(lag), PLACES[name], 1) for name, lag in lags.items()),
             Mark(*pixel, WINDOW_COLOUR, pictures=(0,)),
         ],
         on_pick=lambda row, col: st.session_state.update({pixel_key: (row, col)}),
     )
-    _show_verdict(view, matcher, seen, pixel, truth)
-    patches, hill = st.columns([1, 1.7], gap="medium")
-    with patches:
-        _show_patches(pair, seen, lags)
-    with hill:
-        _show_scores(pair, matcher, seen, pixel)
-    _show_row(view, seen, pixel)
-    show_overlap(view, matcher, seen)
 
 
-LARGEST_PIXELS = 6_000_000
-"""Largest image whose pair is sent to the browser, pixels; that is some megabytes."""
+MAX_FOLLOWED_PIXELS = 6_000_000
+"""Largest image whose pair is sent to the browser, px; that is some megabytes."""
 
-MOST_PRODUCTS = 30_000_000
-"""Products of pixels per window that the browser can sum within a frame or two."""
+MAX_PRODUCTS_PER_WINDOW = 30_000_000
+"""Most products of pixels for one window: as many as the browser can sum within a frame or two."""
 
 
-def can_follow(pair: Pair, matcher: CorrelationMatcher) -> bool:
-    """Return whether the browser can score windows as fast as a pointer moves."""
+def can_follow_pointer(pair: Pair, matcher: CorrelationMatcher) -> bool:
+    """Return whether the browser can score windows as fast as the pointer moves."""
     lags = matcher.search.lags(matcher.window_size)
     height, width = pair.left.shape[:2]
-    small = height * width <= LARGEST_PIXELS and lags.count * matcher.window_size**2 <= MOST_PRODUCTS
+    small = height * width <= MAX_FOLLOWED_PIXELS and lags.count * matcher.window_size**2 <= MAX_PRODUCTS_PER_WINDOW
     return small and matcher.score != "phase" and matcher.window_size <= min(height, width)
 
 
-def hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
-    """Show the match of the window under the crosshair of linked pictures, or at `pixel` while there is none.
+def show_hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
+    """Show the match of the window under the crosshair of linked pictures, or at `pixel` while there is no crosshair.
 
     Parameters
     ----------
     pair, matcher
-        The pair and its matcher; see :func:`can_follow`.
+        The pair and its matcher; see :func:`can_follow_pointer`.
     pixel
         (row, col) in the left image.
     pictures
@@ -218,20 +224,20 @@ def browser_settings(matcher: CorrelationMatcher, left: Image, right: Image) -> 
     }
 
 
-def _correlation(view: DepthView) -> CorrelationMatcher | None:
-    """Return the correlation to explain: that of a map shown, or the one from which semi-global optimisation starts."""
+def _matcher_to_explain(view: DepthView) -> CorrelationMatcher | None:
+    """Return the correlation of the view or, without one, that whose scores semi-global optimisation starts from."""
     shown = [result.settings for result in view.results.values()]
-    own = next((matcher for matcher in shown if isinstance(matcher, CorrelationMatcher)), None)
-    optimised = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
-    if own is not None or optimised is None:
-        return own
-    search = SearchArea.rectified(optimised.num_disparities, optimised.min_disparity)
-    size = optimised.window_size
+    correlation = next((matcher for matcher in shown if isinstance(matcher, CorrelationMatcher)), None)
+    semi_global = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
+    if correlation is not None or semi_global is None:
+        return correlation
+    search = SearchArea.rectified(semi_global.num_disparities, semi_global.min_disparity)
+    size = semi_global.window_size
     return CorrelationMatcher(window_size=size, overlap=1 - 1 / size, search=search)
 
 
 def _offer_examples(pair: Pair, matcher: CorrelationMatcher, pixel_key: str) -> None:
-    """Offer to find an example of each kind of match on this pair."""
+    """Offer to find an example of each kind of match in this pair; it is stored under `pixel_key`."""
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.markdown("Show me", width="content")
         pressed = [
@@ -240,7 +246,7 @@ def _offer_examples(pair: Pair, matcher: CorrelationMatcher, pixel_key: str) -> 
             if st.button(EXAMPLE_LABELS[kind], icon=icon, key=f"{INSPECTION}.{kind}")
         ]
     for kind in pressed:
-        with shown_progress("Looking for one …") as progress:
+        with shown_progress("Looking for an example …") as progress:
             pixel = example_pixel(kind, matcher, pair.left, pair.right, progress=progress)
         if pixel:
             st.session_state[pixel_key] = pixel
@@ -262,29 +268,30 @@ def _frame(box: Box, colour: str, picture: int) -> Mark:
 
 
 def _show_verdict(
-    view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel, truth: float
+    view: DepthView, matcher: CorrelationMatcher, match: MatchExplanation, pixel: Pixel, truth: float
 ) -> None:
+    """Show a paragraph about the match, as a success if it is clear and not known to be wrong."""
     visible = view.pair.visible is None or bool(view.pair.visible[pixel])
-    own = next((result for result in view.results.values() if result.settings == matcher), None)
-    reason, disparity = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
-    said = match_verdict(seen, truth, visible=visible, reason=reason, disparity=disparity)
-    right = seen.kind is MatchKind.CLEAR and not abs(seen.disparity - truth) > RIGHT_PX
-    (prose.success if right else prose.warning)(said)
-    if own is None:
+    result = next((result for result in view.results.values() if result.settings == matcher), None)
+    reason, disparity = (Reason(result.reason[pixel]), float(result.disparity[pixel])) if result else (None, math.nan)
+    verdict = match_verdict(match, truth, visible=visible, reason=reason, disparity=disparity)
+    right = match.kind is MatchKind.CLEAR and not abs(match.disparity - truth) > MAX_MATCH_ERROR_PX
+    (prose.success if right else prose.warning)(verdict)
+    if result is None:
         prose.caption(
             "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with "
             "its other costs, against those of the neighbours along eight paths, and may choose another peak."
         )
 
 
-def _show_patches(pair: Pair, seen: MatchExplanation, lags: Mapping[str, Lag]) -> None:
-    """Show the window beside the places found, enlarged."""
+def _show_patches(pair: Pair, match: MatchExplanation, lags: Mapping[str, Lag]) -> None:
+    """Show the window and the places it is compared with, enlarged."""
     prose.markdown("### The windows compared")
-    scores = {"Found": seen.peak_score, "Runner-up": seen.runner_up_score}
-    scores |= {"True place": seen.score_at(lags["True place"])} if "True place" in lags else {}
-    places = [("Looked for", "", pair.left, seen.window)]
+    scores = {"Found": match.peak_score, "Runner-up": match.runner_up_score}
+    scores |= {"True place": match.score_at(lags["True place"])} if "True place" in lags else {}
+    places = [("Left image", "", pair.left, match.window)]
     places += [
-        (name, f": **{score:.3f}**", pair.right, seen.window_at(lags[name]))
+        (name, f": **{score:.3f}**", pair.right, match.window_at(lags[name]))
         for name, score in scores.items()
         if not math.isnan(score)
     ]
@@ -295,12 +302,12 @@ def _show_patches(pair: Pair, seen: MatchExplanation, lags: Mapping[str, Lag]) -
                 prose.caption(f"{name}{score}")
     prose.caption(
         "Enlarged, in grey as they are compared, each stretched to full contrast. "
-        f"The window actually has {percent(seen.contrast)} of the image’s contrast."
+        f"The window itself has {percent(match.contrast)} of the image’s contrast."
     )
 
 
-def _show_scores(pair: Pair, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
-    """Show the scores of all lags, and of some rows above and below that were not searched."""
+def _show_scores(pair: Pair, matcher: CorrelationMatcher, match: MatchExplanation, pixel: Pixel) -> None:
+    """Show the scores of all lags, including some in rows above and below that were not searched."""
     prose.markdown("### The score of every place")
     around = explain_match(with_rows_around(matcher, ROWS_AROUND), pair.left, pair.right, *pixel)
     shape = st.segmented_control(
@@ -311,44 +318,45 @@ def _show_scores(pair: Pair, matcher: CorrelationMatcher, seen: MatchExplanation
         key=f"{INSPECTION}.shape",
         label_visibility="collapsed",
     )
-    if seen.peak is None:
+    if match.peak is None:
         prose.caption("There is no score to show.")
         return
     draw, name = (score_landscape, "hill") if shape == "Surface" else (score_map, "above")
-    show_chart(draw(around, seen), f"{INSPECTION}.{name}", scores_in_words(seen, "The scores of all places"))
-    if around.dy.size > seen.dy.size:
+    show_chart(draw(around, match), f"{INSPECTION}.{name}", scores_in_words(match, "The scores of all places"))
+    if around.dy.size > match.dy.size:
         prose.caption(
             "A sharp peak is a sure match; along a ridge it can slide, several peaks compete, and a plain has no "
             "match. Only the middle row is searched; the rows above and below are shown for the shape."
         )
 
 
-def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
+def _show_row(view: DepthView, match: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores along the row, the sub-pixel fit, and the disparity of every method here."""
     maps = view.maps
     drawn = {
         name: float(disparity[pixel])
         for name, disparity in maps.items()
-        if -seen.dx[-1] <= disparity[pixel] <= -seen.dx[0] and abs(disparity[pixel] - seen.disparity) > SAME_PX
+        if -match.dx[-1] <= disparity[pixel] <= -match.dx[0]
+        and abs(disparity[pixel] - match.disparity) > MIN_DRAWN_DIFFERENCE_PX
     }
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
         prose.markdown("### Along the row")
         show_chart(
-            score_row(seen, view.pair.right, drawn),
+            score_row(match, view.pair.right, drawn),
             f"{INSPECTION}.row",
-            scores_in_words(seen, "The scores along the row"),
+            scores_in_words(match, "The scores along the row"),
         )
     with fit:
         prose.markdown("### Between the pixels")
-        if seen.peak is None or np.isnan(seen.fit(0.0)):
+        if match.peak is None or np.isnan(match.fit(0.0)):
             prose.caption("A match at the edge has no sub-pixel position: its neighbour on one side is missing.")
         else:
-            show_chart(sub_pixel_fit(seen), f"{INSPECTION}.fit", fit_in_words(seen))
+            show_chart(sub_pixel_fit(match), f"{INSPECTION}.fit", fit_in_words(match))
             prose.caption(
                 "A section through the bell fitted to the best score and its eight neighbours: its peak is the "
                 "disparity."
-                if len(seen.around) > 1
+                if len(match.around) > 1
                 else "A bell curve through the best score and its two neighbours: its peak is the disparity."
             )
     prose.markdown("### The disparity by each method")
@@ -356,34 +364,34 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     prose.markdown(markdown_table([["method", "disparity"], *lines]))
 
 
-def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation) -> None:
+def show_overlap(view: DepthView, matcher: CorrelationMatcher, match: MatchExplanation) -> None:
     """Show the explained window among its neighbours, and the number of map values there."""
     height, width = view.pair.left.shape[:2]
-    grid = window_grid((height, width), seen.window, matcher.step)
+    grid = window_grid((height, width), match.window, matcher.step)
     prose.markdown("### How the windows overlap")
     figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
-    said = overlap_in_words(grid, matcher.overlap)
+    description = overlap_in_words(grid, matcher.overlap)
     with figure:
-        show_chart(overlap_figure(view.pair.left, grid), f"{INSPECTION}.overlap", said)
+        show_chart(overlap_figure(view.pair.left, grid), f"{INSPECTION}.overlap", description)
     with words:
-        prose.markdown(said)
+        prose.markdown(description)
 
 
 @fragment
 def show_blanks(view: DepthView) -> None:
     """Show where each method has no measurement and why, and the share of the image lost to each reason."""
     reasons = {name: reasons_of(view, name) for name in view.results}
-    present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
+    present = [cause for cause in REASON_COLOURS if any((causes == cause).any() for causes in reasons.values())]
     words = tuple(REASON_WORDS[cause] for cause in Reason)
     linked_pictures(
         [
             Picture(
                 name,
-                reasons_picture(reason, view.pair.left),
-                (Reading(reason, words=words),),
-                alternative=partial(blanks_in_words, reason),
+                reasons_picture(causes, view.pair.left),
+                (Reading(causes, words=words),),
+                alternative=partial(blanks_in_words, causes),
             )
-            for name, reason in reasons.items()
+            for name, causes in reasons.items()
         ],
         key=BLANKS,
         columns=min(3, len(reasons)),
@@ -401,6 +409,6 @@ def show_blanks(view: DepthView) -> None:
     )
     if not all(result.settings.gives_reasons for result in view.results.values()):
         prose.caption(
-            "StereoBM and StereoSGBM do not give reasons. Theirs were found by matching again with one filter after "
-            "another switched off: the filter whose absence brings a pixel back had blanked it."
+            "StereoBM and StereoSGBM do not give reasons. Theirs were found by matching again, each time with one "
+            "filter switched off: a pixel that comes back had been blanked by that filter."
         )

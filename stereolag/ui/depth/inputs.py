@@ -1,4 +1,4 @@
-"""The pair on the depth page: an example, own files, one of a set, or handed over; resized, rectified and mended."""
+"""The pair of the depth page: an example, the visitor's files, one of a set, or one handed over; ready for matching."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from stereolag.ui.depth.preparing import (
     chosen_remedies,
     prepared,
     show_decision,
-    show_start,
+    show_initial_settings,
     with_initial_range,
 )
 from stereolag.ui.depth.state import recall_pair_and_maps, recall_settings, restore
@@ -77,9 +77,10 @@ from stereolag.ui.uploads import (
     upload_picture,
 )
 
-KEPT = f"{PAIR}.kept_settings"
-"""Session-state key of the :class:`Kept` settings."""
-OWN_PAIR_THERE = f"{PAIR}.there"
+SCALED_SETTINGS = f"{PAIR}.kept_settings"
+"""Session-state key of the :class:`ScaledSettings`."""
+OWN_PAIR_READY = f"{PAIR}.there"
+"""Session-state key of whether all files of the visitor's own pair are there."""
 SET = f"{PAIR}.set"
 """Session-state key of the set of pairs in use, if there is one."""
 STEP = f"{PAIR}.step"
@@ -100,13 +101,7 @@ def choose_pair() -> Pair | LiveCamera:
     """
     recall_pair_and_maps()
     examples = samples.stereo_pairs()
-    awaited = st.session_state.get(PAIR) == OWN and not st.session_state.get(OWN_PAIR_THERE)
-    if awaited or st.session_state.pop(FOLD_NEXT, False):  # open while files are awaited, closed when they are there
-        st.session_state[FOLD] = awaited
-    live = st.session_state.get(PAIR) == LIVE
-    if live and st.session_state.get(f"{PAIR}.live") is False:  # it needs no files: its maps have the room
-        st.session_state[FOLD] = False
-    st.session_state[f"{PAIR}.live"] = live
+    _open_or_close_fold()
     with head("Depth maps") as line:
         place = st.empty()
         # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
@@ -150,7 +145,7 @@ def choose_pair() -> Pair | LiveCamera:
             awaited="both images are",
             notes=notes,
         )
-        st.session_state[OWN_PAIR_THERE] = not pair.shared
+        st.session_state[OWN_PAIR_READY] = not pair.shared
         with choices:
             st.segmented_control(
                 "Size",
@@ -159,7 +154,7 @@ def choose_pair() -> Pair | LiveCamera:
                 required=True,
                 **persistent(SIZE),
                 help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth "
-                "change with the images. Automatic is full size up to a megapixel.",
+                "are scaled with the images. Automatic is full size up to a megapixel.",
             )
         ask_rectification(pair.calibration, PAIR)
         pair = prepared(pair, preparation_of_sets())
@@ -176,7 +171,7 @@ def choose_pair() -> Pair | LiveCamera:
             if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED, ChangeCode.TURNED):
                 show_note(change.sentence)
         show_decision(pair, PAIR)
-        show_start(pair)
+        show_initial_settings(pair)
         pairs = set_of(pair.id)
         if pairs is not None and len(pairs) > 1:
             _ask_step(pairs)
@@ -184,23 +179,36 @@ def choose_pair() -> Pair | LiveCamera:
     return pair
 
 
+def _open_or_close_fold() -> None:
+    """Open the fold of the inputs while files are awaited; close it once they are there, or for a live camera."""
+    state = st.session_state
+    awaited = state.get(PAIR) == OWN and not state.get(OWN_PAIR_READY)
+    if awaited or state.pop(FOLD_NEXT, False):
+        state[FOLD] = awaited
+    live = state.get(PAIR) == LIVE
+    if live and state.get(f"{PAIR}.live") is False:  # it needs no files, and its maps need the space
+        state[FOLD] = False
+    state[f"{PAIR}.live"] = live
+
+
 def original(pair: Pair) -> Pair:
-    """Return the pair at its own size, with all changes made to the smaller one."""
+    """Return the pair at full size, with all changes made to the smaller one."""
     if pair.full is None:
         return pair
     return prepared(pair.full, replace(chosen_preparation(PAIR), remedies=pair.id.remedies))
 
 
 @dataclass(frozen=True)
-class Kept:
-    """The images that the settings in use are for, and {kind of settings: (settings, before scaling, at divisor)}.
+class ScaledSettings:
+    """The settings in use as they were scaled with the images.
 
     Attributes
     ----------
     images
-        The visitor's choice, the divisor of the sides of its images, and the key of the two images.
+        The images that the settings are for: the visitor's choice, the divisor of the sides, and the key of the two
+        images.
     scaled
-        The settings as last scaled with the images, the original ones, and the divisor for the latter.
+        {method: (settings as last scaled, settings before any scaling, divisor of the latter)}.
     """
 
     images: tuple[str, float, str]
@@ -211,22 +219,24 @@ def _keep_settings(pair: Pair) -> None:
     """Keep the settings in use if the images are the same at another size, or another pair of the same set.
 
     They are scaled to cover the same part of the images. Settings not changed since the last scaling are scaled from
-    the originals: sizes are rounded only once, and are the same again at the same size.
+    the originals, so that sizes are rounded only once, and return exactly with the size of the images.
     """
     divisor = (pair.full or pair).left.shape[1] / pair.left.shape[1]
-    now = pair.id.chosen, divisor, pair.id.searched
-    before: Kept | None = st.session_state.get(KEPT)
-    kept = st.session_state[KEPT] = Kept(now, before.scaled if before and before.images[0] == now[0] else {})
-    if before is None or before.images[0] != now[0] or before.images == now:
+    images = pair.id.chosen, divisor, pair.id.searched
+    before: ScaledSettings | None = st.session_state.get(SCALED_SETTINGS)
+    if before is not None and before.images[0] != images[0]:
+        before = None  # the visitor chose another pair
+    current = st.session_state[SCALED_SETTINGS] = ScaledSettings(images, before.scaled if before else {})
+    if before is None or before.images == images:
         return
     for matcher in matchers_in_use():
-        last, first, at = kept.scaled.get(type(matcher), (None, matcher, before.images[1]))
+        last, unscaled, its_divisor = current.scaled.get(type(matcher), (None, matcher, before.images[1]))
         if last != matcher:
-            first, at = matcher, before.images[1]
+            unscaled, its_divisor = matcher, before.images[1]
         with refusals_shown("The settings could not be scaled with the images. {}"):
-            scaled = scaled_settings(first, at / divisor)
+            scaled = scaled_settings(unscaled, its_divisor / divisor)
             set_controls(scaled, pair)
-            kept.scaled[type(matcher)] = scaled, first, at
+            current.scaled[type(matcher)] = scaled, unscaled, its_divisor
 
 
 # The visitor’s own pair
@@ -247,19 +257,25 @@ class Pictures:
 def ask_own_pair(line: Container, notes: Container) -> Pair | None:
     """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
-    The images are asked for here; what else belongs to them in a fold of the page's first `line`, which stays when the
-    images are there. `notes` say what is known. An archive in place of the left image contains all of these: a saved
-    session, or several pairs. A pair that another page transferred stands in for all files.
+    An archive in place of the left image holds all of these: a saved session, or several pairs. A pair handed over by
+    another page replaces all files.
+
+    Parameters
+    ----------
+    line
+        The first line of the page, which gets a fold for the ground truth and the calibration.
+    notes
+        Where the calibration is described.
     """
-    transferred: Pair | None = st.session_state.get(HANDED)
-    if transferred is not None:
+    handed_over: Pair | None = st.session_state.get(HANDED)
+    if handed_over is not None:
         show_offer(
-            f"In use: {transferred.description}",
+            f"In use: {handed_over.description}",
             "Use other files",
             f"{HANDED}.forget",
             partial(st.session_state.pop, HANDED, None),
         )
-        return transferred
+        return handed_over
     arrangement = st.segmented_control(
         "Images",
         [*ARRANGEMENTS],
@@ -280,26 +296,26 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
         )
         show_limits(image_limits())
         return _pair_of_bundle(bundle)
-    found = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
+    pictures = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
     show_limits(image_limits())
-    if isinstance(found, Upload):
-        return _pair_of_bundle(found)
+    if isinstance(pictures, Upload):
+        return _pair_of_bundle(pictures)
     _pair_of_bundle(None)
     more = line.expander("Ground truth, calibration", icon=":material/add:", width=FOLD_WIDTH)
     with more:
-        truth = _ask_truth(found)
+        truth = _ask_truth(pictures)
     with notes:
         calibration = ask_calibration(PAIR, more)
-    if found is None:
+    if pictures is None:
         return put_together(None, f"{PAIR}.own.{arrangement}")
     make = partial(
         assemble_pair,
-        found.left,
-        found.right,
+        pictures.left,
+        pictures.right,
         None if truth is None else truth.content,
         calibration,
-        id=PairId(found.digest, truth.digest if truth else ""),
-        notes=found.notes,
+        id=PairId(pictures.digest, truth.digest if truth else ""),
+        notes=pictures.notes,
     )
     return put_together(make, f"{PAIR}.own.{arrangement}")
 
@@ -327,7 +343,7 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
         return None
     assert isinstance(left.content, Frame)
     if right is None:
-        return _both_in(left.content.pixels, left.digest)
+        return _both_views_in(left.content.pixels, left.digest)
     return Pictures(
         left.content.pixels,
         right.content,
@@ -336,16 +352,16 @@ def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
     )
 
 
-def _both_in(image: Image, digest: str) -> Pictures | None:
-    """Return both views of a picture given as the left one, if it holds them; otherwise the right one is awaited."""
+def _both_views_in(image: Image, digest: str) -> Pictures | None:
+    """Return the views in a picture given as the left one; None if it holds only one, so that the right is awaited."""
 
-    def views_of(_: object) -> Pictures:
-        left, right, said = likely_views(image)
-        return Pictures(left, right, digest, (said,))
+    def split(_: object) -> Pictures:
+        left, right, note = likely_views(image)
+        return Pictures(left, right, digest, (note,))
 
-    views_or_why_not = partial(attempted(views_of), silent)  # one view, or an anaglyph
-    found = remembered("both views", views_or_why_not, inputs=digest, settings="", shared=False)
-    return None if isinstance(found, Refusal) else found
+    split_or_refuse = partial(attempted(split), silent)  # refused: a single view, or an anaglyph
+    views = remembered("both views", split_or_refuse, inputs=digest, settings="", shared=False)
+    return None if isinstance(views, Refusal) else views
 
 
 def _ask_one_picture() -> Pictures | None:
@@ -362,7 +378,7 @@ def _ask_one_picture() -> Pictures | None:
         split,
         key=f"{PAIR}.beside",
         types=IMAGE_SUFFIXES,
-        note="One beside or above the other, or an MPO or HEIC, as stereo cameras and phones deliver them.",
+        note="One beside or above the other, or an MPO or HEIC, as stereo cameras and phones save them.",
         variant=layout and f" {layout}",
     )
     if both is None:
@@ -372,14 +388,14 @@ def _ask_one_picture() -> Pictures | None:
 
 
 def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
-    """Ask for the ground truth of the left image; the default divisor is the one that fits the pair."""
+    """Ask for the ground truth of the left image and its divisor, by default the one that fits the pair."""
     given = upload(
         "Ground truth (optional)",
         guarded(read_stored_disparity),
         key=f"{PAIR}.truth",
         types=DISPARITY_SUFFIXES,
-        note="PFM, TIFF, NPY, NPZ, MAT, or PNG of 16 bits (px × 256, as KITTI’s), of Sintel’s colours, or of 8 bits, "
-        "whose divisor is found from the pair.",
+        note="PFM, TIFF, NPY, NPZ, MAT, or PNG: 16 bits (px × 256, as in KITTI), Sintel’s colours, or 8 bits, whose "
+        "divisor is found from the pair.",
     )
     divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
     fit = likely = None
@@ -391,7 +407,7 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         value=None,
         **persistent(f"{PAIR}.divisor"),
         placeholder="as the file says" if likely is None else "as chosen",
-        help="Stored value ÷ divisor = px; below 0 for the other sign.",
+        help="Stored value ÷ divisor = px. A negative divisor changes the sign.",
     )
     if given is None or pictures is None:
         return None
@@ -407,7 +423,7 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
 
 
 def _fit_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> TruthFit | None:
-    """Return how a ground truth fits the pair, None if it is refused with the pair, or empty."""
+    """Return how a ground truth fits the pair; None if it is empty, or refused together with the pair."""
     with suppress(ValueError):
         return computed(
             "divisor",
@@ -421,14 +437,14 @@ def _fit_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> TruthFi
 
 
 def _ask_divisor_of_truth(fit: TruthFit, truth: Upload[StoredDisparity], pictures: Pictures) -> float | None:
-    """Ask for the divisor of 8-bit values, or of values that do not fit the pair as the file has them; None if they do.
+    """Ask for the divisor of 8-bit values, or of values that do not fit the pair as stored; None if they fit.
 
     The default is the one that agrees best with a quick map of the pair.
     """
     stored, likely = truth.content, fit.divisor
     if likely == stored.divisor:
         return None
-    asked = (
+    question = (
         "8 bits per pixel: stored value ÷ divisor = px"
         if stored.divisor is None
         else (divisor_in_words(stored, likely).split(":")[0] + f": read it as ÷ {likely:g}?")
@@ -437,7 +453,7 @@ def _ask_divisor_of_truth(fit: TruthFit, truth: Upload[StoredDisparity], picture
     largest = float(np.nanmax(np.abs(stored.divided(1.0))))
     return float(
         st.segmented_control(
-            asked,
+            question,
             divisors,
             default=type(divisors[0])(likely),
             format_func=lambda divisor: f"÷ {divisor:g}: up to {largest / abs(divisor):.4g} px",
@@ -452,11 +468,11 @@ def _ask_divisor_of_truth(fit: TruthFit, truth: Upload[StoredDisparity], picture
 
 
 def _pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
-    """Return the pair of a session, setting the page to it once, or the one chosen from a set; None without either."""
+    """Return the pair of a session, whose page is restored once, or the pair chosen from a set; None without either."""
     state = st.session_state
     if given is None:
-        for place in (SET, RESTORED_PAIR, STEP):
-            state.pop(place, None)
+        for key in (SET, RESTORED_PAIR, STEP):
+            state.pop(key, None)
         return None
     if isinstance(given.content, Session):
         state.pop(SET, None)
@@ -485,19 +501,19 @@ def _pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
 def _ask_step(pairs: PairSet) -> None:
     """Ask which pair of the set to show."""
     number, count = st.session_state[STEP], len(pairs)
-    before, after = (partial(st.session_state.update, {STEP: number + by}) for by in (-1, 1))
+    previous, following = (partial(st.session_state.update, {STEP: number + step}) for step in (-1, 1))
     with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
-        st.button("Previous", key=f"{STEP}.-1", on_click=before, disabled=number == 0)
+        st.button("Previous", key=f"{STEP}.-1", on_click=previous, disabled=number == 0)
         st.selectbox(
             f"Pair, of {count}",
             range(count),
-            format_func=lambda one: f"{one + 1} of {count}: {pairs.name(one)}",
+            format_func=lambda index: f"{index + 1} of {count}: {pairs.name(index)}",
             **persistent(STEP),
             label_visibility="collapsed",
             width=320,
         )
-        st.button("Next", key=f"{STEP}.1", on_click=after, disabled=number == count - 1)
-        prose.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
+        st.button("Next", key=f"{STEP}.1", on_click=following, disabled=number == count - 1)
+        prose.caption("All pairs share the settings; “All pairs” below judges them on every pair.", width="content")
 
 
 def set_of(pair_id: PairId) -> PairSet | None:
@@ -507,5 +523,5 @@ def set_of(pair_id: PairId) -> PairSet | None:
 
 
 def preparation_of_sets() -> Preparation:
-    """Return how the pair shown, and every other of its set, is prepared as chosen; without remedies."""
+    """Return the preparation chosen for the pair shown and all others of its set, without remedies."""
     return chosen_preparation(PAIR, SIZES[st.session_state.get(SIZE, "Automatic")])

@@ -1,7 +1,7 @@
-"""Maps that do not wait for a run of the page: of a live camera's running picture, and of a slider that is moved.
+"""Maps computed between two runs of the page: of the frames of a live camera, and while a slider is moved.
 
-A frozen frame of the camera becomes the visitor's own pair. The map of a slider is smaller while it is dragged, whole
-once it is released.
+A frozen frame of the camera becomes the visitor's own pair. While a slider is dragged, its map is computed from smaller
+images; once it is released, at full size.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from stereolag.ui.depth.maps import (
     SENT,
     choose_maps,
     computation,
-    errors,
+    coverage_figures,
+    error_figures,
     live_picture,
     map_ahead,
     map_legends,
-    shares,
     show_controls,
     show_presets,
     shown_methods,
 )
 from stereolag.ui.depth.sentences import CAMERAS, LIVE_CAMERA_WORDS
-from stereolag.ui.depth.view import HANDED, PAIR, coloured_alike
+from stereolag.ui.depth.view import HANDED, PAIR, coloured_view
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures, packed
-from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, matcher_as_set, matcher_moved
+from stereolag.ui.matcher_controls import DEFAULT_DISPARITIES, control_state, matcher_with_moved_slider
 from stereolag.ui.navigation import CONTROLS_WIDTH, bench, fragment
 from stereolag.ui.results import computed_at_once, kept_for, remembered
 from stereolag.ui.streamlit_inside import in_this_session
@@ -58,10 +58,11 @@ from stereolag.ui.uploads import OWN
 
 CAMERA = "depth.camera"
 WIDTHS = {"320 px": 320, "480 px": 480, "640 px": 640, "Full": 100_000}
+"""Largest width to which the browser scales a view, px."""
 
 
 class Camera(NamedTuple):
-    """How both views come: one of `CAMERAS`, whether the right one is first, and the largest width of each, px."""
+    """The arrangement of a camera's views (a key of `CAMERAS`), whether the right one is first, and their width, px."""
 
     arrangement: str
     crossed: bool
@@ -69,13 +70,13 @@ class Camera(NamedTuple):
 
     def views(self, picture: Image) -> tuple[Image, Image]:
         """Return both views in a picture that the browser sent."""
-        # Two cameras are sent beside each other, as both pictures of one moved by hand are.
+        # The browser puts the pictures of two cameras, or of one moved by hand, side by side.
         layout = Layout.BESIDE if self.arrangement in ("two", "moved") else Layout(self.arrangement)
         return views(picture, layout, crossed=self.crossed)
 
 
 def ask_camera(key: str) -> Camera:
-    """Ask how both views come from a camera or two; `key` is the prefix of the controls' keys."""
+    """Ask for the arrangement and the width of the views; `key` is the prefix of the controls' keys."""
     arrangement, crossed = ask_arrangement(key, [*CAMERAS])
     width = st.segmented_control(
         "Width of a view", [*WIDTHS], default="640 px", required=True, **persistent(f"{key}.width")
@@ -84,7 +85,7 @@ def ask_camera(key: str) -> Camera:
 
 
 def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
-    """Ask which of some of `CAMERAS` there is, and whether the right view comes first."""
+    """Ask for one of some keys of `CAMERAS`, and whether the right view comes first."""
     arrangement = st.selectbox(
         "Camera",
         arrangements,
@@ -96,9 +97,9 @@ def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
 
 
 def ask_layout(key: str) -> Layout | None:
-    """Ask how both views stand in one picture; None: as it shows itself."""
-    layouts: dict[Layout | None, str] = {None: "As the picture shows"}
-    layouts |= {one: one.value.capitalize().replace("-", " ") for one in Layout}
+    """Ask for the layout of both views in one picture; None: detected from the picture."""
+    layouts: dict[Layout | None, str] = {None: "Detect from the picture"}
+    layouts |= {layout: layout.value.capitalize().replace("-", " ") for layout in Layout}
     chosen: Layout | None = st.selectbox(
         "Both views", [*layouts], format_func=layouts.__getitem__, **persistent(f"{key}.layout"), width=260
     )
@@ -106,7 +107,7 @@ def ask_layout(key: str) -> Layout | None:
 
 
 def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
-    """Draw the component of a stereo camera, which sends its frames to a stream: all of them, or those it records."""
+    """Draw the component of a stereo camera, which sends its frames to a stream: all frames, or only recorded ones."""
     data = {
         **connected(stream, LIVE_CAMERA_WORDS),
         "arrangement": camera.arrangement,
@@ -127,19 +128,19 @@ class LiveCamera:
 @fragment
 def show_live(live: LiveCamera) -> None:
     """Draw the camera, the controls, and the maps of its latest frame; a moved control acts on the next frame."""
-    if st.session_state.get(HANDED) is not None:  # a frozen frame: the page goes on with it
+    if st.session_state.get(HANDED) is not None:  # a frozen frame, which is the pair from now on
         st.rerun()
-    close_stream("sliders")  # of the pair that the camera stands in for
+    close_stream("sliders")  # of the pair shown before the camera
     calibration = live.calibration
     stream = open_stream("depth", Frame)
-    pair: Pair = stream.kept.get("pair") or _stand_in()
-    as_set = {method: matcher_as_set(method, pair) for method in METHODS}
-    matchers = [one for method in shown_methods() if (one := as_set[method].matcher) is not None]
+    pair: Pair = stream.kept.get("pair") or _placeholder()
+    states = {method: control_state(method, pair) for method in METHODS}
+    matchers = [matcher for method in shown_methods() if (matcher := states[method].matcher) is not None]
     controls, result_place = bench()
     with controls:
         camera = ask_camera(CAMERA)
         show_presets(pair)
-        show_controls(as_set)
+        show_controls(states)
     with result_place:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
@@ -152,12 +153,12 @@ def show_live(live: LiveCamera) -> None:
             on_shape_change=lambda: None,
             on_frozen_change=lambda: _freeze(stream, calibration),
         )
-        results = {one.settings.title: one for one in stream.kept.get("results", ())}
+        results = {result.settings.title: result for result in stream.kept.get("results", ())}
         if not results:
             prose.caption(LIVE_CAMERA_WORDS["about"])
             return
         with colours:
-            view = coloured_alike(pair, results)
+            view = coloured_view(pair, results)
         linked_pictures(
             [live_picture(view, name) for name in results],
             key=KEY,
@@ -167,23 +168,23 @@ def show_live(live: LiveCamera) -> None:
         )
 
 
-def _stand_in() -> Pair:
-    """Return a pair for the controls until the first frame is there."""
-    blank = _nothing(480, 640)
-    return Pair(blank, blank, PairId("live"), num_disparities=DISPARITIES_AT_FIRST)
+def _placeholder() -> Pair:
+    """Return a black pair for the controls until the first frame arrives."""
+    black = _black(480, 640)
+    return Pair(black, black, PairId("live"), num_disparities=DEFAULT_DISPARITIES)
 
 
-def _nothing(rows: int, cols: int) -> Image:
-    """Return a black image, which takes no memory."""
+def _black(rows: int, cols: int) -> Image:
+    """Return a black image that takes no memory: all its pixels are one byte."""
     return np.broadcast_to(np.uint8(0), (rows, cols))
 
 
 _matching = threading.Lock()
-"""Held while a frame is matched, which takes all cores: two at once are answered later than one after the other."""
+"""Held while a frame is matched, which takes all cores: two frames at once would both be answered later."""
 
 
 class Frame(Message):
-    """A picture with both views, and whether it is to be frozen in place of being matched."""
+    """A picture with both views, and whether to freeze it instead of matching it."""
 
     parts: tuple[bytes]
     freeze: bool = False
@@ -196,18 +197,18 @@ def answer(
     calibration: Calibration | None,
     message: Frame,
 ) -> bytes:
-    """Return the maps of a frame, or that it is frozen.
+    """Return the packed maps of a frame, or a message that it is frozen.
 
     Parameters
     ----------
     kept
-        Gets the latest pair and its maps, which the page shows when it is drawn again.
+        Receives the latest pair and its maps, which the page shows when it is drawn again, or the frozen pair.
     matchers
-        Those of the methods shown.
+        The matchers of the methods shown.
     camera
-        How both views stand in a frame.
+        The arrangement of both views in a frame.
     calibration
-        That of the camera, at any size; with a rig, each frame is rectified.
+        The calibration of the camera, for images of any size; with a rig, each frame is rectified.
     message
         The frame.
     """
@@ -222,14 +223,14 @@ def answer(
         calibration = calibration_for(calibration, cols, rows)
     with _matching:
         results = [matcher.compute(left, right) for matcher in matchers]
-    # Each visitor's last frame stays in memory: not the right view and the scores, of which the page shows nothing.
-    kept["pair"] = replace(_stand_in(), left=left.copy(), right=_nothing(*left.shape[:2]), calibration=calibration)
-    kept["results"] = [one.without_scores() for one in results]
-    parts = [_map(one) for one in results]
+    # Each visitor's last frame stays in memory, without the right view and the scores, which the page does not show.
+    kept["pair"] = replace(_placeholder(), left=left.copy(), right=_black(*left.shape[:2]), calibration=calibration)
+    kept["results"] = [result.without_scores() for result in results]
+    parts = [_packed_map(result) for result in results]
     return packed_item({"shape": [rows, cols, len(parts)], "digest": "live"}, parts).data
 
 
-def _map(result: DisparityMap) -> bytes:
+def _packed_map(result: DisparityMap) -> bytes:
     title = result.settings.title
     picture = Picture(title, None, (Reading(result.disparity, unit="px", digits=1),))
     return packed(picture, {"kind": "preview", "name": KEY, "title": title, "live": True}).data
@@ -242,8 +243,8 @@ def _freeze(stream: Stream, calibration: Calibration | None) -> None:
         return
     if calibration is not None and calibration.rig is None:
         calibration = calibration_for(calibration, left.shape[1], left.shape[0])
-    said = f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}"
-    transfer(StereoFrame(left, right), f"frozen {time.time_ns()}", said, calibration)
+    description = f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}"
+    transfer(StereoFrame(left, right), f"frozen {time.time_ns()}", description, calibration)
 
 
 def transfer(
@@ -253,7 +254,7 @@ def transfer(
     calibration: Calibration | None,
     search: tuple[int, int | None] = (0, None),
 ) -> None:
-    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
+    """Hand a frame over to the depth page as its pair; the page must not have asked for a pair yet in this run."""
     pair = Pair(
         *as_stereo_pair(frame.left, frame.right),
         PairId(digest),
@@ -273,7 +274,7 @@ PREVIEWED_PIXELS = 80_000
 
 
 class MovedSlider(Message):
-    """A slider's class and value; whether the whole map is asked for, as it is not being dragged."""
+    """A slider's CSS class and value; whether the map is wanted at full size, since it is not being dragged."""
 
     slider: str
     value: int | float
@@ -281,16 +282,16 @@ class MovedSlider(Message):
 
 
 def follow_sliders(pair: Pair) -> None:
-    """Show the map of a slider as soon as it is moved; the run of the page brings the same map, and all else."""
+    """Show the map as soon as a slider is moved; the run of the page then brings the same map and everything else."""
     stream = open_stream("sliders", MovedSlider, in_this_session(partial(moved_map, pair)), brief=True)
     component("sliders")(key="depth.sliders", data=address_of(stream))
 
 
 def moved_map(pair: Pair, moved: MovedSlider) -> bytes:
-    """Return the map of a method with one of its sliders moved, as an item; without the map if it takes long."""
+    """Return the packed map of a method whose slider is moved; without the map if it cannot be computed at once."""
     header: dict[str, Any] = {"name": KEY}
-    with suppress(ValueError):  # the page tells why there is no map
-        matcher = matcher_moved(pair, moved.slider, moved.value)
+    with suppress(ValueError):  # the page says why there is no map
+        matcher = matcher_with_moved_slider(pair, moved.slider, moved.value)
         if matcher is not None:
             header["title"] = matcher.title
             if not moved.whole:
@@ -304,15 +305,15 @@ def moved_map(pair: Pair, moved: MovedSlider) -> bytes:
 
 def _reduced_map(pair: Pair, matcher: StereoMatcher, header: dict[str, Any]) -> bytes:
     divisor = max(2, math.isqrt(math.prod(pair.left.shape[:2]) // PREVIEWED_PIXELS))
-    named = replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}")
+    small_id = replace(pair.id, size=f"{pair.id.size} dragged 1/{divisor}")
     small = remembered(
-        "smaller pair", lambda: replace(resized(pair, divisor), id=named), **kept_for(pair, str(divisor))
+        "smaller pair", lambda: replace(resized(pair, divisor), id=small_id), **kept_for(pair, str(divisor))
     )
     result = computed_at_once(**computation(small, scaled_settings(matcher, 1 / divisor)))
     if result is None:
         return packed_item(header).data
     disparity = result.disparity * divisor
-    of = Number("Preview", f"1/{divisor} size", "The map itself is computed when the slider is released.")
-    judged = () if small.truth is None else errors(evaluate(disparity, small.truth * divisor))
-    header["figures"] = [one._asdict() for one in (of, *shares(result), *judged)]
+    preview = Number("Preview", f"1/{divisor} size", "The map itself is computed when the slider is released.")
+    errors = () if small.truth is None else error_figures(evaluate(disparity, small.truth * divisor))
+    header["figures"] = [figure._asdict() for figure in (preview, *coverage_figures(result), *errors)]
     return packed_item(header, [packed(Picture(matcher.title, None, (Reading(disparity, digits=1),))).data]).data

@@ -38,8 +38,8 @@ from stereolag.ui.linked_pictures import (
     send_picture,
 )
 from stereolag.ui.matcher_controls import (
-    DISPARITIES_AT_FIRST,
-    AsSet,
+    DEFAULT_DISPARITIES,
+    ControlState,
     ask_matcher,
     default_settings,
     matchers_in_use,
@@ -57,24 +57,24 @@ SENT = f"{KEY}.sent"
 COLUMNS = 2
 """Maps side by side if there is room."""
 
-SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
+DEFAULT_SHOWN = [method.short_name for method in METHODS[:COLUMNS]]
 
 WITH_A_DISPARITY = {Reason.MEASURED: "", Reason.FILLED: REASON_WORDS[Reason.FILLED]}
 REASON_READINGS = tuple(WITH_A_DISPARITY.get(reason, f"no disparity: {REASON_WORDS[reason]}") for reason in Reason)
-"""The text under a map for each reason."""
+"""The text below a map for the pixel under the pointer, by :class:`Reason`."""
 
 
 # The methods, and their maps
 
 
 def map_task(matcher: StereoMatcher) -> str:
-    """Return the name of the task of computing a map, for the store of results."""
+    """Return the task under which :mod:`stereolag.ui.results` keeps the map of a method."""
     return f"map {matcher.short_name}"
 
 
 def shown_methods() -> list[type[StereoMatcher]]:
-    """Return the methods whose maps are shown, in the order of the list of methods."""
-    names = st.session_state.get(SHOWN, SHOWN_AT_FIRST)
+    """Return the methods whose maps are shown, in the order of `METHODS`."""
+    names = st.session_state.get(SHOWN, DEFAULT_SHOWN)
     return [method for method in METHODS if method.short_name in names]
 
 
@@ -84,7 +84,7 @@ def choose_maps() -> None:
         "Maps",
         [method.short_name for method in METHODS],
         selection_mode="multi",
-        default=SHOWN_AT_FIRST,
+        default=DEFAULT_SHOWN,
         format_func={method.short_name: method.title for method in METHODS}.__getitem__,
         **persistent(SHOWN),
         label_visibility="collapsed",
@@ -95,17 +95,17 @@ def choose_maps() -> None:
 def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
     """Add the map of a method to those shown, beside the others or, if `instead`, in place of the first.
 
-    To be called before the choice of maps is drawn: in a callback, or above it.
+    Call it before :func:`choose_maps` draws its control: in a callback, or above it.
     """
-    shown = [one.short_name for one in shown_methods()]
+    shown = [other.short_name for other in shown_methods()]
     if method.short_name not in shown:
         st.session_state[SHOWN] = [*shown[instead:], method.short_name]
 
 
-def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | None = None) -> dict[str, DisparityMap]:
-    """Return the map of one method under its title; show why and return nothing if it cannot be computed.
+def compute_map(pair: Pair, matcher: StereoMatcher | None, waiting: Container | None = None) -> dict[str, DisparityMap]:
+    """Return {title of the method: its map}; if it cannot be computed, show why and return an empty dict.
 
-    While a heavy job runs, that is the map of the previous settings, and `waiting` shows the progress.
+    While a heavy job runs, the map is that of the previous settings, and `waiting` shows the progress.
     """
     if matcher is None:
         return {}
@@ -115,13 +115,13 @@ def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | Non
             result = computed_in_turn(**computation(pair, matcher), label=f"{matcher.title} …")
         if result is not None:
             st.session_state[last] = kept_for(pair, matcher.model_dump_json())
-        elif (before := st.session_state.get(last)) and before["inputs"] == pair.digest:
-            result = computed_before(map_task(matcher), **before)
+        elif (previous := st.session_state.get(last)) and previous["inputs"] == pair.digest:
+            result = computed_before(map_task(matcher), **previous)
     return {} if result is None else {matcher.title: result}
 
 
 def computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
-    """Return the arguments with which :mod:`stereolag.ui.results` computes the map of a method, or has it."""
+    """Return the arguments with which :mod:`stereolag.ui.results` computes the map of a method or finds it."""
     return {
         "task": map_task(matcher),
         "compute": lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
@@ -131,7 +131,7 @@ def computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
 
 
 def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
-    """Send the maps that are available at once before anything else is drawn, and return them by title.
+    """Send the maps that can be computed at once, before anything else is drawn, and return them by title.
 
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
@@ -153,20 +153,20 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
 
 
 def send_images(pair: Pair) -> None:
-    """Send the two images, to be called outside the fragment of the maps: there they stay as controls move."""
+    """Send the two images; outside the fragment of the maps, so that they are not sent again as controls move."""
     with st.container(key="depth-images", gap=None):
         for picture in _thumbnails(pair):
             send_picture(_packed(pair, picture, None), picture.title, key=KEY)
 
 
 def map_ahead(pair: Pair, matcher: StereoMatcher) -> PackedPicture | None:
-    """Return the map of a method as the browser takes it, unless somebody would have to wait for it."""
+    """Return the map of a method packed for the browser; None if it cannot be computed at once."""
     result = computed_at_once(**computation(pair, matcher))
     return result and _packed(pair, Picture(matcher.title, None, _readings(result, digits=1)), result)
 
 
-def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
-    """Show the maps of a few settings side by side, if nobody has to wait for them."""
+def show_side_by_side(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
+    """Show the maps of a few settings side by side, without those that cannot be computed at once."""
     low, high, palette = view.colours.low, view.colours.high, view.colours.palette
     for title, matcher in in_columns(matchers.items(), gap="small"):
         result = computed_at_once(**computation(view.pair, matcher))
@@ -176,20 +176,20 @@ def show_beside(view: DepthView, matchers: Mapping[str, StereoMatcher]) -> None:
 
 def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
     """Return a picture packed for the browser; from memory if it was packed before."""
-    shows = picture.title if result is None else settings_key(result)
-    return remembered("packed picture", partial(packed, picture), **kept_for(pair, shows))
+    content = picture.title if result is None else settings_key(result)
+    return remembered("packed picture", partial(packed, picture), **kept_for(pair, content))
 
 
 def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
-    """Show the maps of the view with their numbers under one crosshair, and the images as thumbnails.
+    """Show the maps of the view with their figures, and the images as thumbnails, all under one crosshair.
 
-    Pictures already `sent` are not sent again, nor are the images (:func:`send_images`).
+    Maps already `sent` are not sent again, nor are the images (:func:`send_images`).
     """
     figures = {name: _figures(view, name) for name in view.results}
     images = _thumbnails(view.pair)
     linked_pictures(
         [
-            *(map_picture(view, name, of_map) for name, of_map in figures.items()),
+            *(map_picture(view, name, map_figures) for name, map_figures in figures.items()),
             *images,
             *truth_picture(view, small=True),
         ],
@@ -198,26 +198,26 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
         colours=view.colours,
         legends=map_legends(view),
         pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
-        sent={**sent, **{one.title: _packed(view.pair, one, None) for one in images}},
+        sent={**sent, **{image.title: _packed(view.pair, image, None) for image in images}},
     )
-    numbers = {name: ", ".join(f"{one.label} {one.value}" for one in of_map[1:]) for name, of_map in figures.items()}
-    announce(" ".join(f"{name}: {of_map}." for name, of_map in numbers.items()))
+    texts = {name: ", ".join(f"{one.label} {one.value}" for one in listed[1:]) for name, listed in figures.items()}
+    announce(" ".join(f"{name}: {text}." for name, text in texts.items()))
 
 
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
-    """Return the numbers of a map; the first is the time it took."""
+    """Return the figures of a map; the first is the time it took."""
     result, truth = view.results[name], view.pair.truth
     took = Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
-    before = Figure("Of", "the settings before", "The map of these settings is not computed yet.")
-    figures = took, *shares(result), *([before] if name in view.late else [])
+    outdated = Figure("Of", "the previous settings", "The map of the current settings is not computed yet.")
+    figures = took, *coverage_figures(result), *([outdated] if name in view.outdated else [])
     if truth is None:
         return figures
-    judged: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
-    return *figures, *errors(judged)
+    evaluation: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
+    return *figures, *error_figures(evaluation)
 
 
-def shares(result: DisparityMap) -> tuple[Figure, ...]:
-    """Return which shares of a map have a disparity."""
+def coverage_figures(result: DisparityMap) -> tuple[Figure, ...]:
+    """Return the shares of a map that were measured and, if any, filled in."""
     coverage = Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
     filled = np.count_nonzero(result.filled)
     if not filled:
@@ -227,11 +227,11 @@ def shares(result: DisparityMap) -> tuple[Figure, ...]:
     )
 
 
-def errors(judged: Evaluation) -> tuple[Figure, Figure]:
-    """Return how far a map is off."""
+def error_figures(evaluation: Evaluation) -> tuple[Figure, Figure]:
+    """Return the errors of a map against the ground truth."""
     return (
-        Figure("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
-        Figure("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have a disparity."),
+        Figure("Bad-2", f"{evaluation.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
+        Figure("EPE", f"{evaluation.epe:.2f} px", "Mean error of the pixels that have a disparity."),
     )
 
 
@@ -255,18 +255,18 @@ def map_picture(
 ) -> Picture:
     """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel.
 
-    With figures, it has the numbers of the whole map in place of scores and hundredths: a third of the data is sent.
+    With the figures of the whole map, it has no scores, and disparities to a tenth: a third of the data is sent.
     """
     result, depth = view.results[name], partial(_depth_scale, view, name)
-    said = partial(remembered, "map in words", partial(map_in_words, result.disparity), **view.kept(name))
+    description = partial(remembered, "map in words", partial(map_in_words, result.disparity), **view.kept(name))
     if figures:
-        return Picture(name, None, _readings(result, depth, digits=1), figures, alternative=said)
+        return Picture(name, None, _readings(result, depth, digits=1), figures, alternative=description)
     readings = *_readings(result, depth, reason=reason), Reading(result.score, label="score", digits=2)
-    return Picture(name, None, readings, alternative=said)
+    return Picture(name, None, readings, alternative=description)
 
 
 def live_picture(view: DepthView, name: str) -> Picture:
-    """Return the map of a method of a pair that will be another one in a moment: nothing about it is remembered."""
+    """Return the map of a method on a live frame: nothing about it is remembered, since the next frame replaces it."""
     return Picture(name, None, _readings(view.results[name], partial(_depth_scale, view, name), digits=1))
 
 
@@ -284,7 +284,7 @@ def _readings(
 
 
 def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
-    """Return the ground truth, or nothing if it is unknown."""
+    """Return the ground truth as the only picture of a list; an empty list if it is unknown."""
     truth = view.pair.truth
     if truth is None:
         return []
@@ -299,7 +299,7 @@ def map_legends(view: DepthView) -> tuple[Legend, ...]:
 
 
 def disparity_error(view: DepthView, name: str) -> float:
-    """Return the typical error of a method's disparities, px; measured if the ground truth is known, whose own is 0."""
+    """Return the typical error of the disparities of a map, px: measured if there is ground truth, whose own is 0."""
     truth = view.pair.truth
     if name == TRUTH or truth is None:
         return 0.0 if name == TRUTH else DISPARITY_ERROR
@@ -318,7 +318,7 @@ def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
 
 
 def choose_map(view: DepthView, label: str, key: str) -> str:
-    """Ask for one of the methods whose maps are there, and return its name."""
+    """Ask for one of the maps of the view, and return its name."""
     names = [*view.results]
     chosen = st.segmented_control(label, names, default=names[0], required=True, key=key)
     return chosen if chosen in names else names[0]
@@ -328,19 +328,19 @@ def choose_map(view: DepthView, label: str, key: str) -> str:
 
 
 def disparity_in_words(view: DepthView, name: str, pixel: Pixel, *, score: bool = False) -> str:
-    """Return the disparity of a method or of the ground truth at a pixel, with its score or not; or why it has none."""
+    """Return the disparity of a method or of the ground truth at a pixel, or why it has none; on request, the score."""
     disparity = float(view.maps[name][pixel])
     if name == TRUTH:
         return "unknown" if math.isnan(disparity) else f"{disparity:.2f} px"
     result = view.results[name]
     if math.isnan(disparity):
         return f"none: {REASON_WORDS[Reason(reasons_of(view, name)[pixel])]}"
-    said = f"{disparity:.2f} px{', filled in' if result.reason[pixel] == Reason.FILLED else ''}"
-    return f"{said}, score {result.score[pixel]:.3f}" if score and np.isfinite(result.score[pixel]) else said
+    text = f"{disparity:.2f} px{', filled in' if result.reason[pixel] == Reason.FILLED else ''}"
+    return f"{text}, score {result.score[pixel]:.3f}" if score and np.isfinite(result.score[pixel]) else text
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:
-    """Return the reason for every pixel of one map; OpenCV's reasons are found by matching again."""
+    """Return the reason for every pixel of one map; those of OpenCV's methods are found by matching again."""
     result = view.results[name]
     if result.settings.gives_reasons:
         return result.reason
@@ -348,15 +348,15 @@ def reasons_of(view: DepthView, name: str) -> ReasonMap:
         "reasons",
         lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
         **view.kept(name),
-        label=f"Finding the reasons of {name} …",
+        label=f"Finding the reasons for blank pixels of {name} …",
     )
 
 
 # The controls beside them
 
 
-def show_controls(as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
-    """Draw the controls of one method at a time, chosen by a row of tabs; show the refusals of the others.
+def show_controls(states: Mapping[type[StereoMatcher], ControlState]) -> None:
+    """Draw the controls of one method at a time, chosen by a row of tabs; of the others, show refused settings.
 
     Selecting a method also shows its map, so that moving its controls has a visible effect.
     """
@@ -371,35 +371,37 @@ def show_controls(as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
         label_visibility="collapsed",
         on_change=lambda: show_method(by_name[st.session_state[TAB]]),
     )
-    for method, found in as_set.items():
+    for method, state in states.items():
         if method.short_name == tab:
-            ask_matcher(found)
-        elif found.refusal is not None:
-            show_refused(found.refusal)
+            ask_matcher(state)
+        elif state.refusal is not None:
+            show_refused(state.refusal)
 
 
 def show_presets(pair: Pair) -> None:
-    """Draw a button for each preset, and one that resets all methods to their initial settings."""
+    """Draw a button for each preset, and one that resets all methods to their default settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
-        for name, one in PRESETS.items():
-            st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
+        for name, offered in PRESETS.items():
+            st.button(
+                offered.title, key=preset_key(name), help=offered.meaning, on_click=partial(_set_preset, name, pair)
+            )
         st.button(
             "Reset",
             key=preset_key("reset"),
             icon=":material/restart_alt:",
-            help="Sets all methods back to their initial settings.",
+            help="Resets all methods to their initial settings.",
             type="tertiary",
             on_click=partial(_reset, pair),
         )
 
 
 def _set_preset(name: PresetName, pair: Pair) -> None:
-    """Show a preset in its own colours, over the range of the method whose settings are shown."""
+    """Show the map of a preset, searched over the range of the method whose settings are shown."""
     tab = st.session_state.get(TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
-    # A square search area reaches equally far to both sides, which makes no range for a strip.
-    strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
-    first, count = strips[0] if strips else (pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST)
+    # A centred search area reaches equally far to both sides, which is not a range for a one-sided search.
+    one_sided = [reach for reach in searched if reach is not None and reach[0] + reach[1] - 1 != -reach[0]]
+    first, count = one_sided[0] if one_sided else (pair.min_disparity, pair.num_disparities or DEFAULT_DISPARITIES)
     matcher = preset(name, count, first)
     set_controls(matcher, pair)
     show_method(type(matcher), instead=True)
@@ -407,6 +409,6 @@ def _set_preset(name: PresetName, pair: Pair) -> None:
 
 
 def _reset(pair: Pair) -> None:
-    st.session_state.update({SHOWN: SHOWN_AT_FIRST, TAB: METHODS[0].short_name, INVERTED: False})
+    st.session_state.update({SHOWN: DEFAULT_SHOWN, TAB: METHODS[0].short_name, INVERTED: False})
     for method in METHODS:
         set_controls(default_settings(method, pair), pair)

@@ -1,7 +1,7 @@
-"""How a pair is prepared as the visitor chooses: its calibration, rectification, remedies, and the range to begin with.
+"""The preparation of a pair: its calibration, its rectification, the input doctor's remedies, and the initial range.
 
-The calibration comes from files, from two numbers or from the page Calibrate; it and the rectification are asked for on
-the pages Depth maps and Driving. The input doctor says what is wrong with a pair, with a button for each remedy.
+The pages Depth maps and Driving both ask for a calibration (files, two numbers, or the one made on the page Calibrate)
+and for the rectification. The input doctor names the problems of a pair, with a button for each remedy.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import problems_in_words, remedy_in_words
 from stereolag.ui.depth.view import FOLD, FOLD_NEXT, HANDED, PAIR, DepthView
 from stereolag.ui.elements import show_offer, show_refused, show_remedy
-from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, default_settings, matchers_in_use, set_controls
+from stereolag.ui.matcher_controls import DEFAULT_DISPARITIES, default_settings, matchers_in_use, set_controls
 from stereolag.ui.navigation import DEPTH_PAGE, PAGES
 from stereolag.ui.results import computed, computed_before, computed_in_turn, kept_for
 from stereolag.ui.streamlit_inside import Container
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 
 def ask_calibration(key: str, place: Container) -> Calibration | None:
-    """Ask in a place for the calibration of the camera, and say here what it means; None: depth is then relative."""
+    """Ask in `place` for the calibration, and describe it here; None if there is none: depth is then relative."""
     with place:
         columns = st.columns([2, 1, 1], gap="medium")
         with columns[0]:
@@ -65,8 +65,8 @@ def ask_calibration(key: str, place: Container) -> Calibration | None:
                 "Which unit are its lengths in? The file does not say." if unknown else "Lengths without a unit are in",
                 [*UNITS],
                 **persistent(f"{key}.unit"),
-                help="Files of OpenCV and NumPy do not state it: it is the unit of the chessboard’s square size. "
-                "Others state it, or are in metres by convention (ROS, Kalibr).",
+                help="OpenCV’s and NumPy’s files do not state it: it is the unit in which the chessboard’s squares "
+                "were measured. Others state it, or are in metres by convention (ROS, Kalibr).",
             )
         focal = columns[1].number_input(
             "Focal length, px",
@@ -87,25 +87,24 @@ def ask_calibration(key: str, place: Container) -> Calibration | None:
             help="The distance between the two cameras.",
         )
     if given is not None:
-        # What it means in metres, and what was assumed.
-        said = " ".join((given.content.in_words(), *given.content.notes))
+        summary = " ".join((given.content.in_words(), *given.content.notes))
         if given.content.plausible:
-            prose.caption(said, width="content")
+            prose.caption(summary, width="content")
         else:
-            prose.warning(said)
+            prose.warning(summary)
         return given.content
     if focal is None or baseline is None:
         return _kept_calibration()
     return Calibration(focal, baseline)
 
 
-KEPT = "calibrate.kept"
+OWN_CALIBRATION = "calibrate.kept"
 """Session-state key of the calibration made on the page Calibrate."""
 
 
 def take_to_depth_page(calibration: Calibration) -> None:
-    """Open the depth page with a calibration, for the visitor's own files, to which it applies."""
-    st.session_state.update({KEPT: calibration, PAIR: OWN, FOLD: True})
+    """Open the depth page with a calibration, ready for the visitor's own files."""
+    st.session_state.update({OWN_CALIBRATION: calibration, PAIR: OWN, FOLD: True})
     st.session_state.pop(HANDED, None)
     no_files_yet(PAIR)
     st.switch_page(DEPTH_PAGE)
@@ -113,17 +112,20 @@ def take_to_depth_page(calibration: Calibration) -> None:
 
 def _kept_calibration() -> Calibration | None:
     """Return the calibration made on the page Calibrate; say that it is in use, with a button to stop using it."""
-    kept: Calibration | None = st.session_state.get(KEPT)
+    kept: Calibration | None = st.session_state.get(OWN_CALIBRATION)
     if kept is not None:
         error = "" if kept.rms is None else f", {kept.rms:.2f} px"
-        said = f"In use: the calibration you made on the page Calibrate{error}."
-        show_offer(said, "Remove", f"{KEPT}.remove", partial(st.session_state.pop, KEPT, None))
+        sentence = f"In use: the calibration you made on the page Calibrate{error}."
+        show_offer(
+            sentence, "Remove", f"{OWN_CALIBRATION}.remove", partial(st.session_state.pop, OWN_CALIBRATION, None)
+        )
     return kept
 
 
 # Raw or rectified
 
-ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}
+ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Already rectified"}
+"""The labels of the control for raw or rectified images."""
 
 
 def rows_key(key: str) -> str:
@@ -132,12 +134,12 @@ def rows_key(key: str) -> str:
 
 
 def ask_rectification(calibration: Calibration | None, key: str) -> None:
-    """Ask whether the images are raw or rectified, if the calibration is that of both cameras before rectification.
+    """Ask whether the images are raw or rectified, if the calibration describes both cameras before rectification.
 
     Parameters
     ----------
     calibration
-        That of the pair as read.
+        The calibration of the pair as read.
     key
         Prefix of the keys of the controls; :func:`chosen_preparation` returns the answer.
     """
@@ -152,7 +154,7 @@ def ask_rectification(calibration: Calibration | None, key: str) -> None:
             required=True,
             **persistent(rows_key(key)),
             help="The calibration describes both cameras before rectification. Raw images are undistorted and "
-            "rectified with it; images that are rectified already are left as they are.",
+            "rectified with it; images that are already rectified stay as they are.",
         )
         if calibration.rig.rectification is None:
             st.slider(
@@ -164,13 +166,13 @@ def ask_rectification(calibration: Calibration | None, key: str) -> None:
                 **persistent(f"{key}.alpha"),
                 width=220,
                 help="The calibration does not include the rectification (R1, R2, P1, P2). 0 crops to valid pixels, "
-                "1 keeps all pixels, with black around them. For images that are rectified already: the value they "
-                "were rectified with, as metres depend on it.",
+                "1 keeps all pixels, with black around them. For images that are already rectified, choose the value "
+                "they were rectified with: distances depend on it.",
             )
 
 
 def chosen_preparation(key: str, divisor: int | None = 1) -> Preparation:
-    """Return how the visitor wants pairs to be prepared, without remedies; `key` is the prefix of the page's keys."""
+    """Return the preparation that the visitor chose, without remedies; `key` is the prefix of the page's keys."""
     state = st.session_state
     return Preparation(divisor, Rows(state.get(rows_key(key), Rows.DECIDE)), state.get(f"{key}.alpha", 0.0))
 
@@ -184,7 +186,7 @@ STEPS = {
 
 
 def prepared(pair: Pair, preparation: Preparation) -> Pair:
-    """Return the pair ready for matching, from memory as far as possible; show the errors of steps that are not."""
+    """Return the pair ready for matching, with each step from memory if possible; show why a step was refused."""
 
     def remembered_step(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
         return computed(
@@ -198,12 +200,12 @@ def prepared(pair: Pair, preparation: Preparation) -> Pair:
 
 
 def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
-    """Show whether the pair was rectified and why, with a button that undoes it."""
+    """Show whether the pair was rectified and why, with a button that reverses the decision."""
     decision = pair.rectification
     if decision is None:
         return
-    undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
-    label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
+    reverse = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it anyway", Rows.RAW)
+    label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else reverse
     choose = partial(st.session_state.update, {rows_key(key): rows})
     show_offer(decision.in_words(subject), label, f"{key}.rectifying.undo", choose, ":material/straighten:")
 
@@ -219,14 +221,14 @@ HEALTHY = ":green[:material/stethoscope: **Input doctor:** no problems.]"
 
 
 def chosen_remedies(untreated: str) -> tuple[Remedy, ...]:
-    """Return the remedies that the visitor chose for a pair, given its :attr:`stereolag.pair.PairId.untreated`."""
+    """Return the remedies that the visitor chose for a pair; `untreated` is its :attr:`.PairId.untreated`."""
     return tuple(st.session_state.get(REMEDIES_KEY, {}).get(untreated, ()))
 
 
 def show_doctor(view: DepthView, line: Container) -> None:
-    """Show the doctor's findings on the pair and on the ranges searched, and a button for each remedy.
+    """Show the doctor's findings on the pair and on the ranges searched, with a button for each remedy.
 
-    Without a problem, that is said in a `line` beside other things.
+    If there is no problem, a popover in `line` says so.
     """
     pair, diagnosis = view.pair, _diagnosis(view.pair)
     if diagnosis is None:
@@ -235,25 +237,27 @@ def show_doctor(view: DepthView, line: Container) -> None:
     ranges = [finding for reach in searched.values() if (finding := judge_range(diagnosis, *reach)) is not None]
     findings = [finding for finding in diagnosis.findings if finding.code != FindingCode.RANGE]
     findings += sorted(ranges, key=lambda finding: finding.healthy)[:1]
-    ill, done = [finding for finding in findings if not finding.healthy], pair.id.remedies
-    with st.container(border=True) if ill or pair.remedies else nullcontext():
-        if ill:
-            prose.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
-        for finding in ill:
-            act = partial(_prescribe, pair.id, finding.remedy)
+    problems, applied = [finding for finding in findings if not finding.healthy], pair.id.remedies
+    with st.container(border=True) if problems or pair.remedies else nullcontext():
+        if problems:
+            prose.warning(problems_in_words(len(problems)), icon=":material/stethoscope:")
+        for finding in problems:
+            act = partial(_apply_remedy, pair.id, finding.remedy)
             if diagnosis.suggested_range is not None and finding.code == FindingCode.RANGE:
-                act = partial(_set_all, [one.with_search_range(*diagnosis.suggested_range) for one in searched], pair)
-            show_remedy(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
+                act = partial(
+                    _set_all, [matcher.with_search_range(*diagnosis.suggested_range) for matcher in searched], pair
+                )
+            show_remedy(_marked(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", act)
             if finding.code == FindingCode.BENT_ROWS:
                 label, icon = PAGES[CALIBRATE]
                 st.page_link(CALIBRATE, label=label, icon=icon)
         for number, change in enumerate(pair.remedies):
             earlier = pair.remedies[:number].count(change)
             key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
-            undo = partial(_choose, pair.id.untreated, (*done[:number], *done[number + 1 :]))
+            undo = partial(_set_remedies, pair.id.untreated, (*applied[:number], *applied[number + 1 :]))
             show_remedy(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
-        with st.expander("All checks") if ill else line.popover(HEALTHY):
-            prose.markdown("\n\n".join(map(_told, findings)))
+        with st.expander("All checks") if problems else line.popover(HEALTHY):
+            prose.markdown("\n\n".join(map(_marked, findings)))
 
 
 def _diagnosis(pair: Pair) -> Diagnosis | None:
@@ -267,21 +271,22 @@ def _diagnosis(pair: Pair) -> Diagnosis | None:
     )
 
 
-def _prescribe(pair_id: PairId, remedy: Remedy | None) -> None:
-    """Record that the visitor wants this remedy; swapping swapped sides undoes the first swap instead."""
+def _apply_remedy(pair_id: PairId, remedy: Remedy | None) -> None:
+    """Add a remedy to those of a pair; a second swap of the sides undoes the first instead."""
     remedies = [*pair_id.remedies]
     if remedy is Remedy.SWAP_SIDES and remedy in remedies:
         remedies.remove(remedy)
     elif remedy is not None:
         remedies.append(remedy)
-    _choose(pair_id.untreated, remedies)
+    _set_remedies(pair_id.untreated, remedies)
 
 
-def _choose(untreated: str, remedies: Iterable[Remedy]) -> None:
+def _set_remedies(untreated: str, remedies: Iterable[Remedy]) -> None:
     st.session_state.setdefault(REMEDIES_KEY, {})[untreated] = tuple(remedies)
 
 
-def _told(finding: Finding) -> str:
+def _marked(finding: Finding) -> str:
+    """Return the sentence of a finding behind a check mark or a warning sign."""
     mark = ":green[:material/check_circle:]" if finding.healthy else ":orange[:material/warning:]"
     return f"{mark} {finding_in_words(finding)}"
 
@@ -290,13 +295,19 @@ def _told(finding: Finding) -> str:
 
 
 @dataclass(frozen=True)
-class Start:
-    """The initial range of a pair, px, and the initial settings of all methods, for images of this width, px.
+class InitialSettings:
+    """The initial range of a pair and the initial settings of all methods.
 
     Attributes
     ----------
+    min_disparity, num_disparities
+        The range, px.
     found
         Whether the range was determined, not assumed.
+    settings
+        The settings of each method.
+    width
+        Width of the images that range and settings are for, px.
     """
 
     min_disparity: int
@@ -309,44 +320,43 @@ class Start:
 def with_initial_range(pair: Pair) -> Pair:
     """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
 
-    The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
-    it. The controls must not have been drawn yet.
+    The range is that of the calibration, or the one the doctor found. Files added later do not change it. The controls
+    must not have been drawn yet in this run.
     """
     if pair.shared:
         return pair
-    start: Start | None = st.session_state.get(_start_key(pair))
+    initial: InitialSettings | None = st.session_state.get(_initial_settings_key(pair))
     width = int(pair.left.shape[1])
-    if start is None:
-        found = None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
-        if found is None:
+    if initial is None:
+        known = None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+        if known is None:
             heavy = is_heavy(estimate_diagnosis(pair.left.shape, pair.left.dtype))
             diagnosis: Diagnosis | None = computed_before(DIAGNOSIS, **kept_for(pair)) if heavy else _diagnosis(pair)
             if diagnosis is None:
                 return pair  # still being examined, by `show_doctor`
-            found = diagnosis.suggested_range
-        first, count = found or (0, DISPARITIES_AT_FIRST)
-        begun = replace(pair, min_disparity=first, num_disparities=count)
-        start = Start(first, count, found is not None, tuple(default_settings(one, begun) for one in METHODS), width)
-        _set_all(start.settings, begun)
-        st.session_state[_start_key(pair)] = start
+            known = diagnosis.suggested_range
+        first, count = known or (0, DEFAULT_DISPARITIES)
+        ranged = replace(pair, min_disparity=first, num_disparities=count)
+        settings = tuple(default_settings(method, ranged) for method in METHODS)
+        initial = InitialSettings(first, count, known is not None, settings, width)
+        _set_all(settings, ranged)
+        st.session_state[_initial_settings_key(pair)] = initial
         st.session_state[FOLD_NEXT] = True
-    share = width / start.width
-    first, count = math.floor(start.min_disparity * share), math.ceil(start.num_disparities * share)
+    scale = width / initial.width
+    first, count = math.floor(initial.min_disparity * scale), math.ceil(initial.num_disparities * scale)
     return replace(pair, min_disparity=first, num_disparities=count)
 
 
-def show_start(pair: Pair) -> None:
-    """Show the initial settings of the pair while they are in use, and offer to undo them."""
-    start: Start | None = st.session_state.get(_start_key(pair))
-    if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
+def show_initial_settings(pair: Pair) -> None:
+    """Show the range found for the pair while its initial settings are in use, and offer to undo them."""
+    initial: InitialSettings | None = st.session_state.get(_initial_settings_key(pair))
+    if pair.shared or initial is None or not initial.found or not set(matchers_in_use()) <= set(initial.settings):
         return
-    # As for a pair about which nothing is known.
-    undo = partial(_set_all, [kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS], pair)
-    said = (
-        f"Searched from {start.min_disparity} to {start.min_disparity + start.num_disparities - 1} px: the range found "
-        "for this pair, with the fast preset."
-    )
-    show_offer(said, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
+    # The settings for a pair whose range is unknown.
+    undo = partial(_set_all, [kind().with_search_range(0, DEFAULT_DISPARITIES) for kind in METHODS], pair)
+    first, last = initial.min_disparity, initial.min_disparity + initial.num_disparities - 1
+    sentence = f"Searched from {first} to {last} px: the range found for this pair, with the fast preset."
+    show_offer(sentence, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
 
 
 def _set_all(settings: Iterable[StereoMatcher], pair: Pair) -> None:
@@ -354,5 +364,5 @@ def _set_all(settings: Iterable[StereoMatcher], pair: Pair) -> None:
         set_controls(matcher, pair)
 
 
-def _start_key(pair: Pair) -> str:
+def _initial_settings_key(pair: Pair) -> str:
     return f"{PAIR}.start.{pair.id.chosen}"

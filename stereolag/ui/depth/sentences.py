@@ -1,4 +1,4 @@
-"""All sentences of the depth page about results: findings, judgements, matches, alternatives of pictures and charts."""
+"""Sentences of the depth page about results: remedies, judgements, matches, and alternative texts of pictures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stereolag.stereo.evaluation import CoverageCurve
 
 REMEDIES_OFFERED = {
     Remedy.MIRROR_RIGHT: "Mirror the right image",
-    Remedy.TURN_UPRIGHT: "Turn both images by a quarter (depth becomes relative)",
+    Remedy.TURN_UPRIGHT: "Turn both images by 90° (depth becomes relative)",
     Remedy.SWAP_SIDES: "Swap left and right",
     Remedy.ALIGN_ROWS: "Align the rows",
     Remedy.LEVEL: "Rectify from the images alone (depth becomes relative)",
@@ -35,7 +35,7 @@ REMEDIES_OFFERED = {
 
 def problems_in_words(count: int, subject: str = "pair") -> str:
     """Return a sentence with the number of problems found."""
-    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this {subject}."
+    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found in this {subject}."
 
 
 def remedy_in_words(finding: Finding) -> str:
@@ -67,79 +67,84 @@ UNJUDGED = {
 
 
 def bad_2(criterion: Criterion, *, first: bool = False) -> str:
-    """Return the name of the figure; capitalised if it comes `first` in a sentence."""
+    """Return the name of the criterion; capitalised if it comes `first` in a sentence."""
     name = "bad-2" if criterion is Criterion.TRUE_BAD_2 else "estimated bad-2"
     return name[0].upper() + name[1:] if first else name
 
 
-def suggestion_in_words(found: Suggestion) -> str:
-    """Return the outcome of a search for settings, with its figures."""
-    if isinstance(found.outcome, Unjudged):
-        return UNJUDGED[found.outcome]
-    ended = "" if found.finished else " The search was ended before it had tried everything."
-    method, name = found.start.title, bad_2(found.criterion, first=True)
-    if found.outcome is Outcome.BETTER:
-        change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
-        return f"The best of {found.tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
-    said = f"Your {method} settings are as good: none of the {found.tried} tried is clearly better."
-    if found.finished and not found.tried:
+def suggestion_in_words(suggestion: Suggestion) -> str:
+    """Return the outcome of a search for better settings, with the figures before and after."""
+    if isinstance(suggestion.outcome, Unjudged):
+        return UNJUDGED[suggestion.outcome]
+    ended = "" if suggestion.finished else " The search was stopped before it had tried everything."
+    method, name = suggestion.start.title, bad_2(suggestion.criterion, first=True)
+    if suggestion.outcome is Outcome.BETTER:
+        change = f"{suggestion.bad_before:.1f} % → {suggestion.bad:.1f} %"
+        return (
+            f"The best of {suggestion.tried} settings tried for {method}. {name} on the whole images: "
+            f"**{change}**.{ended}"
+        )
+    said = f"Your {method} settings are as good: none of the {suggestion.tried} tried is clearly better."
+    if suggestion.finished and not suggestion.tried:
         said = f"{method} has no other settings to try over this range."
-    return f"{said} {name}: **{found.bad_before:.1f} %**.{ended}"
+    return f"{said} {name}: **{suggestion.bad_before:.1f} %**.{ended}"
 
 
-def search_so_far(found: Suggestion) -> str:
+def search_so_far(suggestion: Suggestion) -> str:
     """Return the progress of a search for settings."""
-    yours = f"{found.start.title}: {found.tried} tried. Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
-    if not found.trials:
+    yours = (
+        f"{suggestion.start.title}: {suggestion.tried} tried. "
+        f"Yours: {bad_2(suggestion.criterion)} {suggestion.bad_before:.1f} %."
+    )
+    if not suggestion.trials:
         return yours
-    gain = max(0.0, *(trial.gain for trial in found.trials))
-    return f"{yours} The best so far: {gain:.1f} points less."
+    gain = max(0.0, *(trial.gain for trial in suggestion.trials))
+    return f"{yours} Best so far: {gain:.1f} points lower."
 
 
-def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: str = "") -> str:
-    """Return the caption of a sweep; `of` names the pair that the maps show, if there are several."""
-    maps = f"the maps of {of}" if of else "the maps"
-    said = f"The maps are of {of}. " if of else ""
+def sweep_caption(criterion: Criterion, *, judged: bool, finished: bool, pair: str = "") -> str:
+    """Return the caption of a sweep; `pair` names the pair that the maps show, if there are several."""
+    maps = f"The maps show {pair}. " if pair else ""
     if judged:
-        said = f"Left: {maps}. Right: {bad_2(criterion)}, %, lower is better. Solid frame: the best. "
-    ended = "" if finished else " The sweep was ended before it had tried everything."
-    return f"{said}Dotted frame: the settings in use.{ended}"
+        maps = f"Left: the maps{f' of {pair}' if pair else ''}. "
+        maps += f"Right: {bad_2(criterion)}, %, lower is better. Solid frame: the best. "
+    ended = "" if finished else " The sweep was stopped before it had tried everything."
+    return f"{maps}Dotted frame: the settings in use.{ended}"
 
 
 def value_in_words(value: object) -> str:
-    """Return the value of a setting for a table; an enabled stage is shown by its own settings."""
+    """Return the value of a setting for a table; for an enabled stage, the values of its settings."""
     if value is None or value is False:
         return "off"
     if value is True:
         return "on"
     if isinstance(value, Settings):
         fields = type(value).model_fields
-        return ", ".join(f"{fields[name].title or name} {one}" for name, one in value)
+        return ", ".join(f"{fields[name].title or name} {nested}" for name, nested in value)
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-EVERY = 4
-"""Sampling step of rows and columns: enough for the range of a map, in a sixteenth of the time."""
-
+SAMPLING_STEP = 4
+"""Every fourth row and column, px: enough for the range of a map, in a sixteenth of the time."""
 
 ORDINALS = {2: "second", 3: "third"}
 
 
 @typesets
-def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
-    """Return the share of a map that has a disparity, and the range of all but the outermost 2 %."""
-    known = disparity[::EVERY, ::EVERY]
+def map_in_words(disparity: FloatMap, name: str = "disparity map") -> str:
+    """Return the share of a map that has a disparity, and its range without the lowest and the highest 1 %."""
+    known = disparity[::SAMPLING_STEP, ::SAMPLING_STEP]
     known = known[np.isfinite(known)]
     if known.size == 0:
-        return f"{what}, no pixel measured"
+        return f"{name}, no pixel measured"
     low, high = np.percentile(known, (1, 99))
     share = np.count_nonzero(np.isfinite(disparity)) / disparity.size
-    return f"{what}, {percent(share)} measured, {low:.0f} to {high:.0f} px"
+    return f"{name}, {percent(share)} measured, {low:.0f} to {high:.0f} px"
 
 
 @typesets
 def difference_in_words(difference: FloatMap) -> str:
-    """Return how much two maps differ."""
+    """Return the shares of the pixels where two maps agree to 1 px and where they differ either way."""
     known = difference[np.isfinite(difference)]
     if known.size == 0:
         return "no pixel that both measured"
@@ -150,9 +155,18 @@ def difference_in_words(difference: FloatMap) -> str:
 
 
 def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None = None, *, strong: bool = False) -> str:
-    """Return how many pixels all methods agree on, in bold or not.
+    """Return the share of the pixels on which all methods agree.
 
-    `wrong` is, in %, how many of those are wrong, then how many of the pixels that each method measured.
+    Parameters
+    ----------
+    count
+        Number of methods.
+    agreed
+        Mask of the pixels on which they agree.
+    wrong
+        Shares that are wrong, %: first of the pixels in `agreed`, then of those that each method measured.
+    strong
+        Whether the share is bold and the text a whole sentence.
     """
     everyone = "Both methods" if count == 2 else f"All {count} methods"
     share = percent(float(agreed.mean()))
@@ -167,7 +181,7 @@ def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None =
 
 @typesets
 def photograph_in_words(image: Image) -> str:
-    """Return the size of a photograph in words."""
+    """Return the size of a photograph."""
     return f"photograph, {image.shape[1]:,} by {image.shape[0]:,} pixels"
 
 
@@ -178,7 +192,7 @@ REASONS_EXPLAINED = {
     Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeating pattern, or a smooth surface.",
     Reason.LEFT_RIGHT: "Matched from the right image, the disparity differs: usually something nearer hides the point.",
     Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
-    Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may be beyond it.",
+    Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may lie beyond it.",
 }
 
 
@@ -201,33 +215,33 @@ def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
 def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
     """Return the error of each method at its full coverage and at half of it."""
 
-    def told(name: str, curve: CoverageCurve) -> str:
-        most = int(np.argmax(curve.coverage))
-        whole = f"{name}: {curve.bad[most]:.1f} % wrong at {percent(float(curve.coverage[most]))} kept"
+    def curve_in_words(name: str, curve: CoverageCurve) -> str:
+        full = int(np.argmax(curve.coverage))
+        at_full = f"{name}: {curve.bad[full]:.1f} % wrong at {percent(float(curve.coverage[full]))} kept"
         if curve.coverage.size == 1:
-            return whole
-        half = int(np.argmin(np.abs(curve.coverage - curve.coverage[most] / 2)))
-        return f"{whole}, {curve.bad[half]:.1f} % at {percent(float(curve.coverage[half]))}"
+            return at_full
+        half = int(np.argmin(np.abs(curve.coverage - curve.coverage[full] / 2)))
+        return f"{at_full}, {curve.bad[half]:.1f} % at {percent(float(curve.coverage[half]))}"
 
-    return "Error against coverage. " + "; ".join(told(name, curve) for name, curve in curves.items()) + "."
+    return "Error against coverage. " + "; ".join(curve_in_words(*item) for item in curves.items()) + "."
 
 
 @typesets
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:
     """Return the text beside the figure of overlapping windows; `asked` is the overlap in the settings, 0..1."""
-    there = percent(grid.overlap)
-    actual = f" ({there} in whole pixels)" if percent(asked) != there else ""
-    which = ORDINALS.get(grid.every, f"{grid.every}th")
-    left_out = f" Only every {which} window and dot is drawn." if grid.every > 1 else ""
+    actual = percent(grid.overlap)
+    rounded = f" ({actual} in whole pixels)" if percent(asked) != actual else ""
+    ordinal = ORDINALS.get(grid.every, f"{grid.every}th")
+    thinned = f" Only every {ordinal} window and dot is drawn." if grid.every > 1 else ""
     return (
-        f"{grid.middle.height} px windows, {percent(asked)} overlap{actual}: one every {grid.step} px, so "
-        f"{counted(grid.values, 'value')} in this cut. Each dot is the centre of a window and becomes one value of the "
-        f"map.{left_out}"
+        f"{grid.middle.height} px windows, {percent(asked)} overlap{rounded}: one every {grid.step} px, so "
+        f"{counted(grid.values, 'value')} in this cutout. Each dot is the centre of a window and becomes one value of "
+        f"the map.{thinned}"
     )
 
 
 def metres_in_words(calibration: Calibration | None, entered: str) -> str:
-    """Return a sentence about the source of the metres; `entered` names the distance that the visitor entered."""
+    """Return a sentence that says where the metres come from; `entered` names a distance that the visitor entered."""
     if calibration is None:
         return (
             "**Relative**: without a calibration, disparity tells which point is nearer, but not how many metres away "
@@ -255,8 +269,8 @@ def uncertainty_in_words(errors: Mapping[str, float], *, measured: bool) -> str:
     formula = "The uncertainty of a depth is Z² · δd / (f · B)"
     if not measured:
         return f"{formula}, with δd = {next(iter(errors.values())):g} px, typical of a good match."
-    told = ", ".join(f"{name} {error:.2f} px" for name, error in errors.items())
-    return f"{formula}, where δd is the median error of each method against the ground truth: {told}."
+    listed = ", ".join(f"{name} {error:.2f} px" for name, error in errors.items())
+    return f"{formula}, where δd is the median error of each method against the ground truth: {listed}."
 
 
 def markdown_table(lines: Sequence[Sequence[str]]) -> str:
@@ -266,41 +280,41 @@ def markdown_table(lines: Sequence[Sequence[str]]) -> str:
 
 
 @typesets
-def scores_in_words(seen: MatchExplanation, shape: str) -> str:
+def scores_in_words(match: MatchExplanation, shape: str) -> str:
     """Return the peak and the runner-up of one window's scores."""
-    if seen.peak is None:
+    if match.peak is None:
         return f"{shape}: no place has a score."
-    said = f"{shape}: the peak, {seen.peak_score:.3f}, is at a disparity of {-seen.peak[1]} px"
-    if seen.runner_up is None:
+    said = f"{shape}: the peak, {match.peak_score:.3f}, is at a disparity of {-match.peak[1]} px"
+    if match.runner_up is None:
         return f"{said}, and no other place rivals it."
-    return f"{said}; the runner-up, {seen.runner_up_score:.3f}, is at {-seen.runner_up[1]} px."
+    return f"{said}; the runner-up, {match.runner_up_score:.3f}, is at {-match.runner_up[1]} px."
 
 
 @typesets
-def fit_in_words(seen: MatchExplanation) -> str:
+def fit_in_words(match: MatchExplanation) -> str:
     """Return the position of the maximum of the curve through the scores next to the peak."""
-    found = "no disparity is taken" if math.isnan(seen.disparity) else f"its top is at {seen.disparity:.2f} px"
-    return f"Curve through the scores next to the peak: {found}."
+    top = "no disparity is taken" if math.isnan(match.disparity) else f"its top is at {match.disparity:.2f} px"
+    return f"Curve through the scores next to the peak: {top}."
 
 
 @typesets
-def sheet_in_words(sheet: Sweep, titles: tuple[str, str]) -> str:
-    """Return the values tried in a sweep, and its best cell if known."""
-    tried = f"{len(sheet.rows)} values of {titles[0]} down, {len(sheet.cols)} of {titles[1]} across"
-    if sheet.best is None:
+def sweep_in_words(sweep: Sweep, titles: tuple[str, str]) -> str:
+    """Return the number of values tried in a sweep, and its best cell if known."""
+    tried = f"{len(sweep.rows)} values of {titles[0]} down, {len(sweep.cols)} of {titles[1]} across"
+    if sweep.best is None:
         return f"{tried}."
-    row, col = sheet.best
-    best = f"{titles[0]} {sheet.rows[row]}, {titles[1]} {sheet.cols[col]}"
-    return f"{tried}. Best: {best}, {sheet.bad[row, col]:.1f} % off by more than 2 px or missing."
+    row, col = sweep.best
+    best = f"{titles[0]} {sweep.rows[row]}, {titles[1]} {sweep.cols[col]}"
+    return f"{tried}. Best: {best}, {sweep.bad[row, col]:.1f} % off by more than 2 px or missing."
 
 
 # Why this match?
 
-RIGHT_PX = 1.0
-"""Largest error of a match called right, px."""
+MAX_MATCH_ERROR_PX = 1.0
+"""Largest error of a match that is called right, px."""
 
-SAME_PX = 0.05
-"""Disparities that differ by no more than this are given once, px."""
+SAME_DISPARITY_PX = 0.05
+"""Largest difference between a match and the finished map that goes unmentioned, px."""
 
 EXAMPLE_LABELS = {
     ExampleKind.CLEAR: "A clear match",
@@ -310,8 +324,8 @@ EXAMPLE_LABELS = {
 }
 NO_EXAMPLE = {
     ExampleKind.CLEAR: "No window of this pair has one clear peak with these window and search settings.",
-    ExampleKind.REPEATS: "Nothing repeats here: no window examined has a second place, away from the peak’s own "
-    "slopes, that scores nearly as high as the best.",
+    ExampleKind.REPEATS: "Nothing repeats here: in no window examined does a second place, off the slopes of the peak, "
+    "score nearly as high as the best.",
     ExampleKind.BARE: "Every window has enough texture with these settings: there is no bare wall.",
     ExampleKind.HIDDEN: "No part of this pair was found to be hidden from the right camera.",
 }
@@ -360,45 +374,46 @@ MATCHES = {
 }
 
 
-def match_in_words(seen: MatchExplanation) -> str:
-    """Return a sentence about the match based on its scores alone, whatever the map made of it."""
-    runner_up = f"{seen.runner_up_score:.3f}"
-    return MATCHES[seen.kind].format(
-        peak=f"{seen.peak_score:.3f}",
+def match_in_words(match: MatchExplanation) -> str:
+    """Return a sentence about the scores of a match, before any check or filter of the map."""
+    runner_up = f"{match.runner_up_score:.3f}"
+    return MATCHES[match.kind].format(
+        peak=f"{match.peak_score:.3f}",
         runner_up=runner_up,
-        next="" if math.isnan(seen.runner_up_score) else f"; the next one scores {runner_up}",
-        flank=f"{seen.flank_score:.3f}",
-        contrast=percent(seen.contrast),
-        alike="the pattern repeats, like a fence" if seen.valley_depth > DEEP_VALLEY else "they look alike",
+        next="" if math.isnan(match.runner_up_score) else f"; the next one scores {runner_up}",
+        flank=f"{match.flank_score:.3f}",
+        contrast=percent(match.contrast),
+        alike="the pattern repeats, like a fence" if match.valley_depth > DEEP_VALLEY else "they look alike",
     )
 
 
-def match_against_truth(seen: MatchExplanation, truth: float) -> str:
-    """Return a sentence comparing the match with the ground truth, px; "" if there is nothing to say."""
-    disparity = seen.disparity
+def match_against_truth(match: MatchExplanation, truth: float) -> str:
+    """Return a sentence that compares a match with the ground truth, px; "" without either."""
+    disparity = match.disparity
     if math.isnan(disparity):
-        return "" if math.isnan(truth) else _truth_alone(seen, truth)
+        return "" if math.isnan(truth) else _truth_in_words(match, truth)
     if math.isnan(truth):
-        return f"The disparity is {disparity:.2f} px, and no ground truth is known here." + DOUBT.get(seen.kind, "")
+        return f"The disparity is {disparity:.2f} px; no ground truth is known here." + DOUBTS.get(match.kind, "")
     both = f"{disparity:.2f} px, and the ground truth is {truth:.2f} px"
     error = abs(disparity - truth)
-    right, wrong = FOUND[seen.kind]
-    if error <= RIGHT_PX:
+    right, wrong = JUDGEMENTS[match.kind]
+    if error <= MAX_MATCH_ERROR_PX:
         return f"{right}: {both}."
-    runner_up = math.nan if seen.runner_up is None else -seen.runner_up[1]
-    there = " The true place is the runner-up." if abs(runner_up - truth) <= RIGHT_PX else ""
+    runner_up = math.nan if match.runner_up is None else -match.runner_up[1]
+    there = " The true place is the runner-up." if abs(runner_up - truth) <= MAX_MATCH_ERROR_PX else ""
     return f"{wrong} by {error:.1f} px: {both}.{there}"
 
 
-FOUND = {
+JUDGEMENTS = {
     MatchKind.CLEAR: ("It is **right**", "It is **wrong** all the same,"),
     MatchKind.REPEATS: ("The better of the two is **right**", "The better of the two is **wrong**"),
     MatchKind.SMOOTH: ("The best of them is **right**", "The best of them is **wrong**"),
     MatchKind.BARE: ("Its place is **right** all the same", "Its place is **wrong**"),
     MatchKind.UNLIKE: ("Its place is **right** all the same", "Its place is **wrong**"),
 }
-"""What is said of a match of each kind that is right, and of one that is wrong."""
-DOUBT = {
+"""The judgement of a match of each kind, if it is right and if it is wrong."""
+
+DOUBTS = {
     MatchKind.REPEATS: " The scores cannot tell which of the two is the true place.",
     MatchKind.SMOOTH: " The scores cannot tell how far off it is.",
     MatchKind.BARE: " The score is weak evidence for it.",
@@ -406,50 +421,50 @@ DOUBT = {
 }
 
 
-def _truth_alone(seen: MatchExplanation, truth: float) -> str:
-    least, most = -int(seen.dx[-1]), -int(seen.dx[0])
-    beyond = "" if least <= truth <= most else f", outside the search, which runs from {least} to {most} px"
-    return f"The ground truth is {truth:.2f} px{beyond}."
+def _truth_in_words(match: MatchExplanation, truth: float) -> str:
+    first, last = -int(match.dx[-1]), -int(match.dx[0])
+    outside = "" if first <= truth <= last else f", outside the search, which runs from {first} to {last} px"
+    return f"The ground truth is {truth:.2f} px{outside}."
 
 
-def fate_in_words(seen: MatchExplanation, truth: float, reason: Reason, disparity: float) -> str:
-    """Return a sentence about the fate of the match in the finished map.
+def fate_in_words(match: MatchExplanation, truth: float, reason: Reason, disparity: float) -> str:
+    """Return a sentence that says what became of a match in the finished map.
 
     Parameters
     ----------
-    seen
+    match
         The match, before any check or filter.
     truth
         Ground truth, px; NaN = unknown.
     reason, disparity
         Reason and disparity of the map at the pixel, px; NaN = blank.
     """
-    error = abs(seen.disparity - truth)
+    error = abs(match.disparity - truth)
     if reason == Reason.FILLED:
         return f"The map filled in {disparity:.2f} px from its surroundings."
     if reason == Reason.MEASURED:
-        if math.isnan(disparity) or abs(seen.disparity - disparity) <= SAME_PX:
+        if math.isnan(disparity) or abs(match.disparity - disparity) <= SAME_DISPARITY_PX:
             return "The map keeps it."
         return f"After filtering, the map has {disparity:.2f} px."
-    if math.isnan(seen.disparity):
+    if math.isnan(match.disparity):
         return "The map is blank here."
-    how = "as it should be" if error > RIGHT_PX else "all the same" if error <= RIGHT_PX else ""
+    how = "as it should be" if error > MAX_MATCH_ERROR_PX else "all the same" if error <= MAX_MATCH_ERROR_PX else ""
     return f"The map is blank here{f', {how}' if how else ''} ({REASON_WORDS[reason]})."
 
 
 def match_verdict(
-    seen: MatchExplanation,
+    match: MatchExplanation,
     truth: float = math.nan,
     *,
     visible: bool = True,
     reason: Reason | None = None,
     disparity: float = math.nan,
 ) -> str:
-    """Return one consistent paragraph about a match.
+    """Return a paragraph about a match: its scores, whether it is right, and what became of it in the map.
 
     Parameters
     ----------
-    seen, truth
+    match, truth
         The match, and the ground truth at its pixel, px; NaN = unknown.
     visible
         Whether the right camera sees the pixel, as far as is known.
@@ -457,10 +472,10 @@ def match_verdict(
         Reason and disparity at the pixel in the finished map of the same matcher; reason is None if there is no map.
     """
     said = (
-        f"**{match_in_words(seen)}**",
-        match_against_truth(seen, truth),
+        f"**{match_in_words(match)}**",
+        match_against_truth(match, truth),
         "" if visible else HIDDEN_FROM_RIGHT,
-        "" if reason is None else fate_in_words(seen, truth, reason, disparity),
+        "" if reason is None else fate_in_words(match, truth, reason, disparity),
     )
     return " ".join(filter(None, said))
 
@@ -468,22 +483,22 @@ def match_verdict(
 # The live camera
 
 CAMERAS = {
-    "beside": "One camera, both views beside each other",
-    "half-beside": "One camera, beside each other, squeezed",
+    "beside": "One camera, views side by side",
+    "half-beside": "One camera, views side by side, squeezed",
     "over-under": "One camera, one view above the other",
-    "half-over-under": "One camera, above each other, squeezed",
+    "half-over-under": "One camera, one view above the other, squeezed",
     "two": "Two webcams",
     "moved": "One webcam, moved by hand",
 }
 
 LIVE_CAMERA_WORDS = {
-    "about": "Start the camera: its maps appear here, and every control acts on the running picture. The rows of both "
+    "about": "Start the camera: its maps appear here, and every control acts on the live picture. The rows of both "
     "views must match: calibrate the cameras, or freeze a frame and let the input doctor rectify it.",
     "first": "Take the left picture",
     "again": "Take the left picture again",
     "record": "Record",
     "finish": "Finish",
     "recorded": "Frames recorded:",
-    "skew": "Taken apart by",
+    "skew": "Time between both views:",
     "oneCamera": "Both views come from the same camera. Choose another one for the right view.",
 }

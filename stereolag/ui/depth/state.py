@@ -1,4 +1,4 @@
-"""The state of the depth page, as it leaves the page and comes back: in its address, in a session, handed over."""
+"""The state of the depth page, saved and restored: in its address, in a session, and as settings handed over."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import Address, Choice, example_choice, warn_ignored
-from stereolag.ui.depth.maps import SHOWN, SHOWN_AT_FIRST, TAB, show_method, shown_methods
-from stereolag.ui.depth.view import FIRST_PALETTE, INVERTED, OUTLINED, PAIR, PALETTE, SIZE, DepthView, range_key
+from stereolag.ui.depth.maps import DEFAULT_SHOWN, SHOWN, TAB, show_method, shown_methods
+from stereolag.ui.depth.view import DEFAULT_PALETTE, INVERTED, OUTLINED, PAIR, PALETTE, SIZE, DepthView, range_key
 from stereolag.ui.elements import refusals_shown
 from stereolag.ui.matcher_controls import default_settings, matchers_in_use, set_controls
 
@@ -29,7 +29,7 @@ ADOPTED = "depth.adopt"
 """Session-state key of the settings to adopt."""
 
 RESTORED = "depth.restore"
-"""Session-state key of a session's settings and colours that are still to be set, for its pair at its own size."""
+"""Session-state key of the settings and colours of a session that are still to be set, for its full-size pair."""
 
 
 # The address
@@ -62,23 +62,23 @@ def recall_pair_and_maps() -> None:
 
 
 def _recall_maps(value: str | None) -> None:
-    """Choose the maps that an address names; the initial ones if it names none."""
+    """Choose the maps that an address names; the default ones if it names none."""
     allowed, named = [method.short_name for method in METHODS], (value or "").split(",")
     if set(named) <= set(allowed):
         st.session_state.update({SHOWN: [name for name in allowed if name in named], TAB: named[0]})
         return
     if SHOWN in st.session_state:
-        st.session_state[SHOWN] = [*SHOWN_AT_FIRST]
-    if st.session_state.get(TAB, SHOWN_AT_FIRST[0]) not in SHOWN_AT_FIRST:
-        st.session_state[TAB] = SHOWN_AT_FIRST[0]
+        st.session_state[SHOWN] = [*DEFAULT_SHOWN]
+    if st.session_state.get(TAB, DEFAULT_SHOWN[0]) not in DEFAULT_SHOWN:
+        st.session_state[TAB] = DEFAULT_SHOWN[0]
     if value is not None:
         warn_ignored(MAPS, value, allowed)
 
 
 def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
-    """Write the choices and settings that differ from their initial values into the address."""
+    """Write the choices and settings that differ from their defaults into the address."""
     shown = [method.short_name for method in shown_methods()]
-    maps = {MAPS: ",".join(shown)} if shown and shown != SHOWN_AT_FIRST else {}
+    maps = {MAPS: ",".join(shown)} if shown and shown != DEFAULT_SHOWN else {}
     DEPTH_ADDRESS.write(pair, {_prefix(type(one)): one for one in filter(None, matchers)}, **maps)
 
 
@@ -88,15 +88,15 @@ def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
 def saved_state(view: DepthView, factor: float) -> dict[str, Any]:
     """Return the state of the page, as arguments of :func:`stereolag.io.sessions.session_json`.
 
-    Settings and colours are for the pair at its own size, `factor` times that shown; settings that are not allowed at
-    that size are left out.
+    Settings and colours are for the pair at full size, `factor` times the size shown; settings that are not allowed
+    at that size are left out.
     """
     state, shown = st.session_state, view.pair
     used = {type(matcher): matcher for matcher in matchers_in_use()}
     for result in view.results.values():
         used.setdefault(type(result.settings), result.settings)
     colours = {
-        "palette": state.get(PALETTE, FIRST_PALETTE),
+        "palette": state.get(PALETTE, DEFAULT_PALETTE),
         "inverted": bool(state.get(INVERTED, False)),
         "outlined": bool(state.get(OUTLINED, False)),
     }
@@ -127,7 +127,7 @@ def for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | No
 
 
 def restore(session: Session) -> None:
-    """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
+    """Restore the page from a session whose pair is in use; its controls must not have been drawn yet in this run."""
     saved = session.document
     st.session_state.update(
         {
@@ -144,15 +144,15 @@ def restore(session: Session) -> None:
 
 
 def adopt(matcher: StereoMatcher) -> None:
-    """Hand settings over to the page, and rerun it from the top so that it sets its controls to them."""
+    """Rerun the page with its controls set to these settings."""
     st.session_state[ADOPTED] = matcher
     st.rerun(scope="app")
 
 
 def recall_settings(pair: Pair) -> None:
-    """Set the controls of this pair to the settings that are waiting for it; none must have been drawn yet.
+    """Set the controls to the settings that are waiting for this pair; none must have been drawn yet in this run.
 
-    They come from a new address, which sets all others to their initial values, from :func:`adopt`, or from
+    They come from a new address, which resets all settings that it does not name, from :func:`adopt`, or from
     :func:`restore`.
     """
     DEPTH_ADDRESS.recall_settings(pair)
@@ -162,10 +162,11 @@ def recall_settings(pair: Pair) -> None:
         st.session_state[TAB] = adopted.short_name
         show_method(type(adopted))
     if RESTORED in st.session_state:
-        _set_to_session(pair, *st.session_state.pop(RESTORED))
+        _restore_settings(pair, *st.session_state.pop(RESTORED))
 
 
-def _set_to_session(pair: Pair, width: int, matchers: Iterable[StereoMatcher], colours: Colours) -> None:
+def _restore_settings(pair: Pair, width: int, matchers: Iterable[StereoMatcher], colours: Colours) -> None:
+    """Set the controls to a session's settings and colours, which are for an image of this width, px."""
     factor = pair.left.shape[1] / width
     for matcher in matchers:
         with refusals_shown(f"The settings of {matcher.title} could not be scaled with the images. {{}}"):

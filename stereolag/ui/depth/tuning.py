@@ -1,6 +1,6 @@
-"""Better settings for a method, judged on a pair or its whole set: combinations of two tried, or a search for the best.
+"""Better settings for a method, judged on a pair or its whole set: a sweep of two settings, or a search for the best.
 
-Both are jobs beside the page, which begin at a click and show their progress.
+Both are background jobs, which start at a click and show their progress.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.background_jobs import Job, show_busy, this_visit, watch
 from stereolag.ui.depth.inputs import STEP, preparation_of_sets, set_of
-from stereolag.ui.depth.maps import choose_map, show_beside
+from stereolag.ui.depth.maps import choose_map, show_side_by_side
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,
     search_so_far,
-    sheet_in_words,
     suggestion_in_words,
+    sweep_caption,
     sweep_in_words,
     value_in_words,
 )
@@ -56,15 +56,14 @@ from stereolag.ui.elements import refusals_shown, show_refused
 from stereolag.ui.navigation import fragment
 
 SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
-FEWER, MORE = 5, 7
-"""Initial number of values, down and across."""
-
-MOST_VALUES = 10
+MAX_VALUES = 10
+"""Largest number of values of a setting in a sweep."""
 BUDGETS_S = (10, 20, 60)
+"""Times offered for a search, s."""
 
-HELD_BYTES = 256 * 2**20
-"""Maximum memory of pairs that are judged together and kept in memory at the same time."""
-HELD_BYTES_OF_A_PIXEL = 24
+MAX_HELD_BYTES = 256 * 2**20
+"""Largest memory of the pairs that are judged together, all of which are kept in memory."""
+HELD_BYTES_PER_PIXEL = 24
 """Memory per pixel: both images in colour, their reference, and one map."""
 
 
@@ -82,9 +81,9 @@ class JudgedPairs:
     others
         Functions that read the others: as many as may be in memory at once, spread evenly over the set.
     preparation
-        How the others are prepared.
+        The preparation of the others.
     sentence
-        A sentence about them; "" for a single pair.
+        A sentence that says how many are judged; "" for a single pair.
     """
 
     current: Pair
@@ -99,17 +98,21 @@ class JudgedPairs:
         if pairs is None:
             return cls(pair, (), preparation_of_sets())
         count, (rows, cols) = len(pairs), pair.left.shape[:2]
-        held = min(count, max(1, HELD_BYTES // (HELD_BYTES_OF_A_PIXEL * rows * cols)))
+        held = min(count, max(1, MAX_HELD_BYTES // (HELD_BYTES_PER_PIXEL * rows * cols)))
         spread = dict.fromkeys(round((step + 0.5) * count / held - 0.5) for step in range(held))
-        others = [partial(pairs.pair, one) for one in spread if one != st.session_state.get(STEP, 0)][: held - 1]
+        shown = st.session_state.get(STEP, 0)
+        others = [partial(pairs.pair, index) for index in spread if index != shown][: held - 1]
         judged = 1 + len(others)
         which = f"all {count} pairs" if judged == count else f"{judged} of the {count} pairs, spread evenly,"
         return cls(
-            pair, tuple(others), preparation_of_sets(), f"They are judged on **{which} together**, by the mean. "
+            pair,
+            tuple(others),
+            preparation_of_sets(),
+            sentence=f"Settings are judged on **{which} together**, by the mean. ",
         )
 
     def __iter__(self) -> Iterator[Pair]:
-        """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
+        """Yield the pairs, each read when its turn comes; skip those whose files do not form a pair."""
         yield self.current
         for read in self.others:
             try:
@@ -118,7 +121,7 @@ class JudgedPairs:
                 continue
 
     def tuning(self, search_range: tuple[int, int] | None, job: Job[Any]) -> Iterator[TuningPair]:
-        """Yield the pairs for judging settings within a job, each with its truth or a reference."""
+        """Yield the pairs with their truth or a reference, for a job that judges settings."""
         for pair in self:
             yield TuningPair.of(
                 pair.left,
@@ -137,39 +140,39 @@ class PairJob:
     ----------
     digest
         Identifies the pair, or the set and the preparation of its pairs.
-    asked
+    request
         The request that started the job.
     job
         The job itself.
     shown
         The pair shown when the job began.
     place
-        Position of that pair in the set, in words; "" for a single pair.
+        Position of that pair in the set: "pair 2 of 5"; "" for a single pair.
     """
 
     digest: str
-    asked: Any
+    request: Any
     job: Job[Any]
     shown: PairId
     place: str = ""
 
 
-def begin_job(pair_id: PairId, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
+def begin_job(pair_id: PairId, key: str, request: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
     """Start the job of a part of the page in its own thread."""
     job, pairs = Job(work, estimate), set_of(pair_id)
     place = f"pair {st.session_state.get(STEP, 0) + 1} of {len(pairs)}" if pairs else ""
     this_visit().jobs[key] = pair_id.judged, job
-    st.session_state[key] = PairJob(_digest(pair_id), asked, job, pair_id, place)
+    st.session_state[key] = PairJob(_digest(pair_id), request, job, pair_id, place)
 
 
 def job_on(pair_id: PairId, key: str) -> PairJob | None:
     """Return the job of a part of the page on this pair; cancel and forget a job on other images."""
-    begun: PairJob | None = st.session_state.get(key)
-    if begun is None:
+    current: PairJob | None = st.session_state.get(key)
+    if current is None:
         return None
-    changed_since = begun.shown.files == pair_id.files and begun.shown != pair_id
-    if begun.digest == _digest(pair_id) and not changed_since:
-        return begun
+    changed_since = current.shown.files == pair_id.files and current.shown != pair_id
+    if current.digest == _digest(pair_id) and not changed_since:
+        return current
     _forget_job(key)
     return None
 
@@ -191,7 +194,7 @@ def _judged_by(pair: Pair, matcher: StereoMatcher) -> Criterion | None:
     return None if judges_itself(matcher) else Criterion.ESTIMATED_BAD_2
 
 
-def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Callable[[], None]) -> None:
+def _offer_job(key: str, label: str, icon: str, current: PairJob | None, begin: Callable[[], None]) -> None:
     """Offer to begin a job unless one is running."""
     st.button(
         label,
@@ -199,51 +202,51 @@ def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Ca
         on_click=begin,
         type="primary",
         icon=icon,
-        disabled=begun is not None and begun.job.running,
+        disabled=current is not None and current.job.running,
     )
 
 
 def _follow_job(
     key: str,
-    begun: PairJob,
-    asked: object,
-    told: Callable[[Any], str],
+    current: PairJob,
+    request: object,
+    text: Callable[[Any], str],
     ending: str,
     show: Callable[[Any], None],
     show_so_far: Callable[[Any], None] = lambda so_far: None,
 ) -> None:
-    """Show the progress of a job and then its result; or why it failed, if that is still what the visitor asks for.
+    """Show the progress of a job and then its result, or why it failed if the controls still make the same request.
 
     Parameters
     ----------
-    key, begun
+    key, current
         The part of the page, and its job.
-    asked
+    request
         The request that the controls make now.
-    told
-        Returns the text beside the progress, for the best result so far or None.
+    text
+        Returns the text beside the progress; takes the best result so far, or None.
     ending
-        What stays if the job is ended early.
+        A sentence that says what is kept if the job is stopped early.
     show, show_so_far
         Show the result, and the best one so far, below the progress.
     """
 
-    def look() -> None:
-        if begun.job.running:
-            show_busy(begun.job, told(begun.job.so_far), key=f"{key}.cancel", ending=ending)
-            show_so_far(begun.job.so_far)
+    def refresh() -> None:
+        if current.job.running:
+            show_busy(current.job, text(current.job.so_far), key=f"{key}.cancel", ending=ending)
+            show_so_far(current.job.so_far)
             return
         try:
-            found = begun.job.result()
+            result = current.job.result()
         except CancelledError:  # cancelled before its turn came
             return
         except ValueError as error:
-            if asked == begun.asked:
+            if request == current.request:
                 show_refused(error)
             return
-        show(found)
+        show(result)
 
-    watch(begun.job, look)
+    watch(current.job, refresh)
 
 
 # Two parameters in all combinations
@@ -263,33 +266,33 @@ def show_sweep(view: DepthView) -> None:
     matcher = view.results[choose_map(view, "Method", f"{SWEEP}.method")].settings
     criterion, pairs = _judged_by(view.pair, matcher), JudgedPairs.of(view.pair)
     prose.markdown(
-        "Two settings in all their combinations. Click a cell, or its line in the list, to use its settings. "
+        "Two settings in all their combinations. Click a cell, or choose it from the list, to use its settings. "
         + (UNJUDGED[Unjudged.JUDGES_ITSELF] if criterion is None else pairs.sentence + JUDGED_BY[criterion]),
         width=760,
     )
     axes = _ask_axes(matcher)
     if axes is None:
         return
-    asked, begun = _asked(matcher, axes), job_on(view.pair.id, SWEEP)
-    if begun is not None and begun.asked != asked:
-        if begun.job.running:
+    request, current = _sweep_request(matcher, axes), job_on(view.pair.id, SWEEP)
+    if current is not None and current.request != request:
+        if current.job.running:
             _forget_job(SWEEP)
-        begun = None
+        current = None
     label = f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations"
-    _offer_job(SWEEP, label, ":material/grid_on:", begun, partial(_begin_sweep, pairs, matcher, axes))
-    if begun is not None:
-        elsewhere = ", not of the pair in use" if begun.shown.files != view.pair.id.files else ""
-        show = partial(_show_sheet, view, matcher, axes, f"{begun.place}{elsewhere}")
-        ending = "Ends the sweep; the maps made so far stay."
-        _follow_job(SWEEP, begun, asked, lambda _: "Trying all combinations …", ending, show)
+    _offer_job(SWEEP, label, ":material/grid_on:", current, partial(_begin_sweep, pairs, matcher, axes))
+    if current is not None:
+        elsewhere = ", not the pair in use" if current.shown.files != view.pair.id.files else ""
+        show = partial(_show_sweep_result, view, matcher, axes, f"{current.place}{elsewhere}")
+        ending = "Stops the sweep; the maps made so far are kept."
+        _follow_job(SWEEP, current, request, lambda _: "Trying all combinations …", ending, show)
 
 
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
     """Ask for the parameters to vary and their values; show why and return None if they cannot be used."""
     known = parameters(matcher)
     with refusals_shown():
-        down = _ask_axis("Down", matcher, known, ("num_disparities", "search_size"), FEWER)
-        across = _ask_axis("Across", matcher, known, ("window_size", "block_size"), MORE)
+        down = _ask_axis("Down", matcher, known, ("num_disparities", "search_size"), initial_count=5)
+        across = _ask_axis("Across", matcher, known, ("window_size", "block_size"), initial_count=7)
         if down.parameter == across.parameter:
             raise ValueError("Choose two different settings: one goes down, the other across.")
         return down, across
@@ -297,40 +300,42 @@ def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
 
 
 def _ask_axis(
-    label: str, matcher: StereoMatcher, known: Mapping[str, Parameter], likely: tuple[str, str], count: int
+    label: str, matcher: StereoMatcher, known: Mapping[str, Parameter], likely: tuple[str, str], *, initial_count: int
 ) -> Axis:
-    """Ask for one parameter, at first one of the `likely` ones, and its values."""
+    """Ask for a parameter, initially one of the `likely` ones, and its values."""
     names = list(known)
-    likeliest = [number for number, name in enumerate(names) if name.rpartition(".")[2] in likely]
+    likely_indices = [index for index, name in enumerate(names) if name.rpartition(".")[2] in likely]
     key = f"{SWEEP}.{type(matcher).__name__}.{label}"
     with st.container(horizontal=True, gap="medium", vertical_alignment="bottom"):
         name = st.selectbox(
             label,
             names,
-            index=(likeliest or [int(label == "Across")])[0],
-            format_func=lambda one: known[one].title,
+            index=(likely_indices or [int(label == "Across")])[0],
+            format_func=lambda name: known[name].title,
             key=key,
             width=280,
         )
-        st.session_state.setdefault(f"{key}.{name}", ", ".join(f"{value:g}" for value in known[name].values(count)))
+        st.session_state.setdefault(
+            f"{key}.{name}", ", ".join(f"{value:g}" for value in known[name].values(initial_count))
+        )
         text = st.text_input(f"{known[name].title}: values", key=f"{key}.{name}", width=420)
     return Axis(known[name], _numbers(text or "", type(known[name].value)))
 
 
 def _numbers(text: str, kind: type[Number]) -> tuple[Number, ...]:
-    """Return the numbers in a list, ascending and without duplicates."""
+    """Return the numbers in a text, ascending and without duplicates."""
     try:
         values = tuple(sorted({kind(word) for word in re.split(r"[,;\s]+", text) if word}))
     except ValueError as error:
-        what = "whole numbers" if kind is int else "numbers"
-        raise ValueError(f"{text!r} is not a list of {what}; write them like this: 5, 7, 10.") from error
-    if not 1 <= len(values) <= MOST_VALUES:
-        raise ValueError(f"{text!r} has {len(values)} values; allowed are 1 to {MOST_VALUES}.")
+        numbers = "whole numbers" if kind is int else "numbers"
+        raise ValueError(f"{text!r} is not a list of {numbers}; write them like this: 5, 7, 10.") from error
+    if not 1 <= len(values) <= MAX_VALUES:
+        raise ValueError(f"{text!r} has {len(values)} values; allowed are 1 to {MAX_VALUES}.")
     return values
 
 
-def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
-    """Return the key of a sweep, without the current values of the two parameters: every cell replaces them."""
+def _sweep_request(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
+    """Return what identifies a sweep: all settings but the two that every cell replaces, and the values tried."""
     others = matcher.model_dump()
     for axis in axes:
         *path, last = axis.parameter.name.split(".")
@@ -343,28 +348,30 @@ def _begin_sweep(pairs: JudgedPairs, matcher: StereoMatcher, axes: tuple[Axis, A
     """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     searched, pair = widest_range(filter(None, combinations(matcher, rows, cols))), pairs.current
-    about = TuningPair.unjudgeable(pair.left, pair.right)
-    unjudged = _judged_by(pair, matcher) is None
+    unjudgeable = TuningPair.unjudgeable(pair.left, pair.right)
+    only_maps = _judged_by(pair, matcher) is None
 
     def work(job: Job[Sweep]) -> Sweep:
-        judging = [about] if unjudged else list(pairs.tuning(searched, job))
-        return sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
+        judged = [unjudgeable] if only_maps else list(pairs.tuning(searched, job))
+        return sweep(matcher, judged, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
 
-    estimate = estimate_sweep(matcher, [about] * (1 + len(pairs.others)), rows=rows, cols=cols)
+    estimate = estimate_sweep(matcher, [unjudgeable] * (1 + len(pairs.others)), rows=rows, cols=cols)
     if known_truth(pair) is None:
         reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
         estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)
-    begin_job(pair.id, SWEEP, _asked(matcher, axes), work, estimate)
+    begin_job(pair.id, SWEEP, _sweep_request(matcher, axes), work, estimate)
 
 
-def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], of: str, sheet: Sweep) -> None:
-    """Show a sweep, with maps of the pair that `of` names, and adopt the settings of a cell that was clicked."""
+def _show_sweep_result(
+    view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], pair: str, result: Sweep
+) -> None:
+    """Show the result of a sweep, whose maps are of `pair`, and adopt the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
     in_use = [axis.values.index(axis.parameter.value) for axis in axes if axis.parameter.value in axis.values]
     cell = (in_use[0], in_use[1]) if len(in_use) == 2 else None
-    figures = [("maps", "Small maps", sweep_maps(sheet, titles, view.colours, cell))]
-    if sheet.best:
-        figures.append(("bad", "How wrong each is", sweep_bad(sheet, titles, cell)))
+    figures = [("maps", "Small maps", sweep_maps(result, titles, view.colours, cell))]
+    if result.best:
+        figures.append(("bad", "Error of each map", sweep_bad(result, titles, cell)))
     # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{SWEEP}.clicks", 0)
     clicked: list[int] = []
@@ -375,32 +382,32 @@ def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
-            alt=f"{title}: {sheet_in_words(sheet, titles)}",
+            alt=f"{title}: {sweep_in_words(result, titles)}",
         )
         clicked += event.selection.point_indices[:1]
-    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.best is not None, finished=sheet.finished, of=of))
-    listed = _ask_cell(sheet, titles, key=f"{SWEEP}.cell.{clicks}")
+    prose.caption(sweep_caption(result.criterion, judged=result.best is not None, finished=result.finished, pair=pair))
+    listed = _ask_cell(result, titles, key=f"{SWEEP}.cell.{clicks}")
     clicked += [] if listed is None else [listed]
     if clicked:
         st.session_state[f"{SWEEP}.clicks"] = clicks + 1
         row, col = divmod(int(clicked[0]), len(axes[1].values))
         values = zip(axes, (row, col), strict=True)
         with refusals_shown():
-            adopt(changed(matcher, {axis.parameter.name: axis.values[one] for axis, one in values}))
+            adopt(changed(matcher, {axis.parameter.name: axis.values[index] for axis, index in values}))
 
 
-def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
+def _ask_cell(result: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
     """Return the index of a cell chosen from a list, best first: a chart cannot be clicked with a keyboard."""
-    bad = sheet.bad.ravel()
-    cells = [int(cell) for cell in np.argsort(bad, kind="stable") if sheet.shown.ravel()[cell]]
+    bad = result.bad.ravel()
+    cells = [int(cell) for cell in np.argsort(bad, kind="stable") if result.shown.ravel()[cell]]
 
     def in_words(cell: int) -> str:
-        row, col = divmod(cell, len(sheet.cols))
+        row, col = divmod(cell, len(result.cols))
         figure = f": {bad[cell]:.1f} %" if np.isfinite(bad[cell]) else ""
-        return f"{titles[0]} {sheet.rows[row]:g}, {titles[1]} {sheet.cols[col]:g}{figure}"
+        return f"{titles[0]} {result.rows[row]:g}, {titles[1]} {result.cols[col]:g}{figure}"
 
     return st.selectbox(
-        "Take settings over", cells, index=None, format_func=in_words, key=key, placeholder="Choose a cell", width=420
+        "Use the settings of", cells, index=None, format_func=in_words, key=key, placeholder="Choose a cell", width=420
     )
 
 
@@ -409,12 +416,12 @@ def _ask_cell(sheet: Sweep, titles: tuple[str, str], *, key: str) -> int | None:
 
 @fragment
 def show_suggest(view: DepthView) -> None:
-    """Ask for a method and a time, search its settings, and offer the best found."""
+    """Ask for a method and a time, search for better settings, and offer the best found."""
     pair, pairs = view.pair, JudgedPairs.of(view.pair)
     judged_by = JUDGED_BY[Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2]
     prose.markdown(
         "The search range and the tolerances of the checks are kept; settings that go well together are tried in "
-        f"combination, and the best of them compared with yours on the whole images. {pairs.sentence}{judged_by}",
+        f"combination, and the best are compared with yours on the whole images. {pairs.sentence}{judged_by}",
         width=760,
     )
     matcher = view.results[choose_map(view, "Method", f"{SUGGEST}.method")].settings
@@ -426,29 +433,29 @@ def show_suggest(view: DepthView) -> None:
         required=True,
         key=f"{SUGGEST}.budget",
     )
-    begun = job_on(pair.id, SUGGEST)
+    current = job_on(pair.id, SUGGEST)
     if _judged_by(pair, matcher) is None:
         prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
     else:
         begin = partial(_begin_search, pairs, matcher, budget_s)
-        _offer_job(SUGGEST, "Suggest settings", ":material/auto_fix_high:", begun, begin)
-    if begun is not None:
-        start = begun.asked
+        _offer_job(SUGGEST, "Suggest settings", ":material/auto_fix_high:", current, begin)
+    if current is not None:
+        start = current.request
 
-        def told(found: Suggestion | None) -> str:
-            return search_so_far(found) if found else f"Looking at the {start.title} settings in use …"
+        def text(suggestion: Suggestion | None) -> str:
+            return search_so_far(suggestion) if suggestion else f"Judging the {start.title} settings in use …"
 
-        def show(found: Suggestion) -> None:
-            if matcher in (start, found.matcher):
-                show_so_far(found)
-                _show_suggestion(view, found)
+        def show(suggestion: Suggestion) -> None:
+            if matcher in (start, suggestion.matcher):
+                show_so_far(suggestion)
+                _show_suggestion(view, suggestion)
 
-        def show_so_far(found: Suggestion | None) -> None:
-            if found is not None and found.matcher != start:
-                show_beside(view, {"Your settings": start, "The best found so far": found.matcher})
+        def show_so_far(suggestion: Suggestion | None) -> None:
+            if suggestion is not None and suggestion.matcher != start:
+                show_side_by_side(view, {"Your settings": start, "The best found so far": suggestion.matcher})
 
-        ending = "Ends the search; the best settings found so far stay."
-        _follow_job(SUGGEST, begun, matcher, told, ending, show, show_so_far)
+        ending = "Stops the search; the best settings found so far are kept."
+        _follow_job(SUGGEST, current, matcher, text, ending, show, show_so_far)
 
 
 def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -> None:
@@ -470,30 +477,32 @@ def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -
     begin_job(pair.id, SUGGEST, matcher, work, estimate)
 
 
-def _show_suggestion(view: DepthView, found: Suggestion) -> None:
-    """Show the result, and offer to use the settings if they are better."""
-    if isinstance(found.outcome, Unjudged):
-        prose.info(suggestion_in_words(found), icon=":material/balance:")
+def _show_suggestion(view: DepthView, suggestion: Suggestion) -> None:
+    """Show the result of a search, and offer to use the settings if they are better."""
+    if isinstance(suggestion.outcome, Unjudged):
+        prose.info(suggestion_in_words(suggestion), icon=":material/balance:")
         return
-    better = found.outcome is Outcome.BETTER
-    prose.success(suggestion_in_words(found), icon=":material/auto_fix_high:" if better else ":material/check_circle:")
+    better = suggestion.outcome is Outcome.BETTER
+    prose.success(
+        suggestion_in_words(suggestion), icon=":material/auto_fix_high:" if better else ":material/check_circle:"
+    )
     if not better:
         return
     st.dataframe(
         pd.DataFrame(
             [
-                (title_of(type(found.start), name), value_in_words(old), value_in_words(new))
-                for name, (old, new) in found.changes.items()
+                (title_of(type(suggestion.start), name), value_in_words(old), value_in_words(new))
+                for name, (old, new) in suggestion.changes.items()
             ],
             columns=["Setting", "Before", "Suggested"],
         ),
         hide_index=True,
         width=640,
         key=f"{SUGGEST}.changes",
-        alt="Settings that change, before and as suggested.",
+        alt="The settings that change: before, and as suggested.",
     )
-    in_use = any(result.settings == found.matcher for result in view.results.values())
+    in_use = any(result.settings == suggestion.matcher for result in view.results.values())
     if st.button(
         "In use" if in_use else "Use these settings", key=f"{SUGGEST}.adopt", disabled=in_use, icon=":material/check:"
     ):
-        adopt(found.matcher)
+        adopt(suggestion.matcher)

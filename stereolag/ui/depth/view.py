@@ -1,4 +1,4 @@
-"""One pair as the depth page shows it: its maps, and the colours that they share; the keys of the page's choices."""
+"""The view of one pair on the depth page: its maps and the colours they share; the session-state keys of the page."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from stereolag.figures.pictures import disparity_range, edge_path, thinned
 from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.controls import persistent
-from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST
+from stereolag.ui.matcher_controls import DEFAULT_DISPARITIES
 from stereolag.ui.results import kept_for, remembered
 
 Pixel = tuple[int, int]
 
-# The keys of what is chosen on the page
+# Session-state keys
 
 PAIR = "pairs"
 HANDED = f"{PAIR}.handed_over"
-"""Key of the pair handed over by another page in place of files."""
+"""Key of the pair that another page or the live camera handed over in place of files."""
 SIZE = f"{PAIR}.size"
 FOLD = "depth.head"
 FOLD_NEXT = f"{FOLD}.next"
@@ -36,9 +36,9 @@ COLOURS = "depth.colours"
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 PALETTE, INVERTED, OUTLINED = (f"{COLOURS}.{name}" for name in ("palette", "inverted", "outlined"))
-FIRST_PALETTE = "viridis"
-MOST_BEYOND = 0.02
-"""Share of a map beyond the colours above which the page says so."""
+DEFAULT_PALETTE = "viridis"
+MAX_SHARE_OUTSIDE = 0.02
+"""Largest share of a map that may lie outside the colour range before the page offers to fit the range."""
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,21 @@ class DepthView:
     pair
         The images, with truth, mask and calibration if known.
     results
-        {name of the method as the page shows it: its map}, in the order shown; its settings are ``result.settings``.
+        {title of a method: its map}, in the order shown; the method's settings are ``result.settings``.
     colours
-        The locked colour range, the palette, and the outlines over the maps.
-    late
-        Names of the maps whose settings have changed since: the new map is still being computed.
+        The colour range of all maps, the palette, and the outlines drawn over the maps.
+    outdated
+        Titles of the maps whose settings have changed since: the new map is still being computed.
     """
 
     pair: Pair
     results: Mapping[str, DisparityMap]
     colours: Colours
-    late: Set[str] = frozenset()
+    outdated: Set[str] = frozenset()
 
     @property
     def maps(self) -> dict[str, FloatMap]:
-        """Return the disparities of every method and the ground truth if there is one, by name."""
+        """Return the disparities of every method and the ground truth if there is one, by title."""
         truth = {} if self.pair.truth is None else {TRUTH: self.pair.truth}
         return {name: result.disparity for name, result in self.results.items()} | truth
 
@@ -94,30 +94,30 @@ class DepthView:
         return self.known_distance.calibration if self.known_distance else self.pair.calibration
 
     def kept(self, name: str, more: str = "") -> dict[str, Any]:
-        """Return what identifies a result about one map, as :func:`.kept_for` does; `more` is what else it needs."""
+        """Return the arguments of :func:`.kept_for` for a result about one map, which may depend on `more`."""
         return kept_for(self.pair, f"{settings_key(self.results[name])} {more}")
 
 
 def settings_key(result: DisparityMap) -> str:
-    """Return the cache key of a map: its matcher and that matcher's settings."""
+    """Return the cache key of a map: the name of its method and the settings."""
     return f"{type(result.settings).__name__} {result.settings.model_dump_json()}"
 
 
 def known_truth(pair: Pair) -> FloatMap | None:
-    """Return the ground truth of a pair; None if it is not known for any pixel."""
+    """Return the ground truth of a pair; None if it is unknown at every pixel."""
     return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
 
 
 # The colours
 
 
-def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView:
-    """Ask for the colours and return the view of all maps in them.
+def coloured_view(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView:
+    """Ask for the colours that all maps share, and return the view of the pair with them.
 
-    The range is the one searched by all maps shown together, until the visitor sets another; without a map, the
-    initial range of the pair.
+    Until the visitor sets a colour range, it spans the disparities that the maps searched; without a map, the initial
+    range of the pair.
     """
-    first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
+    first, count = pair.min_disparity, pair.num_disparities or DEFAULT_DISPARITIES
     searched = searched_range(results.values()) if results else (float(first), float(first + count))
     low, high = st.session_state.get(range_key(pair.digest)) or searched
     view = DepthView(pair, results, Colours(low, max(high, low + 1)))
@@ -127,12 +127,12 @@ def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView
             _ask_colours(view, (low, high))
     outlined, direction = st.session_state.get(OUTLINED), -1 if st.session_state.get(INVERTED) else 1
     outlines = remembered("outlines", partial(edge_path, pair.left), **kept_for(pair)) if outlined else ""
-    palette = PALETTES[st.session_state.get(PALETTE, FIRST_PALETTE)][::direction]
+    palette = PALETTES[st.session_state.get(PALETTE, DEFAULT_PALETTE)][::direction]
     return replace(view, colours=replace(view.colours, palette=palette, outlines=outlines))
 
 
 def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
-    """Ask for the ends of the colour range, or to fit it or let it follow the search, for palette and outlines."""
+    """Draw the controls of the colour range, the palette and the outlines."""
     key = range_key(view.pair.digest)
     with st.container(horizontal=True, gap="small"):
         for end, value in zip(("far", "near"), shown, strict=True):
@@ -165,7 +165,7 @@ def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
     st.segmented_control(
         "Palette",
         [*PALETTES],
-        default=FIRST_PALETTE,
+        default=DEFAULT_PALETTE,
         format_func=str.capitalize,
         required=True,
         **persistent(PALETTE),
@@ -178,13 +178,13 @@ def _ask_colours(view: DepthView, shown: tuple[float, float]) -> None:
     st.toggle(
         "Outlines of the left image",
         **persistent(OUTLINED),
-        help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
-        "the window has smeared it.",
+        help="Draws the edges of the left image over every map. A depth edge that lies beside its outline was "
+        "smeared by the window.",
     )
 
 
 def range_key(digest: str) -> str:
-    """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
+    """Return the key of the colour range that the visitor set for a pair; while it is unset, the search sets it."""
     return f"{COLOURS}.range.{digest}"
 
 
@@ -193,29 +193,29 @@ def _set_range(key: str) -> None:
 
 
 def _fit_range(key: str, maps: Mapping[str, FloatMap]) -> None:
-    """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
-    ends = [disparity_range([one]) for one in maps.values()]
+    """Set the range to cover every map shown and the truth, except the lowest and highest 1 % of each."""
+    ends = [disparity_range([disparity]) for disparity in maps.values()]
     st.session_state[key] = min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def offer_fit(view: DepthView) -> None:
-    """Name the maps with more than `MOST_BEYOND` outside the colours, and offer to fit the range to them."""
+    """Name the maps that lie partly outside the colour range, and offer to fit the range to them."""
     low, high = view.colours.low, view.colours.high
 
-    def beyond(result: DisparityMap) -> float:
+    def share_outside(result: DisparityMap) -> float:
         values = thinned(result.disparity)
         outside = int(np.count_nonzero((values < low - 1) | (values > high + 1)))
         return outside / max(1, int(np.count_nonzero(np.isfinite(values))))
 
     shares = {
-        name: remembered("share beyond the colours", partial(beyond, result), **view.kept(name, f"{low} {high}"))
+        name: remembered("share outside", partial(share_outside, result), **view.kept(name, f"{low} {high}"))
         for name, result in view.results.items()
     }
-    shares = {name: share for name, share in shares.items() if share > MOST_BEYOND}
+    shares = {name: share for name, share in shares.items() if share > MAX_SHARE_OUTSIDE}
     if shares:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-            said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
-            prose.markdown(f":orange[:material/palette:] {said} is beyond the colour range.", width="content")
+            listed = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
+            prose.markdown(f":orange[:material/palette:] Outside the colour range: {listed}.", width="content")
             st.button(
                 "Fit the colours",
                 key=f"{COLOURS}.fit_beyond",

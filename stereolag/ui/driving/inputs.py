@@ -1,4 +1,4 @@
-"""What the driving page computes: the example or the visitor's own frames, the methods, and the range they search."""
+"""The inputs of the driving page: the example or the visitor's own frames, the methods, and the range they search."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from stereolag.ui.depth.preparing import (
 )
 from stereolag.ui.depth.sentences import problems_in_words
 from stereolag.ui.elements import in_columns, refusals_shown, show_remedy
-from stereolag.ui.matcher_controls import matchers_in_use
+from stereolag.ui.matcher_controls import DEFAULT_DISPARITIES, matchers_in_use
 from stereolag.ui.navigation import HALF_WIDTH, head, show_try_first
 from stereolag.ui.results import computed, kept_for
 from stereolag.ui.streams import Message, frame, open_stream
@@ -73,19 +73,18 @@ ORIGINS = {
     TWO: "Your two videos",
     LIVE: "Your camera",
 }
-LOOKED_AT = 10
-"""Number of frames at the beginning, one of which must be readable."""
-
+FRAMES_TRIED = 10
+"""Number of frames at the start of a drive, of which at least one must be readable."""
 
 _Frames = tuple[StereoSequence, StereoFrame | None]
-"""A sequence, and its first readable frame, None if there is none."""
+"""A sequence, and its first readable frame or None."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A sequence, the pair of its first readable frame, and what the input doctor found on several frames.
+    """A sequence, the pair of its first readable frame, and the input doctor's diagnosis of several frames.
 
-    What is known of the first frame holds for all; only bundled drives are not examined.
+    Calibration and range of the first frame apply to all frames. The bundled drive has no diagnosis.
     """
 
     sequence: StereoSequence
@@ -93,22 +92,22 @@ class Drive:
     diagnosis: Diagnosis | None = None
 
     def doubts(self, matchers: Iterable[StereoMatcher]) -> tuple[Finding, ...]:
-        """Return the findings that make maps doubtful, also about the range that these methods search."""
+        """Return the findings that make maps doubtful, including one about the range that these methods search."""
         if self.diagnosis is None:
             return ()
-        return self.diagnosis.over(next((one.search_range() for one in matchers), None)).doubts
+        return self.diagnosis.over(next((matcher.search_range() for matcher in matchers), None)).doubts
 
     @property
     def range(self) -> tuple[int, int] | None:
         """Return the first disparity and the number of disparities that the frames need, px; None if unknown."""
-        pair = self.first
-        return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+        count = self.first.num_disparities
+        return None if count is None else (self.first.min_disparity, count)
 
 
 def ask_drive(call_off: Callable[[], None]) -> Drive:
     """Ask for frames and calibration; return the example while frames are missing, stop if they are refused.
 
-    What is computed is called off when the visitor turns to other frames.
+    `call_off` is called when the visitor chooses frames from elsewhere.
     """
     with head("Driving"):
         origin = st.segmented_control(
@@ -124,29 +123,29 @@ def ask_drive(call_off: Callable[[], None]) -> Drive:
         show_try_first("play it, and drag along the curves below the pictures.")
     no_files_yet(KEY)
     chosen = next(iter(drives())) if origin == EXAMPLE else OWN
-    return own_or_example(chosen, _own, _example, drives(), key=KEY, awaited="your frames are")
+    return own_or_example(chosen, _own_drive, _example, drives(), key=KEY, awaited="your frames are")
 
 
-def _own() -> Drive | None:
+def _own_drive() -> Drive | None:
     is_live = st.session_state[ORIGIN] == LIVE
     recorded = _record() if is_live else None
     with st.container(horizontal=True, key="folds"):
-        found = recorded if is_live else _ask_files()
+        frames = recorded if is_live else _ask_files()
         place = st.expander("Calibration (optional): for depth in metres, and to rectify")
     calibration = ask_calibration(KEY, place)
-    return None if found is None else _with_calibration(found, calibration)
+    return None if frames is None else _with_calibration(frames, calibration)
 
 
 def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -> Drive | None:
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
-        refuse(f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together.")
+        refuse(f"None of the first {FRAMES_TRIED} frames can be read. Check that their two images belong together.")
         return None
     rows, cols = frame.left.shape[:2]
     fitted = None
     if calibration is not None:
-        with refusals_shown("{} The drive is processed without it."):
+        with refusals_shown("{} The drive is processed without the calibration."):
             fitted = calibration_for(calibration, cols, rows)
     try:
         left, right = as_stereo_pair(frame.left, frame.right)
@@ -169,17 +168,17 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
             "diagnosis of a drive",
             lambda progress: diagnose_sequence(sequence),
             **kept_for(pair, str(sequence.turn)),
-            label="Looking over a few frames …",
+            label="Examining a few frames …",
         )
-    found = None if diagnosis is None else diagnosis.suggested_range
+    needed = None if diagnosis is None else diagnosis.suggested_range
     if pair.calibration is not None and pair.calibration.num_disparities is not None:
-        found = 0, pair.calibration.num_disparities
-    first, count = found or (0, None)
+        needed = 0, pair.calibration.num_disparities
+    first, count = needed or (0, None)
     return Drive(sequence, replace(upright(pair), min_disparity=first, num_disparities=count), diagnosis)
 
 
 def turn_key(pair: Pair) -> str:
-    """Return the key of the quarters by which the visitor has the frames of a drive turned to be matched."""
+    """Return the session-state key of the number of quarter turns of a drive's frames that the visitor asked for."""
     return f"{KEY}.turn.{pair.digest}"
 
 
@@ -203,25 +202,25 @@ def _example(name: str) -> Drive:
 
 def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
     sequence = open_uploads(*files, layout=None if is_archive(files[0]) else layout)
-    return sequence, sequence.first_readable(LOOKED_AT)
+    return sequence, sequence.first_readable(FRAMES_TRIED)
 
 
 @in_fold(KEY)
 def _ask_files() -> Upload[_Frames] | None:
-    found = _ask_one() if st.session_state[ORIGIN] == ONE else _ask_two()
+    frames = _ask_one_file() if st.session_state[ORIGIN] == ONE else _ask_two_videos()
     _show_limits()
-    return found
+    return frames
 
 
 def _show_limits() -> None:
-    most = limits()
+    server = limits()
     show_limits(
-        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
-        f"{most.max_video_s // 60} minutes per video."
+        f"At most {st.get_option('server.maxUploadSize')} MB and {server.max_frames:,} frames per file, and "
+        f"{server.max_video_s // 60} minutes per video."
     )
 
 
-def _ask_one() -> Upload[_Frames] | None:
+def _ask_one_file() -> Upload[_Frames] | None:
     layout = ask_layout(KEY)
     return upload(
         "ZIP of left/ and right/, or a video with both views",
@@ -235,12 +234,12 @@ def _ask_one() -> Upload[_Frames] | None:
 
 
 def _video(data: bytes) -> bytes:
-    """Return the bytes of a video; ValueError if they are none, before the other video is there."""
+    """Return the bytes of a video, checked before the other video is uploaded; ValueError if they are not a video."""
     GuardedVideo(data)
     return data
 
 
-def _ask_two() -> Upload[_Frames] | None:
+def _ask_two_videos() -> Upload[_Frames] | None:
     left, right = (
         upload(f"{side} video", _video, key=f"{KEY}.{side.lower()}", types=sorted(VIDEO_ENDINGS))
         for side in in_columns(("Left", "Right"))
@@ -260,7 +259,7 @@ class Recorded(Message):
 
 @dataclass(eq=False)
 class Recording:
-    """The frames that a live camera has recorded, each as the JPEGs of both views, within the limits of an upload."""
+    """The frames recorded from a live camera, each as the JPEGs of both views; limited like an upload."""
 
     frames: list[Recorded] = field(default_factory=list)
     size: int = 0
@@ -271,19 +270,19 @@ class Recording:
         Raises
         ------
         ValueError
-            A view that is no JPEG, or a frame too many.
+            If a view is not a JPEG, or the recording is as large as it may be.
         """
         for view in message.parts:
             frame(view, grey=True)
         size = self.size + sum(map(len, message.parts))
         if size > st.get_option("server.maxUploadSize") * 2**20 or len(self.frames) >= limits().max_frames:
-            raise ValueError("The recording is as large as a file may be here. Finish it.")
+            raise ValueError("The recording has reached the limit of this server. Finish it.")
         self.frames.append(message)
         self.size = size
         return packed_item({"count": len(self.frames)}).data
 
     def finished(self) -> Upload[_Frames] | None:
-        """Return the drive that was recorded, None if it has no frame."""
+        """Return the recorded drive; None if it has no frames."""
         if not self.frames:
             return None
         packed = bundle(
@@ -300,7 +299,7 @@ class Recording:
 
 
 def _record() -> Upload[_Frames] | None:
-    """Ask for a camera in one line, so that the maps stay in view, and return the last drive recorded with it."""
+    """Ask for a camera, in one line so that the maps stay in view, and return the last drive recorded with it."""
     line = st.container(horizontal=True, gap="medium", vertical_alignment="bottom")
     with line:
         camera = ask_camera(f"{KEY}.camera")
@@ -319,9 +318,9 @@ def _record() -> Upload[_Frames] | None:
 
 
 def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
-    """Show what is wrong with the drive, and offer to turn the frames of cameras above each other.
+    """Show the problems of the drive, and offer to turn its frames if the cameras stand one above the other.
 
-    A click affects the whole page.
+    A click reruns the whole page.
     """
     doubts, turn = drive.doubts(matchers), turn_key(drive.first)
     if not doubts and turn not in st.session_state:
@@ -338,15 +337,15 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
             )
         if turn in st.session_state:
             show_remedy(
-                ":blue[:material/healing:] Both pictures of each frame are turned by a quarter to be matched, and the "
-                "map is turned back.",
+                ":blue[:material/healing:] Both pictures of each frame are turned by 90° for matching, and the map is "
+                "turned back.",
                 "Undo",
                 f"{KEY}.turn.undo",
                 partial(st.session_state.pop, turn, None),
             )
 
 
-TURN_FRAMES = "Turn all frames to match them (distances become relative)"
+TURN_FRAMES = "Turn all frames by 90° for matching (distances become relative)"
 
 # The settings
 
@@ -356,20 +355,19 @@ OFFERED: dict[str, tuple[str, StereoMatcher]] = {
     "bm": ("StereoBM", StereoBM()),
     "sgbm": ("StereoSGBM", StereoSGBM()),
 }
-"""The titles and the settings of the methods, but for their range."""
+"""The titles and the settings of the methods; their search range is set on the page."""
 TRUTH_TITLE = "True disparity"
 MOTION_TITLE = "Optical flow"
 NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
 MOTIONS = {NO_MOTION: "Off", COLOURS: "Flow in colours", ARROWS: "Flow as arrows"}
-MOST = 256
+MAX_DISPARITY_PX = 256
 """Disparities stored in KITTI's PNG are below this, px."""
-FEWEST = 16
-USUAL_DISPARITIES = 64
-"""Number of disparities searched if the range is unknown."""
+DISPARITY_BLOCK = 16
+"""OpenCV's methods search multiples of this number of disparities; it is also the fewest that the page allows."""
 
 
 class DriveSettings(NamedTuple):
-    """The settings for the maps of a sequence; the names of the methods are valid folder names."""
+    """The settings for the maps of a sequence; the keys of `matchers` are valid folder names."""
 
     matchers: dict[str, StereoMatcher]
     truth_in_video: bool = False
@@ -379,8 +377,11 @@ class DriveSettings(NamedTuple):
 
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
-    own = {f"own_{one.short_name}": (f"{one.title}, as on the depth page", one) for one in matchers_in_use()}
-    lowest, needed = drive.range or (0, USUAL_DISPARITIES)
+    own = {
+        f"own_{matcher.short_name}": (f"{matcher.title}, as on the depth page", matcher)
+        for matcher in matchers_in_use()
+    }
+    lowest, needed = drive.range or (0, DEFAULT_DISPARITIES)
     offered = OFFERED | own
     chosen = st.pills(
         "Methods",
@@ -399,23 +400,23 @@ def ask_methods(drive: Drive) -> DriveSettings:
             "Rectify the frames so that infinity has disparity 0, or take single frames to the depth page."
         )
     end = lowest + needed
-    if end > MOST:
+    if end > MAX_DISPARITY_PX:
         prose.warning(
-            f"In these frames disparities reach up to about {end} px; the maps of a drive end at {MOST} px. Give "
-            "frames of half the size, or take single frames to the depth page."
+            f"In these frames disparities reach up to about {end} px; the maps of a drive end at {MAX_DISPARITY_PX} px."
+            " Use frames of half the size, or take single frames to the depth page."
         )
-    found = {}
+    matchers = {}
     for name in chosen:
         title, matcher = offered[name]
         with refusals_shown(f"{title}: {{}}"):
-            found[name] = matcher.with_search_range(first, count)
+            matchers[name] = matcher.with_search_range(first, count)
     motion = _ask_motion(drive)
     for note in drive.sequence.notes:
         prose.caption(note, width="content")
     truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
     field = SequenceSettings.model_fields["steadiness"]
     steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
-    return DriveSettings(found, truth, motion, Steadiness() if steady else None)
+    return DriveSettings(matchers, truth, motion, Steadiness() if steady else None)
 
 
 def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
@@ -423,31 +424,30 @@ def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:
     first = st.number_input(
         "Smallest disparity, px",
         0,
-        MOST - FEWEST,
-        min(max(0, lowest), MOST - FEWEST),
+        MAX_DISPARITY_PX - DISPARITY_BLOCK,
+        min(max(0, lowest), MAX_DISPARITY_PX - DISPARITY_BLOCK),
         **persistent(f"{KEY}.first.{digest}"),
         width=HALF_WIDTH,
     )
-    # OpenCV's methods search whole blocks of 16, which must fit too.
-    most = (MOST - first) // FEWEST * FEWEST
+    max_count = (MAX_DISPARITY_PX - first) // DISPARITY_BLOCK * DISPARITY_BLOCK
     key = f"{KEY}.count.{digest}"
-    if st.session_state.get(key, most) > most:
-        st.session_state[key] = most
+    if st.session_state.get(key, max_count) > max_count:
+        st.session_state[key] = max_count
     count = st.number_input(
         "Disparities searched",
-        FEWEST,
-        most,
-        min(max(FEWEST, needed), most),
-        FEWEST,
+        DISPARITY_BLOCK,
+        max_count,
+        min(max(DISPARITY_BLOCK, needed), max_count),
+        DISPARITY_BLOCK,
         **persistent(key),
-        help=f"The maps of a drive are stored in KITTI’s format, which allows disparities up to {MOST} px.",
+        help=f"The maps of a drive are stored in KITTI’s format, which allows disparities up to {MAX_DISPARITY_PX} px.",
         width=HALF_WIDTH,
     )
     return first, count
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
-    """Ask whether and how to show motion."""
+    """Ask whether and how to show motion; None: not at all."""
     shown = st.segmented_control(
         "Motion",
         [*MOTIONS],
@@ -456,26 +456,27 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
         required=True,
         **persistent(f"{KEY}.motion"),
         help="Optical flow since the previous frame, by correlation in two dimensions; with a calibration, also the "
-        "car’s own speed, and moving objects outlined with their speed. It takes about a second a frame.",
+        "car’s own speed, and moving objects outlined with their speed. It takes about a second per frame.",
     )
     if shown == NO_MOTION:
         return None
     rate = drive.sequence.frame_rate
     if drive.first.calibration is None:
-        prose.caption("Speeds and moving objects need metres: give a calibration above.", width="content")
+        prose.caption("Speeds and moving objects need metres: add a calibration above.", width="content")
     else:
         rate = st.number_input(
-            "Frames a second",
+            "Frames per second",
             0.1,
             10_000.0,
             float(rate),
             **persistent(f"{KEY}.rate.{drive.first.digest}"),
-            help="Of the camera. Speeds are only as accurate as this number; image files lack it, and 10 is assumed.",
+            help="Frame rate of the camera. Speeds are only as accurate as this number. Image files do not state it; "
+            "10 is assumed for them.",
         )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
 
 
 def title_of(name: str) -> str:
-    """Return the title of a method, shown above its maps."""
-    titles = {f"own_{method.short_name}": method.title for method in METHODS}
-    return titles[name] if name in titles else OFFERED[name][0]
+    """Return the title of a method, shown above its maps; `name` is its key in :class:`DriveSettings`."""
+    own_titles = {f"own_{method.short_name}": method.title for method in METHODS}
+    return own_titles[name] if name in own_titles else OFFERED[name][0]

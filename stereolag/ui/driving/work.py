@@ -1,4 +1,4 @@
-"""The maps of a sequence, computed in the background: started, played as they arrive, cancelled and resumed."""
+"""The maps of a sequence, computed in the background: the job, its cancellation and resumption, and the player."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
 """Number of frames whose pictures and maps are in memory together."""
 EXAMPLES_KEPT = 2
-"""Number of results for the example that are kept, some 40 MB each."""
+"""Number of results for the example that are kept in memory, some 40 MB each."""
 
 _examples: LRUCache[str, DriveWork] = LRUCache(EXAMPLES_KEPT)
-"""Results for the example: computed for one visitor, shown to the next at once."""
+"""Results for the example, by name of the work: computed for one visitor, shown to the next at once."""
 _examples_lock = threading.Lock()
 
 
@@ -51,15 +51,15 @@ class DriveWork:
     Attributes
     ----------
     name
-        Identifies the sequence and the settings.
+        Digest of the sequence and the settings.
     kept, video
         Maps, figures and pictures so far; in memory, like everything a visitor uploads.
     state
         Progress; None before the first report.
-    begun
+    starts
         Number of times it was started.
-    left
-        Whether it was called off because the visitor turned to other frames.
+    abandoned
+        Whether it was cancelled because the visitor turned to other frames.
     job
         The job that does the work.
     """
@@ -68,56 +68,56 @@ class DriveWork:
     kept: SequenceMemory
     video: VideoPieces
     state: SequenceState | None = None
-    begun: int = 1
-    left: bool = False
+    starts: int = 1
+    abandoned: bool = False
     job: Job[SequenceResult] = field(init=False)
 
     @property
     def video_name(self) -> str:
         """Return the name that identifies the video, 32 characters."""
-        return hashlib.sha256(f"{self.name} {self.begun}".encode()).hexdigest()[:32]
+        return hashlib.sha256(f"{self.name} {self.starts}".encode()).hexdigest()[:32]
 
 
 def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
-    settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    job = map(
+    matchers = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
+    others = map(
         repr, (drive.first.calibration, asked.truth_in_video, asked.motion, asked.steadiness, drive.sequence.turn)
     )
-    name = hashlib.sha256("\0".join([drive.first.digest, *job, *settings]).encode()).hexdigest()
-    kept: DriveWork | None = st.session_state.get(WORK)
-    if kept is not None and kept.name == name:
-        if kept.left and st.session_state[ORIGIN] == EXAMPLE:
-            go_on(kept, drive, asked)
-        again: DriveWork = st.session_state[WORK]
-        return again
-    if kept is not None:
-        kept.job.cancel()
+    name = hashlib.sha256("\0".join([drive.first.digest, *others, *matchers]).encode()).hexdigest()
+    current: DriveWork | None = st.session_state.get(WORK)
+    if current is not None and current.name == name:
+        if current.abandoned and st.session_state[ORIGIN] == EXAMPLE:
+            resume(current, drive, asked)
+        resumed_or_same: DriveWork = st.session_state[WORK]
+        return resumed_or_same
+    if current is not None:
+        current.job.cancel()
     with _examples_lock:
         work = _examples.get(name)
-    work = work or _begun(DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate)), drive, asked)
+    work = work or _started(DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate)), drive, asked)
     st.session_state[WORK] = work
     return work
 
 
 def call_off() -> None:
-    """Cancel the work for a visitor who turns to other frames; that on the example goes on when they return to it."""
+    """Cancel the work for a visitor who turns to other frames; work on the example resumes when they return to it."""
     work: DriveWork | None = st.session_state.get(WORK)
     if work is not None and work.job.running:
         work.job.cancel()
-        work.left = True
+        work.abandoned = True
 
 
-def go_on(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
+def resume(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Resume cancelled work: finished frames are drawn again, not computed again."""
-    again = DriveWork(work.name, work.kept, VideoPieces(drive.sequence.frame_rate), begun=work.begun + 1)
-    st.session_state[WORK] = _begun(again, drive, asked)
+    again = DriveWork(work.name, work.kept, VideoPieces(drive.sequence.frame_rate), starts=work.starts + 1)
+    st.session_state[WORK] = _started(again, drive, asked)
 
 
-def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
-    """Start a job that does the work."""
+def _started(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
+    """Start the job of some work, and return the work."""
 
-    def told(state: SequenceState) -> None:
+    def report(state: SequenceState) -> None:
         work.state = state
 
     def compute(job: Job[SequenceResult]) -> SequenceResult:
@@ -129,7 +129,7 @@ def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
                 calibration=drive.first.calibration,
                 settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
                 video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
-                progress=told,
+                progress=report,
                 cancelled=lambda: job.cancelled,
             )
         finally:
@@ -147,18 +147,19 @@ def _begun(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
 def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
     """Return the cost of computing the maps of all frames."""
     left = drive.first.left
-    each = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
+    costs = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
     if asked.motion is not None:
-        each.append(FlowMatcher().estimate(left.shape, left.dtype))
-    memory = max(one.memory for one in each) + FRAMES_AT_ONCE * (2 * left.nbytes + 13 * left.shape[0] * left.shape[1])
-    return Estimate(memory, len(drive.sequence) * math.fsum(one.seconds for one in each))
+        costs.append(FlowMatcher().estimate(left.shape, left.dtype))
+    frame_bytes = 2 * left.nbytes + 13 * left.shape[0] * left.shape[1]  # both images, and 13 bytes per pixel of a map
+    memory = max(cost.memory for cost in costs) + FRAMES_AT_ONCE * frame_bytes
+    return Estimate(memory, len(drive.sequence) * math.fsum(cost.seconds for cost in costs))
 
 
 # The player
 
 
 class Chart(NamedTuple):
-    """One chart of the timeline: a figure plotted over the frames."""
+    """A chart of the timeline: a figure of each frame, times `scale`, over the frames."""
 
     name: str
     field: str
@@ -185,18 +186,18 @@ LINES = (
     {"colour": "#0ca674", "dash": "2 3"},
     {"colour": "#bd195c", "dash": "8 3 2 3"},
 )
-"""The line style of each method; the dashes (px, of an SVG) are for colour-blind viewers."""
+"""The line style of each method; the dashes (of an SVG, px) tell lines apart for colour-blind viewers."""
 
 
 def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Show the player; `OPENED` is set to the number of the frame that the visitor wants to see on the depth page."""
     key = f"{KEY}.player"
-    done = not work.job.running  # before the pieces are counted, of which no more come then
+    done = not work.job.running  # asked before the pieces are counted: once it is done, no more come
     pieces, computed = [*work.video.pieces], work.video.collected
-    more = [*([TRUTH_TITLE] if asked.truth_in_video else []), *([MOTION_TITLE] if asked.motion else [])]
+    extra_titles = [*([TRUTH_TITLE] if asked.truth_in_video else []), *([MOTION_TITLE] if asked.motion else [])]
     data = _figures(work, drive, asked) | {
         "name": work.video_name,
-        "titles": ["Left image", *map(title_of, asked.matchers), *more],
+        "titles": ["Left image", *map(title_of, asked.matchers), *extra_titles],
         "height": drive.first.left.shape[0],
         "width": drive.first.left.shape[1],
         "rate": drive.sequence.frame_rate,
@@ -217,7 +218,7 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
 
 
 def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, Any]:
-    """Return the problems and the charts of all frames so far, None where a figure is unknown."""
+    """Return the problem of each frame so far, "" if it has none, and the charts, None where a figure is unknown."""
     count, records = len(drive.sequence), [*work.kept.records.values()]
     titles = {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {})
     problems = [""] * count
@@ -239,7 +240,7 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
         series = [
             {"title": title, "values": values[method], **LINES[place % len(LINES)]}
             for place, (method, title) in enumerate(titles.items())
-            if any(one is not None for one in values[method])
+            if any(value is not None for value in values[method])
         ]
         if series and chart.name not in charts:  # in metres if known, otherwise in pixels
             charts[chart.name] = {
@@ -255,6 +256,7 @@ def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, A
 # The result so far
 
 OPENED = f"{KEY}.opened"
+"""Session-state key of the number of the frame to open on the depth page."""
 
 
 def show_work(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
@@ -284,13 +286,13 @@ def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
         if work.job.running:
             done = state.done if state else 0
-            rest = f", about {state.remaining_s:,.0f} s to go" if state and not math.isnan(state.remaining_s) else ""
+            to_go = f", about {state.remaining_s:,.0f} s to go" if state and not math.isnan(state.remaining_s) else ""
             show_busy(
                 work.job,
-                f"{done} of {total} frames{rest}",
+                f"{done} of {total} frames{to_go}",
                 key=f"{KEY}.cancel",
                 done=done / total,
-                ending="Stops here; finished frames are kept, and you can go on later.",
+                ending="Stops here; finished frames are kept, and you can resume later.",
             )
             return
         with failures_answered(), suppress(CancelledError):
@@ -306,7 +308,7 @@ def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
             width="content",
         )
         if state.done < total:
-            st.button("Go on", key=f"{KEY}.go_on", on_click=go_on, args=(work, drive, asked))
+            st.button("Resume", key=f"{KEY}.go_on", on_click=resume, args=(work, drive, asked))
 
 
 def _open_on_depth_page(drive: Drive, number: int) -> None:
