@@ -146,7 +146,7 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
             f"lag       {result.lag} samples ({round(result.lag_subsample, 2) + 0.0:.2f} with its fraction)",
             f"time      {result.time_s:.6g} s at {at('sampling_rate', f'{rate:g} samples a second')}",
         ]
-        if over_time is None or not over_time.shows:
+        if over_time is None or not over_time.changes:
             speed = at("speed", f"{settings.speed:g} m/s")
             lines.append(f"distance  {result.distance_m:.6g} m of path at {speed}")
         lines.append(score)
@@ -159,7 +159,7 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
     lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
     if result.begins_again_at is not None:
         lines.append(f"values    begin again every {result.begins_again_at:.4g}: their steps were compared")
-    if over_time is not None and over_time.shows:
+    if over_time is not None and over_time.changes:
         lines.append(f"over time {over_time_in_words(over_time, rate)}")
     elif over_time is not None:
         lines.append(f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift")
