@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.typography import counted, four_digits, together, typesets
+from stereolag.core.typography import counted, enumeration, four_digits, typesets
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
@@ -57,7 +57,7 @@ def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     if judgement.verdict == "ambiguous":
         lags = sorted((result.lag, *judgement.rivals))
         if len(lags) <= MOST_NAMED:
-            return f"Cannot tell: **{together([f'{lag:,}' for lag in lags])} samples** fit equally well."
+            return f"Cannot tell: **{enumeration([f'{lag:,}' for lag in lags])} samples** fit equally well."
         return f"Cannot tell: **at least {len(lags) - 1} other lags fit** as well."
     return _NOTHING_WORDS[judgement.reason]
 
@@ -79,7 +79,7 @@ def verdict_explained(result: SignalLag) -> list[str]:
     judgement, over_time = result.judgement, result.over_time
     said = []
     if result.begins_again_at is not None:
-        said.append(f"The values of both begin again every {result.begins_again_at:,.4g}: their steps were compared.")
+        said.append(f"The values of both wrap around every {result.begins_again_at:,.4g}: their steps were compared.")
     if over_time is not None and over_time.changes:
         said.append("A lag that changes is not due to the path alone, so no metres are given.")
     if len(result.arrivals) > 1 and judgement.reason != "repeats":

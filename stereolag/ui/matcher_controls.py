@@ -24,7 +24,7 @@ from stereolag.core.settings import (
     OfThePair,
     Settings,
     SettingsError,
-    Usual,
+    SliderRange,
     choices,
     marker,
     nested,
@@ -174,7 +174,7 @@ class _Place:
     def ends(self, name: str) -> tuple[Number | None, Number | None]:
         """Return the bounds of a slider where the field allows more than the inputs can use."""
         field = self.kind.model_fields[name]
-        usual = marker(field, Usual) or Usual()
+        usual = marker(field, SliderRange) or SliderRange()
         if marker(field, FitsImage):
             return usual.low, min(LARGEST_WINDOW, *(int(side) - 1 for side in self.pair.left.shape[:2]))
         return usual.low, usual.high

@@ -11,7 +11,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
-from stereolag.core.typography import duration, four_digits, together, typeset, typesets
+from stereolag.core.typography import duration, enumeration, four_digits, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MOST_NAMED, verdict_in_words
@@ -381,7 +381,7 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
             if len(rivals) >= MOST_NAMED
-            else f"{together([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
+            else f"{enumeration([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
         ),
         "where": "In the middle" if reason in {"drift", "steps"} else "Highest at",
         "start": over_time and over_time.start,
