@@ -8,6 +8,7 @@ times shown are those of the computation alone. ``python -m stereolag.warming`` 
 from __future__ import annotations
 
 import hashlib
+import operator
 import os
 import subprocess
 import sys
@@ -134,10 +135,6 @@ def compiling_the_rest() -> Iterator[None]:
         compiling.wait()
 
 
-def _run_part(part: Part) -> None:
-    part()
-
-
 def main(asked: Sequence[str]) -> None:
     """Compile the loops of the pages, or all of them, in parallel; the rest one by one, at low priority."""
     parts = OF_PAGES if "pages" in asked else PARTS
@@ -151,7 +148,7 @@ def main(asked: Sequence[str]) -> None:
             part()
     else:
         with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
-            list(processes.map(_run_part, parts))
+            list(processes.map(operator.call, parts))
     if parts is PARTS and (mark := _mark()):
         with suppress(OSError):  # a full disk
             mark.touch()

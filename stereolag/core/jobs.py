@@ -175,13 +175,10 @@ class Cost:
         def total(per_unit: Mapping[str, float]) -> float:
             return sum(cost * amounts[quantity] for quantity, cost in per_unit.items())
 
-        kept = sum(allocator_slack(size * amounts[quantity], count) for quantity, (size, count) in self.freed.items())
+        kept = sum(
+            count * min(size * amounts[quantity], MAX_HEAP_BLOCK) for quantity, (size, count) in self.freed.items()
+        )
         return Estimate(int(max(map(total, self.stages)) + kept) + OVERHEAD, total(self.seconds))
-
-
-def allocator_slack(size: float, count: int) -> float:
-    """Return the number of bytes that the allocator may keep of `count` freed blocks of `size` bytes."""
-    return count * min(size, MAX_HEAP_BLOCK)
 
 
 COSTS: Mapping[str, Cost] = {

@@ -13,15 +13,12 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import Estimate, Progress, check_memory
 from stereolag.signals.lag import SignalLag, common_rate, signal_lag
-from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
+from stereolag.signals.over_time import TAPS, LagOverTime, Stretch, on_first_clock
 
 Signal = npt.NDArray[np.floating]
 
 BLOCK = 2**20
 """Samples aligned at a time."""
-
-_MARGIN = 32
-"""Samples of recording 2 that interpolation needs on either side."""
 
 _MAX_IGNORED_FRACTION = 0.02
 """Samples; a lag that differs by no more from a whole number, and does not drift by more, moves whole samples."""
@@ -164,12 +161,11 @@ def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: i
         if low >= high:
             continue
         ends = low + line.lag_at(low), high - 1 + line.lag_at(high - 1)
-        begin = max(0, math.floor(ends[0]) - _MARGIN)
-        part = signal_2[begin : max(begin, math.ceil(ends[1]) + _MARGIN + 1)].astype(np.float64)
+        begin = max(0, math.floor(ends[0]) - TAPS)
+        part = signal_2[begin : max(begin, math.ceil(ends[1]) + TAPS + 1)].astype(np.float64)
         if part.size:
             part = (part - mean).astype(np.float32)
-            line = replace(line, start=line.start - begin)
-            aligned[low - first : high - first] += on_first_clock(part, LagOverTime((line,)), low, high - low)
+            aligned[low - first : high - first] += on_first_clock(part, line.for_part(begin), low, high - low)
     return aligned
 
 

@@ -25,7 +25,7 @@ from stereolag.signals.over_time import TAPS, LagOverTime, Stretch, interpolatio
 from stereolag.signals.peaks import interpolate_peak
 from stereolag.signals.recordings import Recording
 
-MAX_DRIFT_PPM = 12_000
+_MAX_DRIFT_PPM = 12_000
 """Largest drift that is searched for, samples per million."""
 
 _COARSE_BLOCKS = 48
@@ -76,10 +76,10 @@ _ORDINARY_PPM = 300
 """Largest drift of ordinary clocks, samples per million."""
 
 _MIN_SHARE_ON_LINE = 0.9
-"""Share of the blocks on a line from which on nothing else is tried, and a drift unlike the others is believed."""
+"""Share of the blocks on a line from which on no path is searched, and a drift unlike the others is believed."""
 
-_MIN_SHORT_SHARE_ON_LINE = 0.6
-"""The same share if the lag follows a path through short blocks."""
+_MIN_SHARE_ON_PATH = 0.6
+"""Share of the blocks on the lines of a path from which on no path through shorter blocks is searched."""
 
 _MAX_SLOPE_DIFFERENCE = 5.0
 """Standard errors; two lines whose slopes differ by more do not belong to one clock."""
@@ -119,9 +119,7 @@ def median_line(places: npt.NDArray[np.floating], values: npt.NDArray[np.floatin
     return slope, float(np.median(values) - slope * np.median(places))
 
 
-def follow_lag(
-    recording_1: Recording, recording_2: Recording, lag: int, reach: int = 0, ppm: float = MAX_DRIFT_PPM
-) -> LagOverTime | None:
+def follow_lag(recording_1: Recording, recording_2: Recording, lag: int, reach: int = 0) -> LagOverTime | None:
     """Return the lag over time near a lag; None if too few blocks agree.
 
     Parameters
@@ -131,21 +129,17 @@ def follow_lag(
     lag
         A lag that occurs at some time, samples.
     reach
-        Distance from `lag` that is searched at least, samples.
-    ppm
-        Largest drift, samples per million; the search reaches as far from `lag` as this drift can lead.
+        Distance from `lag` that is searched at least, samples; it is always searched as far as drift can lead.
     """
     size = min(recording_1.size, recording_2.size - lag) - max(0, -lag)
     longest = int(np.clip(2 ** round(math.log2(max(size, 1) / _COARSE_BLOCKS)), _MIN_BLOCK_LENGTH, _MAX_BLOCK_LENGTH))
     # With a larger reach there may be other lags, so the lag may jump.
     best = _straight_line(recording_1, recording_2, lag) if reach <= _MIN_REACH else (0.0, None)
-    # Long blocks suit ordinary clocks; blocks that are an eighth as long are not blurred by a larger drift.
-    for length, enough in ((longest, _MIN_SHARE_ON_LINE), (longest // 8, _MIN_SHORT_SHARE_ON_LINE)):
+    # A path through the longest blocks, then through blocks so short that no drift blurs them.
+    for length, enough in ((longest, _MIN_SHARE_ON_LINE), (longest // 8, _MIN_SHARE_ON_PATH)):
         if best[0] < enough and length >= _MIN_BLOCK_LENGTH:
-            strip = max(reach, int(ppm * 1e-6 * size))
-            best = max(
-                best, _lag_by_blocks(recording_1, recording_2, lag, strip, ppm, length), key=lambda found: found[0]
-            )
+            strip = max(reach, int(_MAX_DRIFT_PPM * 1e-6 * size))
+            best = max(best, _lag_by_blocks(recording_1, recording_2, lag, strip, length), key=lambda found: found[0])
     min_gap = _MIN_BLOCKS_ON_LINE * max(longest, size // _COARSE_BLOCKS)
     return best[1] and _fill_gaps(recording_1, recording_2, best[1], min_gap)
 
@@ -167,7 +161,7 @@ def _straight_line(recording_1: Recording, recording_2: Recording, lag: int) -> 
 
 
 def _lag_by_blocks(
-    recording_1: Recording, recording_2: Recording, lag: int, reach: int, ppm: float, length: int
+    recording_1: Recording, recording_2: Recording, lag: int, reach: int, length: int
 ) -> tuple[float, LagOverTime | None]:
     """Return the share of blocks on a line, and the lag over time, measured in blocks of `length` samples."""
     begin, end = max(0, -lag), min(recording_1.size, recording_2.size - lag)
@@ -181,7 +175,7 @@ def _lag_by_blocks(
     heights = _plane(recording_1, recording_2, starts, Stretch(begin, end, lag, 0.0), length, reach)
     if (heights.max(axis=1) > _MIN_CLEAR_HEIGHT).sum() < _MIN_BLOCKS_ON_LINE:  # so no path has enough clear blocks
         return 0.0, None
-    step = max(1, math.ceil(ppm * 1e-6 * float(np.diff(starts).max())))
+    step = max(1, math.ceil(_MAX_DRIFT_PPM * 1e-6 * float(np.diff(starts).max())))
     path, clear = _ridge(heights, step)
     places = starts + length / 2
     lags = lag - reach + np.array([_peak_position(row, top) for row, top in zip(heights, path.tolist(), strict=True)])
@@ -323,8 +317,7 @@ def _step_position(recording_1: Recording, recording_2: Recording, before: Stret
     for line in (before, after):
         begin = math.floor(first + line.lag_at(first)) - TAPS
         part_2 = recording_2.part(begin, math.ceil(last + line.lag_at(last)) + TAPS)
-        line_in_part = replace(line, start=line.start - begin, end=last)
-        products = part * on_first_clock(part_2, LagOverTime((line_in_part,)), first, last - first)
+        products = part * on_first_clock(part_2, line.for_part(begin), first, last - first)
         running_products.append(np.concatenate(([0.0], np.cumsum(products))))
     sums_before, sums_after = running_products
     gains = sums_before[: max(0, sums_before.size - missing)] - sums_after[missing:]

@@ -61,7 +61,7 @@ _CELL_LAGS = 32
 """Lags per cell of the search for peaks."""
 
 _MAX_BANDS = 2048
-"""Bands that a spectrum is averaged to, less one."""
+"""A spectrum is averaged to this number of bands and one more."""
 
 _COLOUR_REACH = 256
 """Lags of the bands' autocorrelation, from 0 on, that show the colour of a recording."""
@@ -400,29 +400,29 @@ class WeightedCurve:
         shared = float(own[0][1:] @ own[1][1:]) / (float(own[0][0] * own[1][0]) + 1e-300)
         return math.sqrt(max(1.0, 1 + 2 * shared))
 
-    def tops(self, count: int = 2) -> list[int]:
-        """Return the indices of the `count` highest points, by height over the local deviation and by height."""
+    def tops(self) -> list[int]:
+        """Return the indices of the two highest points by height over the local deviation, and of the two by height."""
         cells = -(-self.curve.size // _CELL_LAGS)
         starts, skipped = np.arange(0, self.curve.size, _CELL_LAGS), -(-self.lobe // _CELL_LAGS)
         high = np.maximum.reduceat(self.curve, starts)
         sums = np.append(0.0, np.cumsum(np.add.reduceat(self.curve * self.curve, starts), dtype=np.float64))
         cell = np.arange(cells)
 
-        def around(radius: int) -> tuple[Vector, Lags]:
+        def energy_within(radius: int) -> tuple[Vector, Lags]:
             low, end = np.maximum(0, cell - radius), np.minimum(cells, cell + radius + 1)
             return sums[end] - sums[low], (end - low) * _CELL_LAGS
 
-        lobe, lobe_size = around(skipped)
+        lobe, lobe_size = energy_within(skipped)
         power = np.zeros(cells)
-        for scale in _LOCAL_REACHES:
-            radius = skipped - (-scale // _CELL_LAGS)
+        for reach in _LOCAL_REACHES:
+            radius = skipped - (-reach // _CELL_LAGS)
             if radius > max(cells, skipped + 1):
                 break
-            total, size = around(radius)
+            total, size = energy_within(radius)
             np.maximum(power, (total - lobe) / np.maximum(_CELL_LAGS, size - lobe_size), out=power)
         found: list[int] = []
         for heights in (np.where(power > 0, high / np.sqrt(power + 1e-30), 0.0), high.astype(np.float64)):
-            for _ in range(count):
+            for _ in range(2):
                 best = int(np.argmax(heights))
                 if heights[best] <= 0:
                     break
@@ -436,14 +436,14 @@ class WeightedCurve:
         """Return the middle of the stretch of lags whose power exceeds the median most clearly."""
         sums = np.append(0.0, np.cumsum(self.curve.astype(np.float64) ** 2))
         best, place = 0.0, self.curve.size // 2
-        for scale in _LOCAL_REACHES:
-            if 2 * scale >= self.curve.size:
+        for reach in _LOCAL_REACHES:
+            if 2 * reach >= self.curve.size:
                 break
-            power = (sums[2 * scale :: _CELL_LAGS // 2] - sums[: -2 * scale : _CELL_LAGS // 2]) / (2 * scale)
-            excess = (power / (np.median(power) + 1e-30) - 1) * math.sqrt(scale)
+            power = (sums[2 * reach :: _CELL_LAGS // 2] - sums[: -2 * reach : _CELL_LAGS // 2]) / (2 * reach)
+            excess = (power / (np.median(power) + 1e-30) - 1) * math.sqrt(reach)
             top = int(np.argmax(excess))
             if excess[top] > best:
-                best, place = float(excess[top]), top * (_CELL_LAGS // 2) + scale
+                best, place = float(excess[top]), top * (_CELL_LAGS // 2) + reach
         return place
 
     def measure(self, index: int, known: Sequence[float] = ()) -> Peak:
@@ -451,20 +451,13 @@ class WeightedCurve:
 
         The lags in `known` are those of better peaks, which do not belong to its surroundings.
         """
-        needed, scale = self._evidence.needed, self.deviation
-        highest = _MAX_INTERSAMPLE_RATIO * max(
-            float(self.curve[index]) / scale, self._over_local(index) / _MIN_EXAMINED_SHARE
-        )
-        if highest < needed:
-            return Peak(
-                0,
-                self._evidence.first + index,
-                float(self.curve[index]),
-                global_height=float(self.curve[index]) / scale,
-            )
+        first, needed, value = self._evidence.first, self._evidence.needed, float(self.curve[index])
+        global_height = value / self.deviation
+        if _MAX_INTERSAMPLE_RATIO * max(global_height, self._over_local(index) / _MIN_EXAMINED_SHARE) < needed:
+            return Peak(0, first + index, value, global_height=global_height)
         index = best_cycle(self.curve, index, self.envelope + 2)
         offset, height = interpolate_peak(self.curve, index)
-        peak = Peak(0, self._evidence.first + index + offset, height, global_height=height / scale)
+        peak = Peak(0, first + index + offset, height, global_height=height / self.deviation)
         if peak.global_height < needed and self._over_local(index) < _MIN_EXAMINED_SHARE * needed:
             return peak
         low, end = max(0, index - _LOCAL_REACHES[-1]), min(self.curve.size, index + _LOCAL_REACHES[-1] + 1)
@@ -476,7 +469,7 @@ class WeightedCurve:
             factor, repeated = self._repetition(offset, part, middle)
             part = part - repeated
         rest = np.where(self._evidence.long_enough[low:end], part, 0.0)
-        for place in (middle, *(round(lag) - self._evidence.first - low for lag in known)):
+        for place in (middle, *(round(lag) - first - low for lag in known)):
             rest[max(0, place - self.lobe) : max(0, place + self.lobe + 1)] = 0
         around = [
             rest[max(0, middle - reach) : middle + reach + 1]

@@ -250,14 +250,10 @@ class SignalLag(Shown):
         """The judgement, and Pearson's correlation at its lag; the recordings are released."""
         assert self._recordings is not None
         judgement = judge(self._recordings, self._found, self._reach, fixed=self._fixed)
-        lag = self._whole_lag(judgement.lag)
+        lag = self._found.rounded(judgement.lag)
         score = self._score if lag == self._found.lag else overlap_pearson(*self._recordings, lag)
         object.__setattr__(self, "_recordings", None)
         return judgement, score
-
-    def _whole_lag(self, lag: float) -> int:
-        """Return a lag rounded to whole samples: the lag that the search found if it is within half a sample."""
-        return self._found.lag if abs(lag - self._found.lag) <= 0.5 else round(lag)
 
     @property
     def judgement(self) -> LagJudgement:
@@ -276,7 +272,7 @@ class SignalLag(Shown):
     @property
     def lag(self) -> int:
         """Samples; positive if signal 2 records the event later."""
-        return self._whole_lag(self.lag_subsample)
+        return self._found.rounded(self.lag_subsample)
 
     @property
     def time_s(self) -> float:

@@ -54,6 +54,10 @@ class Stretch:
         """Return the lag at a position in recording 1, samples."""
         return self.start + self.slope * place
 
+    def for_part(self, begin: int) -> LagOverTime:
+        """Return the line alone, for a part of recording 2 that starts at its sample `begin`."""
+        return LagOverTime((replace(self, start=self.start - begin),))
+
     @property
     def spread(self) -> float:
         """Standard deviation of the blocks' lags about the line, samples."""
@@ -195,11 +199,6 @@ class LagOverTime:
     def drifts(self) -> bool:
         """Whether the clocks run apart by more than the uncertainty, and by enough to smear a peak."""
         return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
-
-    def line_for_part(self, start: int, begin: int) -> LagOverTime:
-        """Return the line at a position in recording 1, for a part of recording 2 that starts at its sample `begin`."""
-        stretch = self.stretch_at(start)
-        return LagOverTime((replace(stretch, start=stretch.start - begin),))
 
     def shifted(self, offset: float) -> LagOverTime:
         """Return the lag over time with `offset` samples added."""

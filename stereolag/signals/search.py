@@ -50,6 +50,10 @@ class FoundLag:
     votes: dict[int, int] | None = None
     opposite_lag: int | None = None
 
+    def rounded(self, lag: float) -> int:
+        """Return a lag in whole samples: the lag found if that is within half a sample."""
+        return self.lag if abs(lag - self.lag) <= 0.5 else round(lag)
+
 
 def lags_within(sizes: tuple[int, int], reach: int) -> tuple[int, int]:
     """Return the first and last lag, up to `reach` both ways, at which recordings of these sizes overlap."""

@@ -325,7 +325,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
     # The plain curve's fraction is more precise than a weighted one's, but its highest sample can be the wrong cycle.
     if best is not None and best.score > 1 and not fixed and (best.changes or abs(best.lag - own) > 1):
         lag = own if any(abs(own - rival) <= 1 for rival in rivals) else best.lag
-    whole = found.lag if abs(lag - found.lag) <= 0.5 else round(lag)
+    whole = found.rounded(lag)
     others = [*rivals, best.lag] if rivals and best is not None and best.score > 1 else rivals
     nearest = _nearest_rivals(
         {round(each) for each in others if first <= round(each) <= last and abs(each - lag) > 1}, whole
@@ -444,7 +444,7 @@ def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change:
         begin = start + math.floor(line.lag_at(start + size / 2)) - _SECTION_MARGIN
         part = recordings[1].part(begin, begin + size + 2 * _SECTION_MARGIN)
         if line is over_time:
-            part = on_first_clock(part, line.line_for_part(start, begin), start, size).astype(np.float64)
+            part = on_first_clock(part, line.stretch_at(start).for_part(begin), start, size).astype(np.float64)
         else:
             part = part[_SECTION_MARGIN : _SECTION_MARGIN + size]
         # Faded, since the cuts would be clicks common to both.
