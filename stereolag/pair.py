@@ -281,6 +281,11 @@ class Pair:
         """The changes made by the input doctor."""
         return tuple(change for change in self.changes if isinstance(change.code, Remedy))
 
+    @property
+    def rectified_here(self) -> bool:
+        """Whether it was rectified with its calibration."""
+        return self.rectification is not None and self.rectification.done
+
     def after(self, code: ChangeCode | Remedy, sentence: str, **fields: Any) -> Self:
         """Return the pair after a change, with the given fields replaced."""
         return replace(self, changes=(*self.changes, Change(code, sentence)), **fields)

@@ -180,10 +180,6 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
     return pair, (*lines, *calibration_sentences(pair.calibration), *turned, *on_rectification)
 
 
-def _rectified_here(pair: Pair) -> bool:
-    return pair.rectification is not None and pair.rectification.done
-
-
 def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:
     """Match a few rows, so that loading or compiling the loops does not count towards the time of the map."""
     with suppress(ValueError):  # the map itself will be refused too
@@ -198,7 +194,7 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "height": rows,
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
-        "rectified_here": _rectified_here(pair),
+        "rectified_here": pair.rectified_here,
         "coverage": result.coverage,
         "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
@@ -258,7 +254,7 @@ def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[
         }
     files["settings.json"] = lambda: settings_json(result.settings).encode()
     files["disparity_coloured.png"] = lambda: coloured_png(disparity, *searched_range([result]), palette)
-    if _rectified_here(pair):
+    if pair.rectified_here:
         for side, image in (("left", pair.left), ("right", pair.right)):
             name, write = image_file(side, image)
             files[name] = partial(write, image)

@@ -198,18 +198,11 @@ def _read_sequence(
     if first is None:
         raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
     fitted = calibration_for(calibration, first.left.shape[1], first.left.shape[0])
-    pair, on_rectification = rectified_as_requested(
-        Pair(first.left, first.right, PairId(""), calibration=fitted), options, *WORDING
-    )
-    if pair.rectification is not None and pair.rectification.done:
-        sequence = rectified_sequence(sequence, calibration)
-    else:
-        sequence = replace(sequence, turn=pair.turn)
-    return (
-        sequence,
-        upright(pair).calibration,
-        (*sequence.notes, *calibration_sentences(pair.calibration), *on_rectification),
-    )
+    pair = Pair(first.left, first.right, PairId(""), calibration=fitted)
+    pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
+    sequence = rectified_sequence(sequence, calibration) if pair.rectified_here else replace(sequence, turn=pair.turn)
+    notes = (*sequence.notes, *calibration_sentences(pair.calibration), *on_rectification)
+    return sequence, upright(pair).calibration, notes
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:

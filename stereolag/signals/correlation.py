@@ -51,9 +51,7 @@ def loudest_stretch(signal_1: Recording, signal_2: Recording, lag: int, longest:
         energies = []
         for first in range(part.start, part.stop, step):
             stop = min(first + step, part.stop)
-            part_1 = signal_1.part(first, stop)
-            part_2 = part_1 if signal_2 is signal_1 else signal_2.part(first + lag, stop + lag)
-            energies.append(np.sum((part_1 * part_2) ** 2))
+            energies.append(np.sum((signal_1.part(first, stop) * signal_2.part(first + lag, stop + lag)) ** 2))
         loudest = int(np.argmax(np.convolve(energies, np.ones(_STEPS_PER_STRETCH), mode="valid")))
         start, size = start + min(step * loudest, size - longest), longest
     return slice(start, start + size), slice(start + lag, start + size + lag)

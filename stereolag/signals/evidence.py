@@ -99,8 +99,8 @@ _MIN_OVERLAP = 64
 _MIN_OVERLAP_SHARE = 0.02
 """Overlap below which lags are not searched, as a share of the longest."""
 
-_MAX_MEDIAN_POINTS = 2**15
-"""Points of a curve from which its robust deviation is taken, about."""
+MEDIAN_POINTS = 2**15
+"""Points of a curve from which its median and robust deviation are taken, about."""
 
 _MIN_LEAD = 1.8
 """A peak this many times as high as any other point is convincing alone."""
@@ -350,7 +350,7 @@ class WeightedCurve:
         self._evidence, self._weight = evidence, weight
         self.curve: Samples = np.roll(products, -evidence.first)[: evidence.overlap.size]
         self.curve[~evidence.long_enough] = 0
-        some = np.s_[:: max(1, self.curve.size // _MAX_MEDIAN_POINTS)]
+        some = np.s_[:: max(1, self.curve.size // MEDIAN_POINTS)]
         self.deviation = 1.4826 * float(np.median(np.abs(self.curve[some][evidence.long_enough[some]]))) + 1e-30
         bands = evidence.bands(evidence.mean_power * weight)
         shape = np.abs(fft.ifft(np.append(bands, np.zeros(bands.size))))[: bands.size]

@@ -98,9 +98,6 @@ def _own_rate(signal: object) -> float | None:
 
 Algorithm: TypeAlias = Literal["whole", "blocks", "bands"]
 
-_MIN_LENGTH_IN_BLOCKS = 4
-"""Length of a recording, in blocks, from which on blocks take less memory and time than one transform."""
-
 MAX_WHOLE_LENGTH = 2**23
 """Samples; longest recording that is always transformed as a whole: three minutes at 44.1 kHz, 1.2 GB."""
 
@@ -161,7 +158,8 @@ def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Alg
     if method != "fft":
         return "whole"
     first, last = lags_within((size_1, size_2), reach)
-    if _MIN_LENGTH_IN_BLOCKS * block_length(last - first + 1) <= longest:
+    # Blocks take less memory and time than one transform of a recording at least four times as long.
+    if 4 * block_length(last - first + 1) <= longest:
         return "blocks"
     return "whole" if longest <= MAX_WHOLE_LENGTH else "bands"
 

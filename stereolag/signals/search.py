@@ -482,8 +482,8 @@ def search_bands(
 
 def cell_size(size_1: int, size_2: int) -> int:
     """Return the number of lags per cell: a power of two."""
-    cells = max(MIN_STEP, -(-(size_1 + size_2) // MAX_LAGS_PER_BAND))
-    return 1 << (cells - 1).bit_length()
+    lags = max(MIN_STEP, -(-(size_1 + size_2) // MAX_LAGS_PER_BAND))
+    return 1 << (lags - 1).bit_length()
 
 
 def _leads(bound: FloatMap, around: int, left_out: float) -> bool:

@@ -24,7 +24,7 @@ from stereolag.signals.correlation import (
     overlap_slices,
 )
 from stereolag.signals.drift import follow_lag, locate_steps, median_line
-from stereolag.signals.evidence import Evidence, Peak, Samples, needed_for, standardised
+from stereolag.signals.evidence import MEDIAN_POINTS, Evidence, Peak, Samples, needed_for, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.peaks import main_lobe
 from stereolag.signals.recordings import HeldRecording, Inverted, Recording
@@ -101,9 +101,6 @@ _MIN_REGULAR_SHARE = 0.75
 """Share of the rivals that are evenly spaced, at least."""
 
 _MAX_RIVALS = 16
-
-_SPREAD_POINTS = 2**15
-"""Points of a curve from which its spread is estimated, about."""
 
 
 class Arrival(NamedTuple):
@@ -297,54 +294,51 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
     needed = needed_for(last - first + 1)
     height, ribbon = (math.nan, None) if found.correlation is None else _robust_height(found.correlation, chance)
     own = found.lag + found.fraction
+    if min(sizes) < _MIN_SAMPLES:
+        return LagJudgement(
+            "nothing", "too_little", own, evidence=0.0, needed=needed, height=height, chance=chance, ribbon=ribbon
+        )
+    best = _best(recordings, found, first, last)
+    opposite = None
+    if best.score <= 1 or best.prefers_opposite or best.evidence.prefers_opposite(best.peaks[0]):
+        opposite = _opposite(recordings, found, first, last, best)
     few_votes = found.votes is not None and not enough_votes(found.votes, found.lag)
-    best: _Alignment | None = None
-    opposite: int | None = None
     rivals: Sequence[float] = ()
-    reason: Reason = "too_little"
-    if min(sizes) >= _MIN_SAMPLES:
-        best = _best(recordings, found, first, last)
-        if best.score <= 1 or best.prefers_opposite or best.evidence.prefers_opposite(best.peaks[0]):
-            opposite = _opposite(recordings, found, first, last, best)
-        if opposite is not None:
-            reason = "opposite_sign"
-        elif best.score > 1:
-            rivals = best.rivals(recordings) + ([best.lag] if fixed and not best.is_at(own) else [])
-            if found.ties > 1:
-                rivals += _high_lags(found, recordings)
-            reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
-        else:
-            rivals = tone_rivals(recordings, found.lag, first, last)
-            stands_out = any(
-                peak.global_height > _MIN_TOWERING_RATIO * needed and peak.agreement < needed for peak in best.peaks
-            )
-            too_few_samples = stands_out or best.peaks[0].max_agreement < needed
-            reason = "few_votes" if few_votes else "too_little" if too_few_samples else "chance"
-            reason = "rivals" if rivals else "one_lag" if first == last else reason
+    reason: Reason = "opposite_sign"
+    if opposite is None and best.score > 1:
+        rivals = best.rivals(recordings) + ([best.lag] if fixed and not best.is_at(own) else [])
+        if found.ties > 1:
+            rivals += _high_lags(found, recordings)
+        reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
+    elif opposite is None:
+        rivals = tone_rivals(recordings, found.lag, first, last)
+        stands_out = any(
+            peak.global_height > _MIN_TOWERING_RATIO * needed and peak.agreement < needed for peak in best.peaks
+        )
+        too_few_samples = stands_out or best.peaks[0].max_agreement < needed
+        reason = "few_votes" if few_votes else "too_little" if too_few_samples else "chance"
+        reason = "rivals" if rivals else "one_lag" if first == last else reason
     lag = own
     # The plain curve's fraction is more precise than a weighted one's, but its highest sample can be the wrong cycle.
-    if best is not None and best.score > 1 and not fixed and (best.changes or abs(best.lag - own) > 1):
+    if best.score > 1 and not fixed and (best.changes or abs(best.lag - own) > 1):
         lag = own if any(abs(own - rival) <= 1 for rival in rivals) else best.lag
     whole = found.rounded(lag)
-    others = [*rivals, best.lag] if rivals and best is not None and best.score > 1 else rivals
-    nearest = _nearest_rivals(
-        {round(each) for each in others if first <= round(each) <= last and abs(each - lag) > 1}, whole
-    )
+    others = [*rivals, best.lag] if rivals and best.score > 1 else rivals
+    within = {round(other) for other in others if first <= round(other) <= last and abs(other - lag) > 1}
+    nearest = _nearest_rivals(within, whole)
     spacing = regular_spacing(nearest, whole)
-    over_time = None
-    if best is not None and reason == "clear":
-        over_time = best.over_time
-        if over_time is not None and best.changes:
-            reason = "steps" if over_time.steps else "drift"
-            over_time = locate_steps(*recordings, over_time)
+    over_time = best.over_time if reason == "clear" else None
+    if over_time is not None and best.changes:
+        reason = "steps" if over_time.steps else "drift"
+        over_time = locate_steps(*recordings, over_time)
     return LagJudgement(
         verdict="ambiguous" if reason == "rivals" else "sure" if reason in {"clear", "drift", "steps"} else "nothing",
         reason="repeats" if reason == "rivals" and spacing is not None else reason,
         lag=lag,
         rivals=nearest,
         spacing=spacing,
-        arrivals=best.arrivals if best is not None and opposite is None else (),
-        evidence=best.score * needed if best is not None else 0.0,
+        arrivals=best.arrivals if opposite is None else (),
+        evidence=best.score * needed,
         needed=needed,
         height=height,
         chance=chance,
@@ -597,7 +591,7 @@ def regular_spacing(rivals: Sequence[int], lag: int) -> float | None:
 
 def _robust_height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
     """Return the robust height of the highest point, and the values between which chance keeps the curve."""
-    some = curve[:: max(1, curve.size // _SPREAD_POINTS)]
+    some = curve[:: max(1, curve.size // MEDIAN_POINTS)]
     middle = float(np.median(some))
     deviation = 1.4826 * float(np.median(np.abs(some - middle)))
     height = (float(curve.max()) - middle) / deviation if deviation > 0 else math.inf
