@@ -1,4 +1,4 @@
-"""The input doctor by the name under which scripts import it."""
+"""The input doctor, under the name by which scripts import it."""
 
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
 from stereolag.assess.findings import Finding, FindingCode, Remedy

@@ -1,8 +1,8 @@
-"""A stereo pair: what is known about it, how its files are made to fit each other, and how it is prepared for matching.
+"""A stereo pair: the facts about it, how it is assembled from files, and how it is prepared for matching.
 
-The depth page, the driving page and the commands take the same way: :func:`assemble_pair` makes a :class:`Pair` from
-images, ground truth and calibration; :func:`prepare` resizes it, rectifies it and applies remedies, each step a
-function of its own; a matcher then takes `left` and `right`.
+The depth page, the driving page and the commands work alike: :func:`assemble_pair` makes a :class:`Pair` from images,
+ground truth and calibration; :func:`prepare` resizes it, rectifies it and applies remedies, each step in a separate
+function; a matcher then takes `left` and `right`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # a command loads only what it reads
 T = TypeVar("T")
 
 SIZES = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
-"""The sizes at which a pair can be matched, each with the divisor of its sides; None = chosen to suit the pair."""
+"""The sizes at which a pair can be matched, each with the divisor of its sides; None: chosen to suit the pair."""
 
 OWN_PAIR = "Your own pair."
 SAME_PICTURE = "Left and right are the same image: every disparity is 0, and there is no depth to see."
@@ -77,14 +77,14 @@ TRUTH_DROPPED = {
     Remedy.SWAP_SIDES: "The ground truth belongs to the other image and is left out.",
     Remedy.RECTIFY: "The ground truth belongs to the image before that and is left out.",
 }
-"""The remedies after which ground truth and mask are void."""
+"""The remedies that invalidate ground truth and mask."""
 
 
 class ChangeCode(StrEnum):
-    """The kinds of changes made to a pair after its files were read, but the remedies."""
+    """The kinds of changes made to a pair after its files were read, besides the remedies."""
 
     ASSEMBLED = "assembled"
-    """The files were made to fit each other."""
+    """The images, ground truth and calibration were made to fit each other."""
     RESIZED = "resized"
     TURNED = "turned"
     """Both images were turned by a quarter, since the cameras stand one above the other."""
@@ -94,7 +94,7 @@ class ChangeCode(StrEnum):
 
 @dataclass(frozen=True)
 class Change:
-    """A change made to a pair after its files were read: its kind, or the doctor's remedy, and its description."""
+    """A change made to a pair after its files were read: its kind, or the input doctor's remedy, and a description."""
 
     code: ChangeCode | Remedy
     sentence: str
@@ -102,18 +102,18 @@ class Change:
 
 @dataclass(frozen=True)
 class PairId:
-    """What identifies a pair and the changes made to its images; every key of what is kept about it derives from it.
+    """The identity of a pair and of the changes made to its images, from which the keys of cached data derive.
 
     Attributes
     ----------
     images
         The two images as given: a digest of their files, or the name of an example.
     extras
-        Digest of the files that belong to them besides: their ground truth; "" if there are none.
+        Digest of the other files that belong to them, their ground truth; "" if there are none.
     collection
-        The set of pairs it belongs to, which shares its settings; "" for a single pair.
+        The set of pairs that it belongs to and shares settings with; "" for a single pair.
     size
-        The change of its size; "" at its own size.
+        The change of its size; "" at full size.
     rectification
         The rectification with its calibration; "" if it was not rectified.
     remedies
@@ -129,40 +129,41 @@ class PairId:
 
     @property
     def files(self) -> str:
-        """Return the key of the pair as read."""
-        return _joined(self.images, self.extras)
+        """The key of the pair as read."""
+        return _joined_key(self.images, self.extras)
 
     @property
     def chosen(self) -> str:
-        """Return the key of the visitor's choice: the images alone, or the set of pairs."""
+        """The key of the visitor's choice: the images alone, or the set of pairs."""
         return self.collection or self.images
 
     @property
     def searched(self) -> str:
-        """Return the key of the two images at their size; the range in use is kept under it, whatever else is added."""
-        return _joined(self.images, self.size)
+        """The key of the two images at their size, whatever else is added; the range in use is kept under it."""
+        return _joined_key(self.images, self.size)
 
     @property
     def untreated(self) -> str:
-        """Return the key of the pair before any remedy; its remedies are kept under it."""
-        return _joined(self.files, self.size, self.rectification)
+        """The key of the pair before any remedy; its remedies are kept under it."""
+        return _joined_key(self.files, self.size, self.rectification)
 
     @property
     def exact(self) -> str:
-        """Return the key of exactly these images and their ground truth."""
-        return _joined(self.untreated, *self.remedies)
+        """The key of exactly these images and their ground truth."""
+        return _joined_key(self.untreated, *self.remedies)
 
     @property
     def judged(self) -> str:
-        """Return the key of the images that settings are judged on: these or, for a set, the whole set at this size."""
-        return _joined(self.collection, self.size) if self.collection else self.exact
+        """The key of the images on which settings are judged: these or, for a set, the whole set at this size."""
+        return _joined_key(self.collection, self.size) if self.collection else self.exact
 
 
-def _is_mode(fitted: Calibration, calibration: Calibration) -> bool:
-    return fitted is calibration or any(fitted is one for one in calibration.modes)
+def _is_unscaled(fitted: Calibration, calibration: Calibration) -> bool:
+    """Return whether a fitted calibration is the given one or one of its modes, and so was not scaled."""
+    return fitted is calibration or any(fitted is mode for mode in calibration.modes)
 
 
-def _joined(*parts: str) -> str:
+def _joined_key(*parts: str) -> str:
     return " ".join(filter(None, parts))
 
 
@@ -184,9 +185,9 @@ class RectificationDecision:
     done
         Whether it was rectified; if not, it was rectified already.
     chosen
-        Whether that was stated, not decided from the rows.
+        Whether the user stated it; otherwise the rows decided.
     drops_truth
-        Whether it leaves out the ground truth, which belongs to the image before that.
+        Whether rectification drops the ground truth, which belongs to the image before it.
     alpha
         The frame, as for :func:`stereolag.rectify`.
     evidence
@@ -209,12 +210,14 @@ class RectificationDecision:
         because = ", as you said" if self.chosen else ""
         counts = rows.given_matches, rows.rectified_matches
         if self.done:
-            said = f"was undistorted and rectified with its calibration{because}: rows differ {after}, before {given}"
+            outcome = (
+                f"was undistorted and rectified with its calibration{because}: rows differ {after}, before {given}"
+            )
             counts = counts[::-1]
         else:
-            said = f"is rectified already{because}: rows differ {given}, and {after} if rectified again"
+            outcome = f"is rectified already{because}: rows differ {given}, and {after} if rectified again"
         dropped = " Its ground truth belongs to the image before that and is left out." if self.drops_truth else ""
-        return f"{subject} {said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
+        return f"{subject} {outcome} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +237,7 @@ class Pair:
     calibration
         Calibration of the left camera.
     min_disparity, num_disparities
-        First disparity and number of disparities the pair needs, px; the number is None if unknown.
+        First disparity and number of disparities that the pair needs, px; the number is None if unknown.
     description
         Text about the pair.
     shared
@@ -242,14 +245,14 @@ class Pair:
     changes
         The changes made to it, in order.
     rectification
-        What was decided about its rectification; None without the calibration of both cameras.
+        The decision about its rectification; None without the calibration of both cameras.
     full
-        The pair before its sides were divided; None if they were not.
+        The pair at full size; None if it was not resized.
     turn
-        Quarters, counter-clockwise, by which both images were turned; :func:`upright` turns all back.
+        Quarter turns, counter-clockwise, of both images; :func:`upright` undoes them.
     raw
         The pair before it was turned and rectified with its calibration; None if it was not rectified, or its
-        calibration no longer holds.
+        calibration is no longer valid.
     """
 
     left: Image
@@ -270,13 +273,18 @@ class Pair:
 
     @property
     def digest(self) -> str:
-        """Return the key that identifies exactly these images."""
+        """The key that identifies exactly these images."""
         return self.id.exact
 
     @property
     def remedies(self) -> tuple[Change, ...]:
-        """Return the changes made by the input doctor."""
+        """The changes made by the input doctor."""
         return tuple(change for change in self.changes if isinstance(change.code, Remedy))
+
+    @property
+    def rectified_here(self) -> bool:
+        """Whether it was rectified with its calibration."""
+        return self.rectification is not None and self.rectification.done
 
     def after(self, code: ChangeCode | Remedy, sentence: str, **fields: Any) -> Self:
         """Return the pair after a change, with the given fields replaced."""
@@ -284,19 +292,19 @@ class Pair:
 
 
 class Memo(Protocol):
-    """Returns the result of a step on a pair, from memory if the step was taken before with the same settings."""
+    """Caches the results of steps on pairs."""
 
     def __call__(self, step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
-        """Return the result of `make`; `step`, the id of `pair` and `settings` identify it."""
+        """Return the result of `make`, cached under `step`, the id of `pair`, and `settings`."""
 
 
 def no_memo(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
-    """Take every step anew."""
+    """Return the result of `make` without caching it."""
     return make()
 
 
 class OneView(ValueError):  # noqa: N818
-    """A picture in which only one view is seen."""
+    """A picture that shows only one view."""
 
 
 def read_views(source: Source, layout: Layout | None = None, *, door: Door = unguarded) -> tuple[Image, Image, str]:
@@ -308,14 +316,14 @@ def read_views(source: Source, layout: Layout | None = None, *, door: Door = ung
         An MPO, a spatial photo of a phone (HEIC), or another file of two frames; or one picture with both views, such
         as JPS and PNS.
     layout
-        How the views stand in it, the left one first; None: two frames, or found from the picture itself.
+        How the views are arranged in it, the left one first; None: two frames, or found from the picture itself.
     door
-        :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
+        :func:`~stereolag.io.guard.guarded` to decode untrusted files in the guard process.
 
     Raises
     ------
     OneView
-        A picture in which only one view is seen.
+        A picture that shows only one view.
     ValueError
         A file that is refused, or an anaglyph.
     """
@@ -358,11 +366,11 @@ def assemble_pair(
     truth
         (H, W) px, ground truth of the left image as read.
     calibration
-        That of the cameras, at any size of the same aspect ratio.
+        Calibration of the cameras, at any size of the same aspect ratio.
     id, description
         Those of the pair.
     notes
-        Sentences about changes made before.
+        Sentences about earlier changes.
 
     Raises
     ------
@@ -371,11 +379,11 @@ def assemble_pair(
     """
     images = as_stereo_pair(*as_deep(*cropped_alike(left, right)))
     rows, cols = images[0].shape[:2]
-    said = [*notes]
+    sentences = [*notes]
     if left.dtype != right.dtype:
-        said.append(ONE_DEPTH)
+        sentences.append(ONE_DEPTH)
     if left.shape[:2] != right.shape[:2]:
-        said.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.")
+        sentences.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.")
     if truth is not None and truth.shape != left.shape[:2]:
         (height, width), given = truth.shape, left.shape[:2]
         raise ValueError(
@@ -383,8 +391,8 @@ def assemble_pair(
             "they must have the same size."
         )
     fitted = None if calibration is None else calibration_for(calibration, cols, rows)
-    if fitted is not None and calibration is not None and not _is_mode(fitted, calibration):
-        said.append(f"The calibration was scaled to {cols} × {rows} pixels.")
+    if fitted is not None and calibration is not None and not _is_unscaled(fitted, calibration):
+        sentences.append(f"The calibration was scaled to {cols} × {rows} pixels.")
     return Pair(
         *images,
         id,
@@ -392,7 +400,7 @@ def assemble_pair(
         calibration=fitted,
         num_disparities=None if fitted is None else fitted.num_disparities,
         description=description,
-        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in said),
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in sentences),
     )
 
 
@@ -437,7 +445,7 @@ def session_pair(session: Session, digest: str) -> Pair:
 
 @dataclass(frozen=True, eq=False)
 class PairSet:
-    """Pairs kept as encoded files; a pair is decoded when it is shown.
+    """Pairs in encoded files; a pair is decoded when it is needed.
 
     Attributes
     ----------
@@ -458,11 +466,11 @@ class PairSet:
         return len(self.pairs)
 
     def name(self, number: int) -> str:
-        """Return the name of a pair, safe to show."""
+        """Return the name of a pair, escaped for display."""
         return escape(self.pairs[number].name)
 
     def pair(self, number: int) -> Pair:
-        """Decode one pair; its changes say what was decided.
+        """Decode one pair; its changes describe the decisions made.
 
         Raises
         ------
@@ -481,8 +489,8 @@ class PairSet:
         if files.truth is not None:
             stored = guarded(read_stored_disparity)(self.read(files.truth))
             try:
-                truth, said = truth_in_px(stored, left, right)
-                notes += filter(None, (said,))
+                truth, about_truth = truth_in_px(stored, left, right)
+                notes += filter(None, (about_truth,))
             except ValueError as error:
                 notes.append(f"The pair’s ground truth is not used. {error}")
         if files.calibrations:
@@ -498,7 +506,7 @@ class PairSet:
 
 
 Bundle: TypeAlias = "Session | PairSet"
-"""What one archive or many files can hold."""
+"""The possible contents of an archive or of several files."""
 
 
 def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
@@ -507,7 +515,7 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
     Raises
     ------
     ValueError
-        There are neither, or more than is accepted.
+        There is neither, or the files are too large.
     """
     from stereolag.io.pairing import matched_pairs
     from stereolag.io.sessions import SESSION, read_session
@@ -531,12 +539,12 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
 
 @dataclass(frozen=True)
 class Preparation:
-    """How a pair is prepared for matching.
+    """How to prepare a pair for matching.
 
     Attributes
     ----------
     divisor
-        Divides the sides of the images; None = chosen to leave at most a megapixel.
+        Divides the sides of the images; None: chosen to leave at most a megapixel.
     rows
         Whether the images are raw, for a pair with the calibration of both cameras.
     alpha
@@ -558,18 +566,18 @@ def prepare(
     memo: Memo = no_memo,
     refused: Callable[[ValueError], object] | None = None,
 ) -> Pair:
-    """Return the pair ready for matching, with the changes made to it.
+    """Return the pair ready for matching.
 
     Parameters
     ----------
     pair
-        As assembled.
+        From :func:`assemble_pair`.
     preparation
         The steps to take.
     memo
-        Remembers their results.
+        Caches their results.
     refused
-        Called with the error of a step that is not possible, which is then skipped; None raises it.
+        Called with the error of a step that is not possible, which is then skipped; None raises the error.
 
     Raises
     ------
@@ -589,18 +597,18 @@ def prepare(
             if refused is None:
                 raise
             refused(error)
-    if pair.calibration is not None and pair.calibration.rig is not None:  # it could not be rectified
+    if pair.calibration is not None and pair.calibration.rig is not None:  # the pair could not be rectified
         return replace(pair, calibration=None)
     return pair
 
 
 def resized(pair: Pair, divisor: int | None, memo: Memo = no_memo) -> Pair:
-    """Return the pair with its sides divided; range, truth and calibration are scaled too."""
+    """Return the pair with its sides divided, and its range, truth and calibration scaled accordingly."""
     rows, cols = pair.left.shape[:2]
     divisor = divisor or preview_divisor(cols, rows)
     if divisor == 1:
         return pair
-    small = memo("resized pair", lambda: _resized(pair, 1 / divisor), pair, str(divisor))
+    small = memo("resized pair", lambda: _scale_arrays(pair, 1 / divisor), pair, str(divisor))
     size = f"{small.left.shape[1]} × {small.left.shape[0]}"
     first = pair.min_disparity // divisor
     end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
@@ -619,7 +627,7 @@ def resized(pair: Pair, divisor: int | None, memo: Memo = no_memo) -> Pair:
     )
 
 
-def _resized(pair: Pair, factor: float) -> Pair:
+def _scale_arrays(pair: Pair, factor: float) -> Pair:
     left, right, visible = scaled_image(pair.left, factor), scaled_image(pair.right, factor), pair.visible
     if visible is not None:
         size = (left.shape[1], left.shape[0])
@@ -629,20 +637,20 @@ def _resized(pair: Pair, factor: float) -> Pair:
 
 
 def turned_for_rows(pair: Pair) -> Pair:
-    """Return the pair of cameras one above the other with both images turned, so that points can lie in one row."""
-    known = pair.calibration
-    if known is None or not known.turn:
+    """Return the pair with both images turned if its cameras stand one above the other, so that rows can match."""
+    calibration = pair.calibration
+    if calibration is None or not calibration.turn:
         return pair
     rows, cols = pair.left.shape[:2]
-    way = "counter-clockwise" if known.turn > 0 else "clockwise"
+    way = "counter-clockwise" if calibration.turn > 0 else "clockwise"
     return pair.after(
         ChangeCode.TURNED,
         f"The cameras stand one above the other: both images were turned by 90° {way}.",
-        **_all_turned(pair, known.turn),
-        calibration=known.turned(cols, rows),
-        id=replace(pair.id, size=_joined(pair.id.size, f"turned {known.turn}")),
-        turn=known.turn,
-        raw=None if known.rig is None else pair,
+        **_all_turned(pair, calibration.turn),
+        calibration=calibration.turned(cols, rows),
+        id=replace(pair.id, size=_joined_key(pair.id.size, f"turned {calibration.turn}")),
+        turn=calibration.turn,
+        raw=None if calibration.rig is None else pair,
     )
 
 
@@ -652,48 +660,48 @@ def _all_turned(pair: Pair, quarters: int) -> dict[str, Any]:
 
 
 def upright(pair: Pair) -> Pair:
-    """Return a pair as the images were taken, turned back if they had been turned.
+    """Return a pair with its images as they were taken, turned back if they had been turned.
 
-    Its map is turned back by as much; its calibration says by how much to turn the images again.
+    Its calibration keeps the quarters by which to turn the images again.
     """
     if not pair.turn:
         return pair
     back = -pair.turn
     rows, cols = pair.left.shape[:2]
-    known = pair.calibration
-    if known is not None:
-        known = replace(replace(known, turn=back).turned(cols, rows), turn=pair.turn)
-    return replace(pair, **_all_turned(pair, back), calibration=known, turn=0)
+    calibration = pair.calibration
+    if calibration is not None:
+        calibration = replace(replace(calibration, turn=back).turned(cols, rows), turn=pair.turn)
+    return replace(pair, **_all_turned(pair, back), calibration=calibration, turn=0)
 
 
 def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, memo: Memo = no_memo) -> Pair:
-    """Return the pair rectified with its calibration if it is raw; ground truth and mask are then void."""
+    """Return the pair rectified with its calibration if it is raw, then without ground truth and mask."""
     calibration = pair.calibration
     if calibration is None or calibration.rig is None:
         return pair
     rig = calibration.rig
     alpha = alpha if rig.rectification is None else None
     bare = replace(pair, truth=None, visible=None, raw=None)
-    again = memo(
+    corrected = memo(
         "rectified pair",
         lambda: replace(bare, **rectify(pair.left, pair.right, calibration, alpha=alpha)._asdict()),
         pair,
         _fingerprint(rig, alpha),
     )
-    # The frame changes the scale of the rows a little, but not the outcome.
+    # The frame scales the rows a little, which does not affect the decision.
     evidence = memo(
         "row evidence",
-        lambda: row_evidence((pair.left, pair.right), (again.left, again.right)),
+        lambda: row_evidence((pair.left, pair.right), (corrected.left, corrected.right)),
         pair,
         _fingerprint(rig, None),
     )
     done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
     decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
     raw = (pair.raw or pair) if done else None
-    pair = replace(pair, calibration=again.calibration, rectification=decision, raw=raw)
+    pair = replace(pair, calibration=corrected.calibration, rectification=decision, raw=raw)
     images: dict[str, Any] = {}
     if done:
-        images = {"left": again.left, "right": again.right, "truth": None, "visible": None}
+        images = {"left": corrected.left, "right": corrected.right, "truth": None, "visible": None}
         images["id"] = replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}")
     return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **images)
 
@@ -706,27 +714,27 @@ def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
 
 
 def remedied(pair: Pair, remedy: Remedy, memo: Memo = no_memo) -> Pair:
-    """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
+    """Return the pair after one remedy, with truth, mask and calibration if they are still valid."""
     bare = replace(pair, raw=None)
-    treated = memo("remedy", lambda: _remedied(bare, remedy), pair, f"{remedy} {pair.calibration}")
+    treated = memo("remedy", lambda: _apply_remedy(bare, remedy), pair, f"{remedy} {pair.calibration}")
     return replace(treated, raw=None if treated.calibration is None else pair.raw)
 
 
-def _remedied(pair: Pair, remedy: Remedy) -> Pair:
+def _apply_remedy(pair: Pair, remedy: Remedy) -> Pair:
     treated = replace(pair.id, remedies=(*pair.id.remedies, remedy))
     if remedy is Remedy.TURN_UPRIGHT:
         quarters = quarters_upright(find_correspondences(pair.left, pair.right))
-        whole = _all_turned(pair, quarters)
-        said = REMEDIES_DONE[remedy]
-        return pair.after(remedy, said, **whole, id=treated, calibration=None, turn=pair.turn + quarters)
+        arrays = _all_turned(pair, quarters)
+        sentence = REMEDIES_DONE[remedy]
+        return pair.after(remedy, sentence, **arrays, id=treated, calibration=None, turn=pair.turn + quarters)
     left, right = apply_remedy(pair.left, pair.right, remedy)
-    said, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
+    sentence, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
     if remedy in TRUTH_DROPPED:
-        said += f" {TRUTH_DROPPED[remedy]}" if truth is not None else ""
+        sentence += f" {TRUTH_DROPPED[remedy]}" if truth is not None else ""
         truth = visible = None
     return pair.after(
         remedy,
-        said,
+        sentence,
         left=left,
         right=right,
         id=treated,

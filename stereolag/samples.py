@@ -20,7 +20,7 @@ Float64Array = npt.NDArray[np.float64]
 PACKAGE = Path(__file__).resolve().parent
 INSTALLED = PACKAGE / "assets"
 ASSETS = INSTALLED if INSTALLED.is_dir() else PACKAGE.parent / "assets"
-"""Inside the installed package, or beside it in a checkout."""
+"""The folder of the examples: inside the installed package, or beside it in a checkout."""
 
 
 @dataclass(frozen=True)

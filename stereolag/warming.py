@@ -1,13 +1,14 @@
 """Measurements run once on small inputs, for every type of image and recording.
 
-This compiles loops that were never compiled, keeping their machine code on disk, and loads the others. Later
-measurements wait for neither, and the times shown are those of the computation alone. ``python -m stereolag.warming``
-compiles all of them, ``python -m stereolag.warming pages`` those that the pages run as they open.
+This compiles all loops without machine code on disk, and loads the others. Later measurements wait for neither, and the
+times shown are those of the computation alone. ``python -m stereolag.warming`` compiles all loops,
+``python -m stereolag.warming pages`` those that run when the pages open.
 """
 
 from __future__ import annotations
 
 import hashlib
+import operator
 import os
 import subprocess
 import sys
@@ -90,19 +91,19 @@ OF_PAGES: Sequence[Part] = (
     _search_pictures,
     _measure_sounds,
 )
-"""The measurements that the pages run as they open."""
+"""The measurements that run when the pages open."""
 
 PARTS: Sequence[Part] = (
     partial(_match, OTHER_MATCHERS[0]),
     *OF_PAGES,
-    *(partial(_match, one) for one in OTHER_MATCHERS[1:]),
+    *(partial(_match, matcher) for matcher in OTHER_MATCHERS[1:]),
     _measure_flow,
 )
 """All measurements, the one with the most loops first."""
 
 
 def _mark() -> Path | None:
-    """Return the file that is there once every loop is compiled for this processor; None if none is kept."""
+    """Return the file that exists once every loop is compiled for this processor; None if machine code is not kept."""
     return FOLDER and FOLDER / f"all-{hashlib.sha256(processor().encode()).hexdigest()[:16]}"
 
 
@@ -113,17 +114,14 @@ def _is_complete() -> bool:
 
 @cache
 def warm() -> None:
-    """Run every measurement once, or those of the pages alone while others are still to be compiled.
-
-    Once per process is enough.
-    """
+    """Run every measurement once per process; those of the pages alone while the other loops are not compiled yet."""
     for part in PARTS if _is_complete() else OF_PAGES:
         part()
 
 
 @contextmanager
 def compiling_the_rest() -> Iterator[None]:
-    """Have a process compile meanwhile, behind all others, the loops that `warm` has left."""
+    """Have a process of low priority compile meanwhile the loops that `warm` has left out."""
     if FOLDER is None or _is_complete():
         yield
         return
@@ -137,12 +135,8 @@ def compiling_the_rest() -> Iterator[None]:
         compiling.wait()
 
 
-def _run_part(part: Part) -> None:
-    part()
-
-
 def main(asked: Sequence[str]) -> None:
-    """Compile the loops of the pages, or all of them, side by side; the rest one by one, behind all else."""
+    """Compile the loops of the pages, or all of them, in parallel; the rest one by one, at low priority."""
     parts = OF_PAGES if "pages" in asked else PARTS
     if _is_complete():
         return
@@ -150,11 +144,11 @@ def main(asked: Sequence[str]) -> None:
         if hasattr(os, "nice"):
             os.nice(10)
         compile_alone()
-        for part in parts:  # no processes of its own, which would outlive it
+        for part in parts:  # in this process, since others would outlive it
             part()
     else:
         with ProcessPoolExecutor(available_cores(), get_context("spawn"), compile_alone) as processes:
-            list(processes.map(_run_part, parts))
+            list(processes.map(operator.call, parts))
     if parts is PARTS and (mark := _mark()):
         with suppress(OSError):  # a full disk
             mark.touch()

@@ -41,16 +41,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in MEASURING:
-        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it reads all that is installed, for none
-        # Else a second thread keeps a core busy, waiting for matrices.
+        # Without this, pydantic looks for plugins in everything that is installed.
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+        # Without this, a second thread keeps a core busy, waiting for matrices.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        gc.disable()  # there is no garbage among what is imported
-        from stereolag.commands.arguments import guarded
+        gc.disable()  # imports leave no garbage
+        from stereolag.commands.arguments import exit_code_of
 
         module = import_module(f"{__name__}.{given[0]}")
         gc.enable()
-        atexit.register(gc.freeze)  # nor is any looked for at the end, which takes 0.07 s
-        return guarded(given[0], lambda: int(module.run(given[1:])))
+        atexit.register(gc.freeze)  # the collection at exit would take 0.07 s
+        return exit_code_of(given[0], lambda: int(module.run(given[1:])))
 
     from stereolag.commands import serving
 
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=VERSION)
     commands = parser.add_subparsers(dest="command", required=True, metavar="command")
     serving.add_options(commands.add_parser("app", help="start the app, for use in a browser", allow_abbrev=False))
-    for name, gives in MEASURING.items():
-        commands.add_parser(name, help=gives)
+    for name, result in MEASURING.items():
+        commands.add_parser(name, help=result)
     options, others = parser.parse_known_args(given)
     return serving.start(options, others, remedy="stereolag app --port 8600")

@@ -42,7 +42,7 @@ DONE, WRONG_USAGE, DOUBTFUL, FAILED, INTERRUPTED = 0, 2, 3, 4, 130
 
 CODES = (
     f"exit codes: {DONE} done; {WRONG_USAGE} wrong usage, or a setting that is not allowed; {FAILED} an input is "
-    "refused, or a file cannot be read or written, said in one sentence"
+    "refused, or a file cannot be read or written: one sentence says why"
 )
 
 
@@ -60,7 +60,7 @@ class CommandParser(argparse.ArgumentParser):
     codes
         Further exit codes, as the end of a sentence.
     add_help
-        Whether it answers ``--help``.
+        Whether it has the flag ``--help``.
     """
 
     def __init__(
@@ -88,56 +88,58 @@ def one_line(text: str) -> str:
     return line if line.endswith((".", "!", "?")) else f"{line}."
 
 
-def guarded(command: str, work: Callable[[], int]) -> int:
-    """Return the exit code of some work; if an input is refused, print a sentence on the standard error.
+def exit_code_of(command: str, work: Callable[[], int]) -> int:
+    """Run the work of a command and return the exit code; if an input is refused, print a sentence on standard error.
 
     Parameters
     ----------
     command
-        The command named in that sentence.
+        The name of the command, for that sentence.
     work
-        Returns the exit code when it is done.
+        Returns the exit code if no input is refused.
     """
     try:
         return work()
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as error:
-        said = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        message = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
     except ValueError as error:
-        said = str(error)
+        message = str(error)
     except MemoryError:
-        said = "There is not enough memory; give smaller images, or a smaller search."
-    print(f"stereolag {command}: {one_line(said)}", file=sys.stderr)
+        message = "There is not enough memory; give smaller images, or a smaller search."
+    print(f"stereolag {command}: {one_line(message)}", file=sys.stderr)
     return FAILED
 
 
 def read(reader: Callable[..., T], *paths: str | None, **options: Any) -> T:
-    """Return the result of a reader for some files; its errors name them."""
+    """Return the result of a reader for some files, whose names are added to its errors."""
     try:
         return reader(*paths, **options)
     except ValueError as error:
         raise ValueError(f"{', '.join(filter(None, paths))}: {error}") from error
 
 
-def add_frames(parser: argparse.ArgumentParser, one: str, other: str) -> None:
+def add_frames(parser: argparse.ArgumentParser, first: str, second: str) -> None:
     """Add the flag that chooses a frame of each of two images to a parser."""
-    frames = f"which frame of {one} and of {other}, where a GIF, WEBP, PNG or TIFF holds several: its number, from 1"
+    frames = f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: its number, from 1"
     parser.add_argument("--frames", type=int, nargs=2, metavar=("A", "B"), default=(1, 1), help=frames)
 
 
 def read_frames(paths: Sequence[str], numbers: Sequence[int]) -> tuple[list[Image], list[dict[str, Any]], list[str]]:
-    """Return frames of images, facts about them, and a line for each that is not the only one."""
+    """Return frames of images, facts about each, and a line for each that comes from a file of several frames."""
     from stereolag.io.images import read_frame
 
-    with ThreadPoolExecutor() as aside:
-        frames = list(aside.map(lambda path, number: read(read_frame, path, number=number), paths, numbers))
-    facts = [{"file": path, "frame": one.number, "frames": one.count} for path, one in zip(paths, frames, strict=True)]
-    lines = ["{file}: frame {frame} of {frames}".format(**one) for one in facts if one["frames"] != 1]
-    return [one.pixels for one in frames], facts, lines
+    with ThreadPoolExecutor() as threads:
+        frames = list(threads.map(lambda path, number: read(read_frame, path, number=number), paths, numbers))
+    facts = [
+        {"file": path, "frame": frame.number, "frames": frame.count} for path, frame in zip(paths, frames, strict=True)
+    ]
+    lines = ["{file}: frame {frame} of {frames}".format(**fact) for fact in facts if fact["frames"] != 1]
+    return [frame.pixels for frame in frames], facts, lines
 
 
-def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
+def print_result(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
     """Print the figures as one line of JSON, with NaN and infinity as null, or else the sentences."""
     if as_json:
         from stereolag.io.results import figures_json
@@ -150,10 +152,10 @@ def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
 # Settings as flags.
 
 NOTHING = "none"
-"""The value of a flag for a setting without a value."""
+"""The text of a flag that sets its setting to None."""
 
 ON = "on"
-"""The value of a stage's flag without one: all settings of the stage are unchanged."""
+"""The value of a stage's flag given without one: the stage is on, with its settings unchanged."""
 
 
 class SettingsFlags(Generic[S]):
@@ -167,9 +169,9 @@ class SettingsFlags(Generic[S]):
     settings
         The settings to change.
     shortcuts
-        Other flags of fields: {"search.num-disparities": "num-disparities"}.
+        Additional flags of fields: {"search.num-disparities": "num-disparities"}.
     hint
-        Returns a further sentence about an unknown flag, by the name of its setting.
+        Returns another sentence about an unknown flag, by the name of its setting.
     """
 
     def __init__(
@@ -201,7 +203,7 @@ class SettingsFlags(Generic[S]):
             self._parser.error(f"{unknown_setting(kind, name, _flag)} {self._hint(name)}")
         try:
             _check_stages(vars(options), kind)
-            document = _merged(self.settings.model_dump(), _unfolded(vars(options), kind), kind)
+            document = _merge(self.settings.model_dump(), _nested_document(vars(options), kind), kind)
             return options, kind.model_validate(document)
         except SettingsError as error:
             problem = error.problems[0]
@@ -214,10 +216,12 @@ def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
         state = given.get(name)
         if state is None or not nested(field):
             continue
-        inner = [one for one in given if one.startswith(f"{name}.")]
-        one = next(iter(nested(field)[-1].model_fields))
+        inner = [setting for setting in given if setting.startswith(f"{name}.")]
+        example = next(iter(nested(field)[-1].model_fields))
         if state not in (ON, NOTHING):
-            problem = f"{name} is {state!r}; its settings have flags of their own, such as {_flag(f'{name}.{one}')}."
+            problem = (
+                f"{name} is {state!r}; its settings have flags of their own, such as {_flag(f'{name}.{example}')}."
+            )
         elif state == NOTHING and inner:
             problem = f"{name} is switched off, but {_flag(inner[0])} is given: leave one out."
         else:
@@ -243,29 +247,30 @@ def _add_flags(
         value = getattr(values, name, field.default)
         flag = _flag(path + name)
         if inner := nested(field):
-            said = _switched(name, field, value) if NoneType in get_args(field.annotation) else _described(field)
-            stage = parser.add_argument_group(f"{flag.removeprefix('--')} options", said)
+            is_optional = NoneType in get_args(field.annotation)
+            text = _stage_description(name, field, value) if is_optional else _description(field)
+            stage = parser.add_argument_group(f"{flag.removeprefix('--')} options", text)
             stage.add_argument(flag, nargs="?", const=ON, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
             _add_flags(stage, inner, value, shortcuts, f"{path}{name}.")
             continue
-        said, options = _described(field), choices(field)
+        text, options = _description(field), choices(field)
         if name == KIND and len(kinds) > 1:
-            titles = {one.model_fields[name].default: vars(one).get("title", one.__name__) for one in kinds}
-            said, options = "; ".join(f"{option}: {title}" for option, title in titles.items()) + ".", tuple(titles)
-        how: dict[str, Any] = {"metavar": f"{{{','.join(options)}}}" if options else base_type(field).__name__}
+            titles = {kind.model_fields[name].default: vars(kind).get("title", kind.__name__) for kind in kinds}
+            text, options = "; ".join(f"{option}: {title}" for option, title in titles.items()) + ".", tuple(titles)
+        form: dict[str, Any] = {"metavar": f"{{{','.join(options)}}}" if options else base_type(field).__name__}
         if base_type(field) is bool:
-            how = {"action": argparse.BooleanOptionalAction}
+            form = {"action": argparse.BooleanOptionalAction}
         flags = [flag, *(f"--{short}" for long, short in shortcuts.items() if long == flag.removeprefix("--"))]
-        said = f"{said} (default: {NOTHING if value is None else value})".replace("%", "%%")
-        parser.add_argument(*flags, dest=path + name, default=argparse.SUPPRESS, help=said, **how)
+        text = f"{text} (default: {NOTHING if value is None else value})".replace("%", "%%")
+        parser.add_argument(*flags, dest=path + name, default=argparse.SUPPRESS, help=text, **form)
 
 
-def _unfolded(given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
-    """Return the flags given as a document of the settings, nested as these are."""
+def _nested_document(given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
+    """Return the given flags as a document with the nesting of the settings."""
     document: dict[str, Any] = {}
     for name in sorted(given):  # a stage's own flag before those of its settings
         first, _, inner = name.partition(".")
-        if first not in kind.model_fields:  # of another settings object of the command
+        if first not in kind.model_fields:  # it belongs to other settings of the command
             continue
         if inner:
             document.setdefault(first, {})[inner] = given[name]
@@ -274,65 +279,64 @@ def _unfolded(given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]
     return document
 
 
-def _described(field: FieldInfo) -> str:
+def _description(field: FieldInfo) -> str:
     """Return the description of a field and its allowed values, in one or two sentences."""
-    said = field.description or f"{field.title}."
+    text = field.description or f"{field.title}."
     if choices(field) or nested(field) or base_type(field) is bool:
-        return said
+        return text
     allowed = allowed_values(field).removeprefix("are ").removeprefix("is ").replace(" or None", f" or {NOTHING}")
-    return f"{said} {allowed[0].upper()}{allowed[1:]}."
+    return f"{text} {allowed[0].upper()}{allowed[1:]}."
 
 
 def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _switched(name: str, field: FieldInfo, value: Any) -> str:
+def _stage_description(name: str, field: FieldInfo, value: Any) -> str:
     """Return the description of a stage, whether it is on, and how to switch it on or off."""
     flag = _flag(name)
     state = (
         f"Off: {flag}, or any of these, switches it on" if value is None else f"On: {flag} {NOTHING} switches it off"
     )
-    return f"{_described(field)} {state}."
+    return f"{_description(field)} {state}."
 
 
-def _merged(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
+def _merge(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
     """Return a document of settings changed by the given values, both nested."""
     merged = dict(document)
     for name, value in given.items():
         field = kind.model_fields[name]
         kinds = nested(field)
         if not isinstance(value, dict):
-            merged[name] = _value(value, field)
+            merged[name] = _parsed_value(value, field)
             continue
-        holder = merged[name] or {}
-        chosen = _chosen_kind(kinds, holder, value)
-        holder = {key: one for key, one in holder.items() if key in chosen.model_fields and key != KIND}
+        inner = merged[name] or {}
+        chosen = _chosen_kind(kinds, inner, value)
+        inner = {key: entry for key, entry in inner.items() if key in chosen.model_fields and key != KIND}
         if len(kinds) > 1:
-            holder[KIND] = chosen.model_fields[KIND].default
-        merged[name] = _merged(holder, value, chosen)
+            inner[KIND] = chosen.model_fields[KIND].default
+        merged[name] = _merge(inner, value, chosen)
     return merged
 
 
 def _chosen_kind(
-    kinds: Sequence[type[BaseModel]], holder: Mapping[str, Any], given: Mapping[str, Any]
+    kinds: Sequence[type[BaseModel]], document: Mapping[str, Any], given: Mapping[str, Any]
 ) -> type[BaseModel]:
-    """Return which of several kinds is meant: the one named, the current one, or another that has all given settings.
+    """Return the kind of settings that is meant: the one named, else the first that has all given settings.
 
-    A contradiction is left to the validation.
+    The present kind, that of `document`, comes first, and stays if none has them all: the validation refuses these.
     """
     if len(kinds) == 1:
         return kinds[0]
-    by_name = {one.model_fields[KIND].default: one for one in kinds}
-    present = by_name[holder[KIND]]
+    by_name = {kind.model_fields[KIND].default: kind for kind in kinds}
+    present = by_name[document[KIND]]
     if KIND in given:
         return by_name.get(given[KIND], present)
-    fitting = [one for one in (present, *kinds) if set(given) <= set(one.model_fields)]
-    return fitting[0] if fitting else present
+    return next((kind for kind in (present, *kinds) if set(given) <= set(kind.model_fields)), present)
 
 
-def _value(text: Any, field: FieldInfo) -> Any:
-    """Return a flag's text as a number or None if it is one; other texts are left for the settings to refuse."""
+def _parsed_value(text: Any, field: FieldInfo) -> Any:
+    """Return a flag's text as a number or None if it is one; other texts are left to the validation."""
     if not isinstance(text, str) or choices(field):
         return text
     if text == NOTHING:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, print_result
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board
@@ -22,7 +22,7 @@ def run(arguments: Sequence[str]) -> int:
         "Calibrate a stereo camera from 8 to 40 pairs of pictures of a chessboard or ChArUco board. Pairs that "
         "contradict the others are left out.",
         "PICTURES [PICTURES ...] --square METRES [--board COLUMNSxROWS] [--out DIR] [--json]",
-        f"; {DOUBTFUL} done, but something speaks against the calibration: doubts say what",
+        f"; {DOUBTFUL} done, but the calibration is doubtful: doubts say why",
     )
     parser.add_argument(
         "pictures",
@@ -60,7 +60,7 @@ def run(arguments: Sequence[str]) -> int:
     figures = _figures(result, names)
     if options.out is not None:
         figures |= {"out": options.out, "files": _written(options.out, result)}
-    tell(figures, _in_words(figures), as_json=options.json)
+    print_result(figures, _in_words(figures), as_json=options.json)
     return DOUBTFUL if result.doubts else DONE
 
 

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, read, read_frames, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, add_frames, print_result, read, read_frames
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration_and_trust,
     add_layout,
-    calibration_as_asked,
+    calibration_sentences,
     findings_as_figures,
     metres_are_doubtful,
-    rectified_as_asked,
-    said_of_calibration,
+    rectified_as_requested,
+    requested_calibration,
 )
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
@@ -53,7 +53,7 @@ FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels
 """Figures of a map with ground truth."""
 
 WRITTEN_AT_ONCE = 3
-"""Files made and written at a time, most of which only wait for the disk."""
+"""Files written at a time; most of them only wait for the disk."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -75,10 +75,10 @@ def run(arguments: Sequence[str]) -> int:
         _check_depth(parser, options)
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(1) as aside:  # loading takes as long as reading, and as a diagnosis
-        aside.submit(load_loader)
-        pair, said = _read_pair(options)
-        loaded = aside.submit(_load_loops, matcher, pair)
+    with ThreadPoolExecutor(1) as background:  # loading takes as long as reading, and as a diagnosis
+        background.submit(load_loader)
+        pair, notes = _read_pair(options)
+        loaded = background.submit(_load_loops, matcher, pair)
         diagnosis = None if options.trust else sl.diagnose(pair.left, pair.right)
         loaded.result()
     known = None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
@@ -86,7 +86,7 @@ def run(arguments: Sequence[str]) -> int:
 
     result = matcher.compute(pair.left, pair.right).turned(-pair.turn)
     pair = upright(pair)
-    figures = _figures(pair, result) | {"notes": said, "findings": findings_as_figures(diagnosis)}
+    figures = _figures(pair, result) | {"notes": notes, "findings": findings_as_figures(diagnosis)}
     if options.depth is not None and pair.calibration is not None:
         sl.write_depth(options.depth, pair.calibration.depth(result.disparity))
         figures["depth"] = str(options.depth)
@@ -94,7 +94,7 @@ def run(arguments: Sequence[str]) -> int:
         wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
         files, left_out = _written(Path(options.out), wanted)
         figures |= {"out": options.out, "files": files, "left_out": left_out}
-    tell(figures, "\n".join([*said, *_in_words(figures, pair)]), as_json=options.json)
+    print_result(figures, "\n".join([*notes, *_in_words(figures, pair)]), as_json=options.json)
     return DOUBTFUL if figures["findings"] or metres_are_doubtful(pair.calibration, options) else DONE
 
 
@@ -173,15 +173,11 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
         stored = read(read_stored_disparity, options.truth)
         truth, about_truth = truth_in_px(stored, left, right, options.truth_divisor)
         lines = (*lines, *filter(None, (about_truth,)))
-    calibration = calibration_as_asked(options)
+    calibration = requested_calibration(options)
     pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
-    pair, said = rectified_as_asked(pair, options, *WORDING)
+    pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
     turned = [change.sentence for change in pair.changes if change.code is ChangeCode.TURNED]
-    return pair, (*lines, *said_of_calibration(pair.calibration), *turned, *said)
-
-
-def _rectified_here(pair: Pair) -> bool:
-    return pair.rectification is not None and pair.rectification.done
+    return pair, (*lines, *calibration_sentences(pair.calibration), *turned, *on_rectification)
 
 
 def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:
@@ -198,7 +194,7 @@ def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
         "height": rows,
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
-        "rectified_here": _rectified_here(pair),
+        "rectified_here": pair.rectified_here,
         "coverage": result.coverage,
         "filled": float(result.filled.mean()),
         "elapsed_s": result.elapsed_s,
@@ -239,7 +235,7 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
 
 
 def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[str, Callable[[], bytes]]:
-    """Return what makes each file of a map, by name: those of the page section "Take it away", under the same names."""
+    """Return functions that make the files of a map, by name: those of the page section "Take it away"."""
     disparity, calibration = result.disparity, pair.calibration
     palette = VIRIDIS[::-1] if far_is_bright else VIRIDIS
     files: dict[str, Callable[[], bytes]] = {
@@ -258,7 +254,7 @@ def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[
         }
     files["settings.json"] = lambda: settings_json(result.settings).encode()
     files["disparity_coloured.png"] = lambda: coloured_png(disparity, *searched_range([result]), palette)
-    if _rectified_here(pair):
+    if pair.rectified_here:
         for side, image in (("left", pair.left), ("right", pair.right)):
             name, write = image_file(side, image)
             files[name] = partial(write, image)

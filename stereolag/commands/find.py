@@ -13,9 +13,9 @@ from stereolag.commands.arguments import (
     CommandParser,
     SettingsFlags,
     add_frames,
+    print_result,
     read,
     read_frames,
-    tell,
 )
 from stereolag.core.searches import TemplateQuery
 
@@ -40,30 +40,30 @@ def run(arguments: Sequence[str]) -> int:
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
-    with ThreadPoolExecutor(1) as aside:
-        aside.submit(import_module, "stereolag.templates.search")  # takes as long as to decode a large image
+    with ThreadPoolExecutor(1) as background:
+        background.submit(import_module, "stereolag.templates.search")  # takes as long as decoding a large image
         (image, template), frames, lines = read_frames((options.image, options.template), options.frames)
     result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = search_figures(result, query) | {"images": frames}
-    said = filter(None, (*_told(result, query), left_out_in_words(result), *lines))
-    tell(figures, "\n".join(said), as_json=options.json)
+    sentences = filter(None, (*_result_lines(result, query), left_out_in_words(result), *lines))
+    print_result(figures, "\n".join(sentences), as_json=options.json)
     return DONE if result.found else DOUBTFUL
 
 
-def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
+def _result_lines(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
     """Return a line for each place that can be relied on; if nothing was found, the reason."""
     if result.found:
-        return [f"{_place(one)}{_remark(one)}" for one in result.matches[: result.clear]]
+        return [f"{_place(match)}{_remark(match)}" for match in result.matches[: result.clear]]
     if result.reason == "look_alikes":
-        alike = result.look_alikes
-        return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
+        places = [_place(match) for match in result.look_alikes]
+        return [f"Not found: {len(places)} places fit about equally well.", *places]
     if result.best is not None and result.reason in NOT_FOUND_BUT:
         return [f"Not found{NOT_FOUND_BUT[result.reason]}: {_place(result.best)}{_remark(result.best)}."]
-    said = f"Not found: no place scores {query.min_score:g} or more."
+    sentence = f"Not found: no place scores {query.min_score:g} or more."
     if result.best is not None:
-        said += f" The best: {_place(result.best)}."
-    as_it_is = query.min_scale == query.max_scale and not query.max_rotation
-    return [said, *(["Other sizes and angles: --min-scale, --max-scale, --max-rotation."] if as_it_is else [])]
+        sentence += f" The best: {_place(result.best)}."
+    one_pose = query.min_scale == query.max_scale and not query.max_rotation
+    return [sentence, *(["Other sizes and angles: --min-scale, --max-scale, --max-rotation."] if one_pose else [])]
 
 
 NOT_FOUND_BUT = {
@@ -75,7 +75,7 @@ NOT_FOUND_BUT = {
 
 
 def _remark(match: sl.TemplateMatch) -> str:
-    """Return what a place shows if it is not simply the template."""
+    """Return how the image differs from the template at a place; "" if it does not."""
     differing = sum(not agrees for line in match.blocks for agrees in line)
     if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
         return f", {match.contrast:.2f} × its contrast"

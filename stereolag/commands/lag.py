@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
-from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, SettingsFlags, read, tell
+from stereolag.commands.arguments import DONE, DOUBTFUL, CommandParser, SettingsFlags, print_result, read
 from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def run(arguments: Sequence[str]) -> int:
     figures |= {"doubts": [doubt] if doubt else []}
     words = _in_words(result, settings, facts, assumed) + (f"\ndoubtful: {doubt}" if doubt else "")
     clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
-    tell(figures, words + clocks, as_json=options.json)
+    print_result(figures, words + clocks, as_json=options.json)
     if options.aligned:
         from stereolag.io.recordings import write_aligned
 
@@ -108,14 +108,14 @@ def _facts(recording: Recording, name: str, number: int, count: int, rate: float
 
 
 def _fact_line(facts: dict[str, Any], rate: float) -> str:
-    told = [f"{facts['duration_s']:.6g} s, {facts['samples']} samples at {rate:g} Hz"]
+    parts = [f"{facts['duration_s']:.6g} s, {facts['samples']} samples at {rate:g} Hz"]
     if facts["channels"] > 1:
-        told.append(f"channel {facts['channel']} of {facts['channels']}")
+        parts.append(f"channel {facts['channel']} of {facts['channels']}")
     if facts["resampled"]:
-        told.append(f"resampled from {facts['sampling_rate_in_file']:g} Hz")
+        parts.append(f"resampled from {facts['sampling_rate_in_file']:g} Hz")
     if facts["sampling_rate_in_file"] is None:
-        told.append("rate assumed, the file states none")
-    return f"{facts['file']}: {', '.join([*told, *facts['remarks']])}"
+        parts.append("rate assumed, the file states none")
+    return f"{facts['file']}: {', '.join([*parts, *facts['remarks']])}"
 
 
 _REASONS = {
@@ -146,7 +146,7 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
             f"lag       {result.lag} samples ({round(result.lag_subsample, 2) + 0.0:.2f} with its fraction)",
             f"time      {result.time_s:.6g} s at {at('sampling_rate', f'{rate:g} samples a second')}",
         ]
-        if over_time is None or not over_time.shows:
+        if over_time is None or not over_time.changes:
             speed = at("speed", f"{settings.speed:g} m/s")
             lines.append(f"distance  {result.distance_m:.6g} m of path at {speed}")
         lines.append(score)
@@ -158,8 +158,8 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
             lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
     lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
     if result.begins_again_at is not None:
-        lines.append(f"values    begin again every {result.begins_again_at:.4g}: their steps were compared")
-    if over_time is not None and over_time.shows:
+        lines.append(f"values    wrap around every {result.begins_again_at:.4g}: their steps were compared")
+    if over_time is not None and over_time.changes:
         lines.append(f"over time {over_time_in_words(over_time, rate)}")
     elif over_time is not None:
         lines.append(f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift")
@@ -167,4 +167,4 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
         lines.append(f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks")
     if len(result.arrivals) > 1:
         lines.append("arrivals  " + ", ".join(f"{round(one.lag)} ({one.sigma:.1f} σ)" for one in result.arrivals))
-    return "\n".join([*lines, *(_fact_line(one, rate) for one in facts)])
+    return "\n".join([*lines, *(_fact_line(each, rate) for each in facts)])

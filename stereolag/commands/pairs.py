@@ -1,4 +1,4 @@
-"""What the commands that match pairs share: calibration, rectification, the input doctor, and the initial settings."""
+"""Arguments common to the commands that match pairs: calibration, rectification, findings and initial settings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SHORTCUTS = {"search.num-disparities": "num-disparities", "search.min-disparity"
 def add_calibration_and_trust(files: argparse._ArgumentGroup, further: str = "") -> None:
     """Add the flags for the calibration of the cameras, and the one that skips the input doctor.
 
-    `further` is another purpose of the calibration.
+    `further` is added to the help on the calibration.
     """
     files.add_argument(
         "--calibration",
@@ -48,12 +48,12 @@ def add_calibration_and_trust(files: argparse._ArgumentGroup, further: str = "")
     files.add_argument(
         "--trust",
         action="store_true",
-        help="take the pair as good: no look at it beforehand, no range found for it, no finding",
+        help="do not examine the pair beforehand: no range is found for it, and there are no findings",
     )
 
 
-def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
-    """Return the calibration that `add_calibration_and_trust`'s flags name, None if they name none.
+def requested_calibration(options: argparse.Namespace) -> Calibration | None:
+    """Return the calibration named by the flags of `add_calibration_and_trust`, None if they name none.
 
     Raises
     ------
@@ -69,13 +69,13 @@ def calibration_as_asked(options: argparse.Namespace) -> Calibration | None:
     return read(read_calibration, *options.calibration, length_unit_m=options.unit and UNITS[options.unit])
 
 
-def said_of_calibration(calibration: Calibration | None) -> tuple[str, ...]:
-    """Return sentences about a calibration: what it means in metres, and what was assumed."""
+def calibration_sentences(calibration: Calibration | None) -> tuple[str, ...]:
+    """Return sentences about a calibration: its lengths in metres, and assumptions about it."""
     return () if calibration is None else (calibration.in_words(), *calibration.notes)
 
 
 def metres_are_doubtful(calibration: Calibration | None, options: argparse.Namespace) -> bool:
-    """Return whether neither the file nor the user states a unit in which a calibration is of no stereo camera."""
+    """Return whether a calibration is implausible for a stereo camera, and neither file nor user states its unit."""
     if calibration is None or options.trust or options.unit:
         return False
     return not (calibration.plausible or calibration.unit_stated)
@@ -92,7 +92,7 @@ def add_layout(parser: argparse.ArgumentParser) -> None:
 
 
 def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
-    """Return the findings that make a map doubtful, for JSON; none of a pair that was not examined."""
+    """Return the findings that make a map doubtful, for JSON; none if the pair was not examined."""
     return [
         {
             "code": finding.code.value,
@@ -104,17 +104,17 @@ def findings_as_figures(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
     ]
 
 
-def rectified_as_asked(
+def rectified_as_requested(
     pair: Pair, options: argparse.Namespace, raw: str, done: str, already: str
 ) -> tuple[Pair, tuple[str, ...]]:
-    """Return a pair rectified as `add_calibration_and_trust`'s flags say, and sentences about it.
+    """Return a pair rectified according to the flags of `add_calibration_and_trust`, and sentences about it.
 
     Parameters
     ----------
     pair, options
-        The pair, and the arguments that were parsed.
+        The pair, and the parsed arguments.
     raw, done, already
-        How the command says that images are raw, were rectified, or are rectified already.
+        The command's wording for raw images, images that it rectified, and images rectified already.
 
     Raises
     ------
@@ -146,9 +146,9 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
     parser
         Gets the flags.
     arguments
-        Those of the command: its settings have flags that depend on the matcher they name.
-    otherwise
-        The preset if they name no other.
+        Arguments of the command; the flags of single settings depend on the matcher that they choose.
+    default_preset
+        The preset if they choose none.
 
     Raises
     ------
@@ -156,17 +156,21 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         A settings file that is refused.
     """
 
-    def __init__(self, parser: CommandParser, arguments: Sequence[str], otherwise: PresetName = "accurate") -> None:
+    def __init__(
+        self, parser: CommandParser, arguments: Sequence[str], default_preset: PresetName = "accurate"
+    ) -> None:
         choice = CommandParser(parser.command, add_help=False)
-        for one in (choice, parser):
-            _add_choice(one, otherwise)
+        for each in (choice, parser):
+            _add_choice(each, default_preset)
         options, _ = choice.parse_known_args(arguments)
         kinds: dict[str | None, type[StereoMatcher]] = {kind.short_name: kind for kind in METHODS}
         if options.settings is not None:
             start = read(read_matcher, options.settings)
         else:
-            start = kinds[options.method]() if options.method else preset(options.preset or otherwise)
-        super().__init__(parser, start, SHORTCUTS if "search" in type(start).model_fields else {}, _elsewhere)
+            start = kinds[options.method]() if options.method else preset(options.preset or default_preset)
+        super().__init__(
+            parser, start, SHORTCUTS if "search" in type(start).model_fields else {}, _methods_with_setting
+        )
 
     def over_known_range(
         self,
@@ -180,9 +184,9 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         Parameters
         ----------
         matcher, options
-            The settings and arguments that were parsed.
+            The parsed settings and arguments.
         diagnosis
-            The pair's; it is returned with the range judged that is searched. None: not examined.
+            The diagnosis of the pair, returned with its judgement of the range searched; None: not examined.
         known
             First disparity and number of disparities of the calibration, px; None: those that the diagnosis suggests.
         """
@@ -190,7 +194,7 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
             known = known or diagnosis.suggested_range
         initial = self.settings.search_range()
         chosen = initial is None or options.settings is not None or matcher.search_range() != initial
-        # Flags may give the very numbers that the settings begin with.
+        # Flags may also give the numbers that the settings begin with.
         flags = {name.rpartition(".")[2].replace("_", "-") for name in vars(options)}
         chosen = chosen or not flags.isdisjoint(SHORTCUTS.values())
         if known is not None and not chosen:
@@ -198,19 +202,21 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         return matcher, diagnosis and diagnosis.over(matcher.search_range())
 
 
-def _add_choice(parser: CommandParser, otherwise: PresetName) -> None:
-    one = parser.add_argument_group(
+def _add_choice(parser: CommandParser, default_preset: PresetName) -> None:
+    sources = parser.add_argument_group(
         "where the settings come from", "One of these; flags of single settings override them."
     ).add_mutually_exclusive_group()
-    meanings = " ".join(f"{name}: {each.meaning}" for name, each in PRESETS.items())
-    one.add_argument("--preset", choices=[*PRESETS], help=f"{meanings} (default: {otherwise})")
+    meanings = " ".join(f"{name}: {preset.meaning}" for name, preset in PRESETS.items())
+    sources.add_argument("--preset", choices=[*PRESETS], help=f"{meanings} (default: {default_preset})")
     names = [kind.short_name for kind in METHODS]
     titles = "; ".join(f"{kind.short_name}: {kind.title}" for kind in METHODS)
-    one.add_argument("--method", choices=names, help=f"a method with its own defaults: {titles}")
-    one.add_argument("--settings", metavar="FILE.json", help="settings of a file, as the depth page or --out writes it")
+    sources.add_argument("--method", choices=names, help=f"a method with its own defaults: {titles}")
+    sources.add_argument(
+        "--settings", metavar="FILE.json", help="settings of a file, as the depth page or --out writes it"
+    )
 
 
-def _elsewhere(name: str) -> str:
+def _methods_with_setting(name: str) -> str:
     """Return a sentence naming the methods that have a setting; "" if none has it."""
-    having = [kind.short_name for kind in METHODS if name in kind.model_fields]
-    return f"There is one with --method {' or '.join(having)}." if having else ""
+    methods = [kind.short_name for kind in METHODS if name in kind.model_fields]
+    return f"There is one with --method {' or '.join(methods)}." if methods else ""

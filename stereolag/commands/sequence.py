@@ -17,18 +17,18 @@ from stereolag.commands.arguments import (
     CommandParser,
     SettingsFlags,
     one_line,
+    print_result,
     read,
-    tell,
 )
 from stereolag.commands.pairs import (
     MatcherFlags,
     add_calibration_and_trust,
     add_layout,
-    calibration_as_asked,
+    calibration_sentences,
     findings_as_figures,
     metres_are_doubtful,
-    rectified_as_asked,
-    said_of_calibration,
+    rectified_as_requested,
+    requested_calibration,
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
@@ -68,16 +68,16 @@ def run(arguments: Sequence[str]) -> int:
     _add_frames(parser)
     _add_job(parser)
     flags = MatcherFlags(parser, arguments, PRESET)
-    over_frames = SettingsFlags(parser, SequenceSettings())
+    sequence_flags = SettingsFlags(parser, SequenceSettings())
     options, matcher = flags.parsed(arguments)
-    beyond = over_frames.parsed(arguments)[1]
+    sequence_settings = sequence_flags.parsed(arguments)[1]
 
     # Imported only now, so that --help does not wait for them.
     from tqdm import tqdm
 
     from stereolag.sequences import diagnose_sequence, run_sequence
 
-    sequence, calibration, said = _read_sequence(options)
+    sequence, calibration, notes = _read_sequence(options)
     diagnosis = None if options.trust else diagnose_sequence(sequence)
     count = None if calibration is None else calibration.num_disparities
     matcher, diagnosis = flags.over_known_range(matcher, options, diagnosis, None if count is None else (0, count))
@@ -92,7 +92,7 @@ def run(arguments: Sequence[str]) -> int:
                 matchers,
                 options.out,
                 calibration=calibration,
-                settings=beyond,
+                settings=sequence_settings,
                 video=options.video,
                 disparity_format=options.disparity_format,
                 scheduler=options.scheduler,
@@ -115,10 +115,10 @@ def run(arguments: Sequence[str]) -> int:
         "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
         "out": options.out,
         "video": options.video,
-        "notes": said,
+        "notes": notes,
         "findings": findings,
     }
-    tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)
+    print_result(figures, "\n".join([*notes, *_in_words(figures)]), as_json=options.json)
     for name, problem in result.damaged.items():
         print(f"stereolag sequence: {name}: {one_line(problem)}", file=sys.stderr)
     return DOUBTFUL if result.damaged or findings or metres_are_doubtful(calibration, options) else DONE
@@ -146,7 +146,7 @@ def _add_frames(parser: CommandParser) -> None:
         "--disparity-format",
         choices=[*DISPARITY_FORMATS],
         default=".png",
-        help=f"format of the maps; {_held()} (default: %(default)s)",
+        help=f"format of the maps; {_formats_in_words()} (default: %(default)s)",
     )
     files.add_argument(
         "--video",
@@ -160,20 +160,22 @@ def _add_frames(parser: CommandParser) -> None:
     )
 
 
-def _held() -> str:
-    """Return the disparities that each format holds, in words."""
+def _formats_in_words() -> str:
+    """Return the contents of each format, in words."""
     suffixes: dict[str, list[str]] = {}
     for suffix, kind in DISPARITY_FORMATS.items():
         suffixes.setdefault(kind.holds, []).append(suffix)
     return ", ".join(
-        f"{' and '.join(some)}{' hold' if len(some) > 1 else ''} {held}" for held, some in suffixes.items()
+        f"{' and '.join(each)}{' hold' if len(each) > 1 else ''} {content}" for content, each in suffixes.items()
     )
 
 
 def _read_sequence(
     options: argparse.Namespace,
 ) -> tuple[StereoSequence, Calibration | None, tuple[str, ...]]:
-    """Return the frames named by the arguments, their calibration, and sentences; the first shows if they are raw.
+    """Return the frames named by the arguments, their calibration, and sentences about them.
+
+    The first readable frame decides whether they are raw.
 
     Raises
     ------
@@ -184,24 +186,23 @@ def _read_sequence(
     """
     from stereolag.sequences import open_sequence, rectified_sequence
 
-    # What is refused of two sides names itself.
+    # Errors about one of two sides name its files themselves.
     opened = partial(read, open_sequence) if options.right is None else open_sequence
     sequence = opened(
         options.left, options.right, truth=options.truth, frame_rate=options.frame_rate, layout=options.layout
     )
-    calibration = calibration_as_asked(options)
+    calibration = requested_calibration(options)
     if calibration is None:
         return sequence, None, sequence.notes
     first = sequence.first_readable()
     if first is None:
         raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
     fitted = calibration_for(calibration, first.left.shape[1], first.left.shape[0])
-    pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, *WORDING)
-    if pair.rectification is not None and pair.rectification.done:
-        sequence = rectified_sequence(sequence, calibration)
-    else:
-        sequence = replace(sequence, turn=pair.turn)
-    return sequence, upright(pair).calibration, (*sequence.notes, *said_of_calibration(pair.calibration), *said)
+    pair = Pair(first.left, first.right, PairId(""), calibration=fitted)
+    pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
+    sequence = rectified_sequence(sequence, calibration) if pair.rectified_here else replace(sequence, turn=pair.turn)
+    notes = (*sequence.notes, *calibration_sentences(pair.calibration), *on_rectification)
+    return sequence, upright(pair).calibration, notes
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:
@@ -238,7 +239,7 @@ def _move(bar: tqdm[Any], state: SequenceState) -> None:
     """Move a progress bar to the state of the job."""
     if bar.total is None:
         bar.reset(state.total)
-        bar.initial = bar.n = state.done  # frames finished before must not count towards the speed
+        bar.initial = bar.n = state.done  # frames finished before do not count towards the speed
     if state.done > bar.n:
         bar.set_postfix({"damaged": state.damaged} if state.damaged else {}, refresh=False)
         bar.update(state.done - bar.n)

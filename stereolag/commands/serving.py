@@ -28,10 +28,10 @@ APP = INSTALLED if INSTALLED.is_file() else PACKAGE.parent / "app.py"
 DESCRIPTION = """Start the app. Any other arguments go to "streamlit run", for example --server.address 127.0.0.1;
 a path in it is absolute, since the app runs in its own folder."""
 
-NEEDED = "io.guard", "ui.streamlit_inside", "warming"
+SERVER_MODULES = "io.guard", "ui.streamlit_inside", "warming"
 """Modules that the server needs, imported while the page is checked."""
 
-PATIENCE_S = 300
+MAX_WAIT_S = 300
 """Time limit for the first page: without machine code on disk, all of its loops are compiled."""
 
 
@@ -46,7 +46,7 @@ def check_page() -> None:
     logging.disable()  # the server will log the same again
     from stereolag.ui.streamlit_inside import faults_of_script
 
-    faults = faults_of_script(APP, PATIENCE_S)
+    faults = faults_of_script(APP, MAX_WAIT_S)
     if faults:
         raise SystemExit(faults[0])
 
@@ -54,7 +54,7 @@ def check_page() -> None:
 def page_fault() -> str | None:
     """Return in one line why the home page cannot be served, or None if it can.
 
-    It is opened in a process of its own, which may fail in any way and leaves none of its memory to the server.
+    The page is opened in a separate process, which may fail in any way and whose memory is released.
     """
     command = [sys.executable, "-P", __file__, "--check"]
     # The import path of the server: Streamlit puts the app's folder first.
@@ -62,16 +62,16 @@ def page_fault() -> str | None:
     ran = subprocess.run(command, cwd=APP.parent, env=environment, capture_output=True, text=True, check=False)
     if ran.returncode == 0:
         return None
-    said = ran.stderr.split("Traceback (most recent call last):")[-1].strip().splitlines()
-    return said[-1] if said else f"Python ended with {ran.returncode}."
+    lines = ran.stderr.split("Traceback (most recent call last):")[-1].strip().splitlines()
+    return lines[-1] if lines else f"Python ended with {ran.returncode}."
 
 
 def port_fault(port: int, remedy: str) -> str | None:
     """Return in one line why a port cannot be listened on, and how to name another; None if it can."""
-    both = socket.has_dualstack_ipv6()
-    family = socket.AF_INET6 if both else socket.AF_INET
+    dual_stack = socket.has_dualstack_ipv6()
+    family = socket.AF_INET6 if dual_stack else socket.AF_INET
     try:
-        with closing(socket.create_server(("", port), family=family, dualstack_ipv6=both)):
+        with closing(socket.create_server(("", port), family=family, dualstack_ipv6=dual_stack)):
             return None
     except OverflowError:
         return f"{port} is not a port: ports go up to 65535."
@@ -85,9 +85,9 @@ M_ARENA_MAX = -8
 
 
 def share_freed_memory() -> None:
-    """Let all threads use freed memory again: by default glibc keeps that of each thread for this thread alone.
+    """Let all threads share freed memory: by default glibc keeps that of each thread for this thread alone.
 
-    Each would keep what the largest of its jobs took. This acts on threads that have not started yet; other allocators
+    Each would keep the memory of its largest job. This acts on threads that have not started yet; other allocators
     ignore it.
     """
     if sys.platform == "linux":
@@ -141,19 +141,19 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
     try:
         fault = port_fault(options.port, remedy)
         if not fault:
-            with ThreadPoolExecutor(1) as beside:
-                prepared = beside.submit(lambda: [import_module(f"stereolag.{name}") for name in NEEDED])
+            with ThreadPoolExecutor(1) as background:
+                imported = background.submit(lambda: [import_module(f"stereolag.{name}") for name in SERVER_MODULES])
                 fault = page_fault()
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
-        prepared.result()
+        imported.result()
         from stereolag.io.guard import start_guard
         from stereolag.ui.streamlit_inside import run_server
         from stereolag.warming import compiling_the_rest, warm
 
         start_guard()
-        warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
+        warm()  # so that the first visitor does not wait for it, and the time shown is that of the map alone
         with compiling_the_rest():
             run_server(APP, options.port, [*others])
     except KeyboardInterrupt:  # before the server handles it

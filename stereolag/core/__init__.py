@@ -1,1 +1,1 @@
-"""The ground of the package: types, checks on arrays, settings, limits and the cost of a job."""
+"""The basis of the package: types, checks on arrays, settings, limits and the cost of a job."""

@@ -1,4 +1,4 @@
-"""Checks on arrays, made once, when they enter the library."""
+"""Checks on arrays, made once, where they enter the library."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from stereolag.core.typography import counted
 Image: TypeAlias = npt.NDArray[Any]
 """(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
 
-LARGEST_ORDINARY = 1e9
-"""Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
+MAX_ORDINARY_FLOAT = 1e9
+"""Floats up to this, and down to its inverse, can be squared and summed over a window in both float types."""
 
-OUTLIERS = 0.001
+OUTLIER_SHARE = 0.001
 """Share of the brightest and of the darkest pixels that are ignored for the range of an image."""
 
 SAMPLED_PIXELS = 2**16
-"""Number of pixels sampled to find the range of an image."""
+"""Pixels sampled to find the range of an image, about."""
 
 
 def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
@@ -45,7 +45,7 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
         As for :func:`as_signal`.
     """
     try:
-        # What is masked is no sample: as an array, it would be whatever number stands there.
+        # Masked values are not samples: as plain arrays, they would be arbitrary numbers.
         is_masked = np.ma.is_masked(value)
         given = np.asarray(np.ma.filled(np.ma.asarray(value, np.float64), np.nan) if is_masked else value)
         if np.iscomplexobj(given):
@@ -71,7 +71,7 @@ def as_image(value: npt.ArrayLike, name: str, *, gaps: bool = False) -> Image:
     """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
 
     With `gaps` it may hold pixels without data, and numbers of any range: integers that do not fit become float64, and
-    NaN, infinite and far outlying pixels (:data:`FAR_OUT`) NaN.
+    NaN, infinite and far outlying pixels (:data:`MIN_MARK_DISTANCE`) NaN.
 
     Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
     floats become float64. A single trailing channel axis is dropped; grey with alpha becomes RGBA.
@@ -93,14 +93,14 @@ def as_image(value: npt.ArrayLike, name: str, *, gaps: bool = False) -> Image:
     return _with_gaps(image, name) if gaps and image.dtype.kind in "iuf" else _as_pixel_type(image, name)
 
 
-FAR_OUT = 3e4
-"""Distance from the median, over the median distance, from which on a pixel is a mark, like -32768, and no data.
+MIN_MARK_DISTANCE = 3e4
+"""Distance from the median, over the median distance, beyond which a pixel is a mark for missing data, like -32768.
 
 Rounding in sums of such numbers would hide the data."""
 
 
 def _with_gaps(image: Image, name: str) -> Image:
-    """Return an image of numbers as a pixel type, with NaN where it has no data."""
+    """Return an image in a pixel type, with NaN where it has no data."""
     if image.dtype in (np.uint8, np.uint16) or (image.dtype.kind in "iu" and image.min() >= 0 and image.max() <= 65535):
         return _as_pixel_type(image, name)
     with np.errstate(over="ignore"):
@@ -109,10 +109,10 @@ def _with_gaps(image: Image, name: str) -> Image:
     if not known.any():
         return _as_pixel_type(wide, name)
     sample = wide[known][:: max(1, wide.size // SAMPLED_PIXELS)].astype(np.float64)
-    for data in (sample, sample[sample != np.median(sample)]):  # without the mark, if most pixels have none
+    for data in (sample, sample[sample != np.median(sample)]):  # without the mark, if most pixels are marks
         spread = np.median(np.abs(data - np.median(data))) if data.size else 0.0
         if spread > 0:
-            known &= np.abs(wide - np.median(data)) <= FAR_OUT * spread
+            known &= np.abs(wide - np.median(data)) <= MIN_MARK_DISTANCE * spread
             break
     return wide if known.all() else np.where(known, wide, wide.dtype.type(np.nan))
 
@@ -168,7 +168,7 @@ def check_window(window_size: int, shape: tuple[int, ...]) -> None:
         )
 
 
-def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+def as_image_pair(first: npt.ArrayLike, second: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
     """Return two images, checked, with one dtype and one size; `names` are their names in errors.
 
     Raises
@@ -176,25 +176,26 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
     ValueError
         An image that :func:`as_image` refuses, images of different sizes, or an integer and a float image.
     """
-    a, b = names
-    images = as_images(one, other, names)
-    (rows, cols), (other_rows, other_cols) = (image.shape[:2] for image in images)
-    if (rows, cols) != (other_rows, other_cols):
+    name_1, name_2 = names
+    images = as_images(first, second, names)
+    (rows_1, cols_1), (rows_2, cols_2) = (image.shape[:2] for image in images)
+    if (rows_1, cols_1) != (rows_2, cols_2):
         raise ValueError(
-            f"{a} is {cols} × {rows} and {b} is {other_cols} × {other_rows} pixels; "
+            f"{name_1} is {cols_1} × {rows_1} and {name_2} is {cols_2} × {rows_2} pixels; "
             "both images must have the same size."
         )
     if images[0].dtype != images[1].dtype:
         raise ValueError(
-            f"{a} holds {images[0].dtype} and {b} {images[1].dtype} pixels; both images must have the same type."
+            f"{name_1} holds {images[0].dtype} and {name_2} {images[1].dtype} pixels; "
+            "both images must have the same type."
         )
     return images
 
 
 def as_images(
-    one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str], *, gaps: bool = False
+    first: npt.ArrayLike, second: npt.ArrayLike, names: tuple[str, str], *, gaps: bool = False
 ) -> tuple[Image, Image]:
-    """Return two images, checked; with one type if they are given in one, regardless of their brightness.
+    """Return two images, checked; of one type if they are given in one, whatever their brightness.
 
     `gaps` is passed on to :func:`as_image`.
 
@@ -203,39 +204,42 @@ def as_images(
     ValueError
         An image that :func:`as_image` refuses.
     """
-    given = np.asarray(one), np.asarray(other)
-    first, second = as_image(given[0], names[0], gaps=gaps), as_image(given[1], names[1], gaps=gaps)
-    if given[0].dtype == given[1].dtype and first.dtype != second.dtype:
+    given = np.asarray(first), np.asarray(second)
+    image_1, image_2 = as_image(given[0], names[0], gaps=gaps), as_image(given[1], names[1], gaps=gaps)
+    if given[0].dtype == given[1].dtype and image_1.dtype != image_2.dtype:
         # `as_image` converts other integer types to uint8 if no value is above 255, else to uint16.
-        common = np.result_type(first, second)
-        return first.astype(common), second.astype(common)
-    return first, second
+        common = np.result_type(image_1, image_2)
+        return image_1.astype(common), image_2.astype(common)
+    return image_1, image_2
 
 
-FEWEST_LEVELS, MOST_LEVELS = 128, 256
-"""Levels in use that are taken for grey levels of 255 as they are; fewer or more are stretched."""
+MIN_GREY_LEVELS = 128
+"""Evenly spaced levels in use from which on they are grey levels of 8 bits; fewer are stretched."""
+
+MAX_GREY_LEVELS = 256
+"""Grey levels of 8 bits; more levels in use are compressed to 255."""
 
 
 def grey_scale(left: Image, right: Image) -> tuple[float, float]:
-    """Return the value of black and that of one grey level of 255 above it, for two checked images of one type.
+    """Return the value of black and the height of one grey level (of 255), for two checked images of one type.
 
     For uint8 they are 0 and 1. Other images use only a part of their type's range: cameras leave bits empty, and
-    sensors count from a pedestal. A level is a 255th of the range in use, or the step between their values if 128 to
-    256 evenly spaced ones are in use: 8 bits in another form. Both images share the scale, so that their exposures
-    stay as different as they are. The 0.1 % brightest and darkest pixels are ignored, so that a hot pixel has no
-    influence, and so is a mark for pixels without data: one value at an end, held by more than these, that is farther
-    from the others than they are from each other.
+    sensors count from a pedestal. A level is a 255th of the range in use, or the step between the values if 128 to 256
+    evenly spaced ones are in use: 8 bits in another form. Both images share the scale, so that their exposures stay as
+    different as they are. The 0.1 % brightest and darkest pixels are ignored, so that a hot pixel has no influence; so
+    is a mark for pixels without data: a value at one end, of more pixels than these, that is farther from the others
+    than they are from each other.
     """
     if left.dtype == np.uint8:
         return 0.0, 1.0
     stride = max(1, math.isqrt(left.size // SAMPLED_PIXELS))
-    sample = np.concatenate([one[::stride, ::stride].ravel() for one in (left, right)])
+    sample = np.concatenate([image[::stride, ::stride].ravel() for image in (left, right)])
     values, counts = np.unique(sample[np.isfinite(sample)], return_counts=True)
     if values.size == 0:
         return 0.0, 1.0
     values = values.astype(np.float64)
     for end, rest in ((0, slice(1, None)), (-1, slice(None, -1))):
-        if values.size > DRAWN_LEVELS and counts[end] > OUTLIERS * sample.size:
+        if values.size > MAX_DRAWN_LEVELS and counts[end] > OUTLIER_SHARE * sample.size:
             others = _without_outliers(values[rest], counts[rest])
             if np.abs(values[end] - others).min() > np.ptp(others) > 0:
                 values, counts = values[rest], counts[rest]
@@ -243,8 +247,8 @@ def grey_scale(left: Image, right: Image) -> tuple[float, float]:
     black, span = float(used[0]), float(np.ptp(used))
     if 0 < span < 2**53 and (used == np.rint(used)).all():
         step = float(np.gcd.reduce(np.diff(used).astype(np.int64)))
-        unused = MOST_LEVELS - 1 - span / step
-        if 0 <= unused <= MOST_LEVELS - FEWEST_LEVELS:
+        unused = MAX_GREY_LEVELS - 1 - span / step
+        if 0 <= unused <= MAX_GREY_LEVELS - MIN_GREY_LEVELS:
             return black - unused // 2 * step, step
     if span == 0:
         black = min(float(np.nanmin(left)), float(np.nanmin(right)))
@@ -252,20 +256,20 @@ def grey_scale(left: Image, right: Image) -> tuple[float, float]:
     return black, span / 255 or 1.0
 
 
-DRAWN_LEVELS = 16
-"""Images with no more levels than this are drawn: each of them is a level, and none is a mark."""
+MAX_DRAWN_LEVELS = 16
+"""Levels of a drawn image, at most: in these, no value is a mark for missing data."""
 
 
 def _without_outliers(values: DoubleMap, counts: npt.NDArray[np.intp]) -> DoubleMap:
     """Return the sorted values without the outliers at either end."""
     below = np.cumsum(counts)
-    beyond = int(OUTLIERS * below[-1])
-    first, last = np.searchsorted(below, (beyond, below[-1] - beyond - 1), side="right")
+    ignored = int(OUTLIER_SHARE * below[-1])
+    first, last = np.searchsorted(below, (ignored, below[-1] - ignored - 1), side="right")
     return values[first : last + 1]
 
 
 def grey_level(left: Image, right: Image) -> float:
-    """Return one grey level of 255 in the units of two checked images of one type: :func:`grey_scale`."""
+    """Return the height of one grey level (of 255) in two checked images of one type: :func:`grey_scale`."""
     return grey_scale(left, right)[1]
 
 
@@ -277,7 +281,7 @@ def rescale_extreme_floats(left: Image, right: Image) -> tuple[Image, Image]:
     if left.dtype.kind != "f":
         return left, right
     largest = max(float(np.abs(left).max()), float(np.abs(right).max()))
-    if largest == 0 or LARGEST_ORDINARY**-1 <= largest <= LARGEST_ORDINARY:
+    if largest == 0 or MAX_ORDINARY_FLOAT**-1 <= largest <= MAX_ORDINARY_FLOAT:
         return left, right
     exponent = -round(float(np.log2(largest)))
     scaled = [np.ldexp(image.astype(np.float64), exponent) for image in (left, right)]
@@ -289,42 +293,41 @@ def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.
     if left.dtype == np.uint8:
         return left, right
     black, level = grey_scale(left, right)
-    spread = [
+    levels = [
         np.clip(np.rint((image.astype(np.float64) - black) / level), 0, 255).astype(np.uint8) for image in (left, right)
     ]
-    return spread[0], spread[1]
+    return levels[0], levels[1]
 
 
 def in_eight_bits(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images as uint8, without alpha, if they are 8 bits in 16; otherwise unchanged.
 
-    They are if all their values are among 256 evenly spaced ones, and their grey level (:func:`grey_scale`) is a whole
-    multiple of the step between these: 8 bits shifted up, spread over 16 bits, or counted from a pedestal.
+    They are if all their values are black plus up to 255 times their grey level (:func:`grey_scale`), a whole number:
+    8 bits shifted up, spread over 16 bits, or counted from a pedestal.
     """
     if left.dtype != np.uint16:
         return left, right
     colours = [image if image.ndim == 2 else image[:, :, :3] for image in (left, right)]
     step = grey_level(colours[0], colours[1])
-    lowest, highest = min(int(one.min()) for one in colours), max(int(one.max()) for one in colours)
-    if step != int(step) or highest - lowest > (MOST_LEVELS - 1) * step:
+    lowest, highest = min(int(image.min()) for image in colours), max(int(image.max()) for image in colours)
+    if step != int(step) or highest - lowest > (MAX_GREY_LEVELS - 1) * step:
         return left, right
-    whole = np.uint16(step)
-    black = np.uint16(0 if highest < MOST_LEVELS * step and lowest % step == 0 else lowest)
-    if any((np.remainder(one - black, whole) != 0).any() for one in colours):
+    level = np.uint16(step)
+    black = np.uint16(0 if highest < MAX_GREY_LEVELS * step and lowest % step == 0 else lowest)
+    if any((np.remainder(image - black, level) != 0).any() for image in colours):
         return left, right
-    one, other = (((image - black) // whole).astype(np.uint8) for image in colours)
-    return one, other
+    first, second = (((image - black) // level).astype(np.uint8) for image in colours)
+    return first, second
 
 
-LEAST_BORDER = 64
-"""Fewest pixels of a black border; fewer are dark things at the rim of the picture."""
+MIN_BORDER_PIXELS = 64
+"""Pixels of a black border, at least; fewer are a dark detail at the edge of the picture."""
 
 
 def with_border_transparent(image: Image) -> Image:
-    """Return a checked image as RGBA whose alpha is 0 where it is black up to its rim; unchanged if it is not.
+    """Return a checked image as RGBA with alpha 0 in its black borders; unchanged if it has none.
 
-    Rectification, turning and projection leave such borders, which no camera took. They are exactly 0: a dark place
-    that a camera took is not.
+    Rectification, rotation and projection leave such borders. They are exactly 0, unlike dark parts of a photograph.
     """
     if image.ndim == 3 and image.shape[2] == 4:
         return image
@@ -336,8 +339,8 @@ def with_border_transparent(image: Image) -> Image:
     at_rim = np.zeros(count, np.bool_)
     for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         at_rim[line] = True
-    at_rim[0] = False  # all that is not black
-    at_rim &= sizes[:, cv2.CC_STAT_AREA] >= LEAST_BORDER
+    at_rim[0] = False  # the label of all other pixels
+    at_rim &= sizes[:, cv2.CC_STAT_AREA] >= MIN_BORDER_PIXELS
     border = at_rim[labels]
     if not border.any() or border.all():
         return image
@@ -347,7 +350,7 @@ def with_border_transparent(image: Image) -> Image:
 
 
 def transparent(image: Image) -> Mask | None:
-    """Return where a checked image has alpha 0, so that no camera took it; None if that is nowhere or everywhere."""
+    """Return where a checked image has alpha 0; None if that is nowhere or everywhere."""
     if image.ndim == 2 or image.shape[2] < 4:
         return None
     outside = np.asarray(image[:, :, 3] == 0)
@@ -379,7 +382,7 @@ def local_deviation(image: Image, size: int) -> DoubleMap:
 
 
 FLAT_TEXTURE = 1e-6
-"""Standard deviation, grey levels of 255, up to which a window has nothing to correlate, tested or not."""
+"""Standard deviation, grey levels of 255, up to which a window is flat even without a texture test."""
 
 FLAT_WHOLE = 0.25
 """Energy about the mean up to which a window of whole numbers is flat: the smallest non-zero energy is a half."""

@@ -16,9 +16,11 @@ from stereolag.core.settings import Settings, SettingsError
 
 PREFIX = "STEREOLAG_"
 
-_MOUNTED = Path("/sys/fs/cgroup")
-_JOINED = Path("/proc/self/cgroup")
-"""Linux's control groups, and the list of those that a process is in."""
+_CGROUP_ROOT = Path("/sys/fs/cgroup")
+"""Where Linux mounts its control groups."""
+
+_OWN_CGROUPS = Path("/proc/self/cgroup")
+"""The control groups that this process is in, on Linux."""
 
 
 class Limits(Settings):
@@ -44,17 +46,17 @@ class Limits(Settings):
 
     @property
     def max_pixels(self) -> int:
-        """Return the largest number of pixels of one image."""
+        """The largest number of pixels of one image."""
         return self.max_megapixels * 1_000_000
 
     @property
     def max_samples(self) -> int:
-        """Return the largest number of samples of one recording, over all channels."""
+        """The largest number of samples of one recording, over all channels."""
         return self.max_megasamples * 1_000_000
 
     @property
     def job_memory(self) -> int:
-        """Return the memory that one job may take, bytes."""
+        """The memory that one job may take, bytes."""
         half = machine_memory() // 2
         return half if self.job_memory_mb is None else min(half, self.job_memory_mb * 2**20)
 
@@ -87,8 +89,8 @@ def limits() -> Limits:
     except SettingsError as error:
         name, sentence = error.problems[0]
         # A variable cannot be None, only unset.
-        said = sentence.removeprefix(name).replace(" or None", "")
-        raise ValueError(f"The environment variable {PREFIX}{name.upper()}{said}") from error
+        predicate = sentence.removeprefix(name).replace(" or None", "")
+        raise ValueError(f"The environment variable {PREFIX}{name.upper()}{predicate}") from error
 
 
 @cache
@@ -106,31 +108,31 @@ def machine_memory() -> int:
 def _limit_files() -> Iterator[Path]:
     """Yield the files with the memory limits of this process's control groups, versions 1 and 2.
 
-    A container's limit is at the root of its own view, a systemd service's in a group below; enclosing groups apply
-    their limits too.
+    A container sees its own limit at the root, a systemd service in a group below; the limits of enclosing groups apply
+    too.
     """
     try:
-        lines = _JOINED.read_text(encoding="utf-8").splitlines()
+        lines = _OWN_CGROUPS.read_text(encoding="utf-8").splitlines()
     except OSError:  # not Linux
         return
     for line in lines:
         _, controllers, path = line.split(":", 2)
         if not controllers:
-            root, name = _MOUNTED, "memory.max"
+            root, name = _CGROUP_ROOT, "memory.max"
         elif "memory" in controllers.split(","):
-            root, name = _MOUNTED / "memory", "memory.limit_in_bytes"
+            root, name = _CGROUP_ROOT / "memory", "memory.limit_in_bytes"
         else:
             continue
         group = PurePosixPath(path)
-        for around in (group, *group.parents):
-            yield root / around.relative_to("/") / name
+        for enclosing in (group, *group.parents):
+            yield root / enclosing.relative_to("/") / name
 
 
 OVERHEAD = 18 * 2**20
-"""Bytes that a job takes regardless of its size: thread stacks and workspaces, plans, tables, and what runs vary by."""
+"""Bytes that a job of any size takes: thread stacks, workspaces, plans and tables, and the spread between runs."""
 
-HEAP_BLOCK = 32 * 2**20
-"""The C library's allocator (glibc) returns a freed block at once only if it is larger than this."""
+MAX_HEAP_BLOCK = 32 * 2**20
+"""Bytes; only freed blocks that are larger are returned at once by the C library's allocator (glibc)."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Cost:
-    """A row of :data:`COSTS`: what a method takes for each unit of the quantities that it works on.
+    """A row of :data:`COSTS`: the memory and time of a method for each unit of the quantities it depends on.
 
     Attributes
     ----------
@@ -171,20 +173,17 @@ class Cost:
         """Return the estimate for the amount of every quantity in the row."""
 
         def total(per_unit: Mapping[str, float]) -> float:
-            return sum(each * amounts[quantity] for quantity, each in per_unit.items())
+            return sum(cost * amounts[quantity] for quantity, cost in per_unit.items())
 
-        kept = sum(allocator_slack(each * amounts[name], count) for name, (each, count) in self.freed.items())
+        kept = sum(
+            count * min(size * amounts[quantity], MAX_HEAP_BLOCK) for quantity, (size, count) in self.freed.items()
+        )
         return Estimate(int(max(map(total, self.stages)) + kept) + OVERHEAD, total(self.seconds))
-
-
-def allocator_slack(size: float, count: int) -> float:
-    """Return how many bytes of `count` freed blocks of `size` bytes the allocator may keep."""
-    return count * min(size, HEAP_BLOCK)
 
 
 COSTS: Mapping[str, Cost] = {
     # Recordings. samples: of both; longest, shortest: of one; lags: searched; points: of a transform, and
-    # turns: points * log2(points); judged: samples that the verdict is formed from.
+    # turns: points * log2(points); judged: samples on which the verdict is based.
     # Spectra, twiddle factors and scratch vectors of two threads; later the curve, its lags and those that may tie
     # with the peak: at worst all whose overlap is at least half the longest, in seven vectors.
     "lag by fft": Cost(
@@ -222,8 +221,8 @@ COSTS: Mapping[str, Cost] = {
         {"longest": (8, 3)},
     ),
     # Templates. grey: bytes of luminance and contiguous copies; values: of the template; places: that are scored.
-    # The template's deviations, the scores, its spectra and those of the tiles; then what a place is judged by, twice
-    # where it is blurred, and the blocks by which places are looked for where a part of it is hidden.
+    # The template's deviations, the scores, its spectra and those of the tiles; then the arrays by which a place is
+    # judged, twice if it is blurred, and the blocks by which partly hidden places are searched for.
     "template by fft": Cost(
         (
             {"grey": 1, "values": 8, "places": 4, "points": 8},
@@ -245,7 +244,7 @@ COSTS: Mapping[str, Cost] = {
         ),
         {"products": 2.8e-10, "hidden_values": 1e-9},
     ),
-    # Marks for each place. If no value is rare, more: such a search is refused once its places are counted.
+    # Marks for each place. More if no value is rare: such a search is refused once its places are counted.
     "template by pixels": Cost(({"grey": 1, "values": 170, "places": 3},), {"pixels": 4e-9}),
     # Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products.
     "template by OpenCV": Cost(({"values": 36},), {"pixels": 1e-7, "masked": 3e-7}),
@@ -294,7 +293,7 @@ COSTS: Mapping[str, Cost] = {
         {"pixels": (4, 2)},
     ),
 }
-"""The bytes and operations of every method; `tests/core/test_jobs.py` measures each."""
+"""The memory and time of every method; `tests/core/test_jobs.py` measures each."""
 
 
 def check_memory(estimate: Estimate, hint: str = "") -> None:
@@ -305,17 +304,17 @@ def check_memory(estimate: Estimate, hint: str = "") -> None:
     estimate
         Estimate for the job.
     hint
-        A sentence about another way, if there is one.
+        A sentence about an alternative, if there is one.
 
     Raises
     ------
     ValueError
         The job is refused; the message states the estimate and the limit.
     """
-    most = limits().job_memory
-    if estimate.memory > most:
+    limit = limits().job_memory
+    if estimate.memory > limit:
         refusal = (
-            f"This needs about {format_bytes(estimate.memory)} of memory, and one job may take {format_bytes(most)}."
+            f"This needs about {format_bytes(estimate.memory)} of memory, and one job may take {format_bytes(limit)}."
         )
         raise ValueError(f"{refusal} {hint}".rstrip())
 
@@ -330,7 +329,7 @@ Progress: TypeAlias = Callable[[float], None]
 
 
 def silent(fraction: float) -> None:
-    """Ignore the progress; the default if nobody listens."""
+    """Ignore the progress."""
 
 
 def part(progress: Progress, number: int, count: int) -> Progress:
@@ -343,14 +342,14 @@ class Pulse:
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._done, self._told = 0.0, time.monotonic()
+        self._done, self._reported = 0.0, time.monotonic()
 
     def __call__(self, done: float) -> None:
         """Report a new fraction."""
-        self._done, self._told = done, time.monotonic()
+        self._done, self._reported = done, time.monotonic()
         self._progress(done)
 
     def again(self) -> None:
         """Report the last fraction again, at most twenty times a second."""
-        if time.monotonic() - self._told > 0.05:
+        if time.monotonic() - self._reported > 0.05:
             self(self._done)

@@ -17,7 +17,7 @@ from annotated_types import Ge, Gt, Le, Lt, MultipleOf
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from stereolag.core.typography import together
+from stereolag.core.typography import enumeration
 
 Number = int | float
 
@@ -41,8 +41,8 @@ class OfThePair:
 
 
 @dataclass(frozen=True)
-class Usual:
-    """Marks the part of the allowed range that a slider offers; None: up to the allowed end."""
+class SliderRange:
+    """Marks the part of the allowed range that a slider offers; None: up to the bound of the setting."""
 
     low: Number | None = None
     high: Number | None = None
@@ -72,8 +72,8 @@ class Applies:
     otherwise: tuple[Any, ...] = ()
 
 
-SMALLEST = 1e-9
-"""Smallest fraction offered where any number above another is allowed."""
+MIN_STEP = 1e-9
+"""Step above an open lower bound, unless the field declares an upper bound too."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +88,15 @@ class Bounds:
     def of(cls, field: FieldInfo) -> Bounds:
         """Read the bounds and the step that a field declares."""
         kind: type[int] | type[float] = int if base_type(field) is int else float
-        declared = {type(one): one for one in field.metadata}
+        declared = {type(bound): bound for bound in field.metadata}
         extra: dict[str, Any] = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         step = kind(declared[MultipleOf].multiple_of if MultipleOf in declared else extra.get("step", 1))
         low = high = None
         if Ge in declared:
             low = kind(declared[Ge].ge)
         elif Gt in declared:
-            # Without an upper end, a step may be a thousand times the number: 0.001 samples a second.
-            low = kind(declared[Gt].gt) + (step if kind is int or {Le, Lt} & declared.keys() else SMALLEST)
+            # Without an upper bound, a whole step may be far too much: 0.001 samples a second.
+            low = kind(declared[Gt].gt) + (step if kind is int or {Le, Lt} & declared.keys() else MIN_STEP)
         if Le in declared:
             high = kind(declared[Le].le)
         elif Lt in declared:
@@ -120,7 +120,7 @@ class Bounds:
         return Bounds(_tidy(value - down * self.step), _tidy(value + up * self.step), self.step)
 
     def nearest(self, value: Number) -> Number:
-        """Return the value moved by whole steps into the bounds; the lower end if no whole step gets there."""
+        """Return the value moved into the bounds by whole steps; the lower bound if that is not possible."""
         if self.high is not None and value > self.high:
             value = _tidy(value + _whole_steps(self.high - value, self.step) * self.step)
         if self.low is not None and value < self.low:
@@ -131,30 +131,27 @@ class Bounds:
 
 def marker(field: FieldInfo, kind: type[T]) -> T | None:
     """Return a field's marker of the given kind, None if it has none."""
-    for one in field.metadata:
-        if isinstance(one, kind):
-            return one
-    return None
+    return next((entry for entry in field.metadata if isinstance(entry, kind)), None)
 
 
 def multiple_of(field: FieldInfo) -> int:
-    """Return the number whose multiples a field of whole numbers allows; 1 if it declares none."""
+    """Return the number of which a field of whole numbers allows multiples; 1 if it declares none."""
     declared: Any = marker(field, MultipleOf)
     return int(declared.multiple_of) if declared else 1
 
 
 def base_type(field: FieldInfo) -> Any:
-    """Return the type of a field, without the None of an optional one."""
+    """Return the type of a field, for an optional one without None."""
     return next((kind for kind in get_args(field.annotation) if kind is not NoneType), field.annotation)
 
 
 def choices(field: FieldInfo) -> tuple[str, ...]:
-    """Return the options of a field that is a choice of texts; empty for other fields."""
+    """Return the options of a field that is a choice of strings; empty for other fields."""
     return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
 
 
 KIND = "kind"
-"""The field that tells settings of several kinds apart."""
+"""The field that distinguishes settings of several kinds."""
 
 
 def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
@@ -169,8 +166,8 @@ def title_of(kind: type[BaseModel], name: str) -> str:
     field = kind.model_fields[first]
     if not inner:
         return field.title or first
-    holder = next(one for one in nested(field) if inner.partition(".")[0] in one.model_fields)
-    return title_of(holder, inner)
+    owner = next(kind for kind in nested(field) if inner.partition(".")[0] in kind.model_fields)
+    return title_of(owner, inner)
 
 
 def _whole_steps(span: Number, step: Number) -> int:
@@ -182,7 +179,8 @@ def _tidy(value: Number) -> Number:
     return round(value, 9)
 
 
-LONGEST_SHOWN = 60
+MAX_SHOWN_CHARACTERS = 60
+"""Characters of a refused value that an error repeats, at most."""
 
 
 class Problem(NamedTuple):
@@ -192,13 +190,13 @@ class Problem(NamedTuple):
     sentence: str
 
     def renamed(self, name: str) -> Problem:
-        """Return it with another name of the setting, also where the sentence begins with it."""
+        """Return the problem with another name of the setting, which also replaces one at the start of the sentence."""
         begins = bool(self.name) and self.sentence.startswith(self.name)
         return Problem(name, name + self.sentence.removeprefix(self.name) if begins else self.sentence)
 
 
 class SettingsError(ValueError):
-    """The error of refused settings: the message is one sentence, about the first of the `problems`."""
+    """Refused settings: the message is one sentence about the first of the `problems`."""
 
     def __init__(self, problems: tuple[Problem, ...]) -> None:
         super().__init__(problems[0].sentence)
@@ -208,12 +206,12 @@ class SettingsError(ValueError):
 def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Problem]:
     """Yield the errors found by pydantic, each as a name and a sentence of our own."""
     for found in error.errors():
-        path, field = _followed(kind, found["loc"])
+        path, field = _path_of(kind, found["loc"])
         name = ".".join(path)
         context = found.get("ctx", {})
         cause = context.get("error")
         if isinstance(cause, SettingsError):
-            yield from (one.renamed(".".join(filter(None, (name, one.name)))) for one in cause.problems)
+            yield from (inner.renamed(".".join(filter(None, (name, inner.name)))) for inner in cause.problems)
         elif found["type"] == "value_error":
             yield Problem(name, str(cause))
         elif found["type"] == "extra_forbidden":
@@ -222,24 +220,24 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
             yield Problem(name, "{}.{} is missing.".format(name, context["discriminator"].strip("'")))
         elif found["type"] == "union_tag_invalid":
             tag = "{}.{}".format(name, context["discriminator"].strip("'"))
-            yield Problem(name, f"{tag} is {_shown(context['tag'])}; allowed are {context['expected_tags']}.")
+            yield Problem(name, f"{tag} is {_shortened(context['tag'])}; allowed are {context['expected_tags']}.")
         elif found["type"] == "missing":
             yield Problem(name, f"{name} is missing.")
         elif field is not None:
-            yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {allowed_values(field)}.")
+            yield Problem(name, f"{name} is {_shortened(found['input'])}; allowed {allowed_values(field)}.")
         else:
-            yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
+            yield Problem(name, f"{name or kind.__name__} is {_shortened(found['input'])}: {found['msg']}.")
 
 
-def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
+def _path_of(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
     """Return the names on the path to an error, without the tags of unions, and the field of the last name."""
     path: list[str] = []
     field: FieldInfo | None = None
     kinds: tuple[type[BaseModel], ...] = (kind,)
     for number, part in enumerate(map(str, place)):
-        holder = next((one for one in kinds if part in one.model_fields), None)
-        if holder is not None:
-            field = holder.model_fields[part]
+        owner = next((kind for kind in kinds if part in kind.model_fields), None)
+        if owner is not None:
+            field = owner.model_fields[part]
             kinds = nested(field)
             path.append(part)
         elif number == len(place) - 1:  # an unknown name
@@ -252,38 +250,45 @@ def allowed_values(field: FieldInfo) -> str:
     """Return the allowed values of a field, as the end of a sentence."""
     options, kind, inner = choices(field), base_type(field), nested(field)
     if options:
-        return f"are {together([repr(one) for one in options])}"
+        return f"are {enumeration([repr(option) for option in options])}"
     if inner:
-        return f"are settings of {together([one.__name__ for one in inner])}"
+        return f"are settings of {enumeration([settings.__name__ for settings in inner])}"
     if kind is bool:
         return "are True and False"
     if kind not in (int, float):
         return f"is {getattr(kind, '__name__', kind)}"
-    ends = {type(one): one for one in field.metadata}
+    bounds = {type(bound): bound for bound in field.metadata}
     multiple = multiple_of(field)
-    what = f"multiples of {multiple}" if multiple > 1 else "whole numbers" if kind is int else "numbers"
-    low = f" from {ends[Ge].ge:g}" if Ge in ends else f" above {ends[Gt].gt:g}" if Gt in ends else ""
-    high = f" to {ends[Le].le:g}" if Le in ends else f" below {ends[Lt].lt:g}" if Lt in ends else ""
-    return f"are {what}{low}{high}" + (" or None" if NoneType in get_args(field.annotation) else "")
+    numbers = f"multiples of {multiple}" if multiple > 1 else "whole numbers" if kind is int else "numbers"
+    low = f" from {bounds[Ge].ge:g}" if Ge in bounds else f" above {bounds[Gt].gt:g}" if Gt in bounds else ""
+    high = f" to {bounds[Le].le:g}" if Le in bounds else f" below {bounds[Lt].lt:g}" if Lt in bounds else ""
+    return f"are {numbers}{low}{high}" + (" or None" if NoneType in get_args(field.annotation) else "")
 
 
-def _shown(value: object) -> str:
-    """Return a value as Python writes it, shortened, since it may come from anywhere."""
-    if isinstance(value, int) and abs(value) > 10**LONGEST_SHOWN:
-        return f"a number of more than {LONGEST_SHOWN} digits"
-    if isinstance(value, dict | list | tuple) or len(text := repr(value)) > LONGEST_SHOWN:
+def _shortened(value: object) -> str:
+    """Return a value as Python writes it; only its type and length if that is long."""
+    if isinstance(value, int) and abs(value) > 10**MAX_SHOWN_CHARACTERS:
+        return f"a number of more than {MAX_SHOWN_CHARACTERS} digits"
+    if isinstance(value, dict | list | tuple) or len(text := repr(value)) > MAX_SHOWN_CHARACTERS:
         return f"a {type(value).__name__}" + (f" of {len(value)}" if isinstance(value, Sized) else "")
     return text
 
 
-def unknown_setting(kind: type[BaseModel], name: str, written: Callable[[str], str] = str) -> str:
-    """Return a sentence about an unknown name, with the one that is probably meant or all there are, as `written`."""
+def unknown_setting(kind: type[BaseModel], name: str, spelling: Callable[[str], str] = str) -> str:
+    """Return a sentence about an unknown name, with the one that is probably meant or else all of them.
+
+    `spelling` turns names into the form that the reader uses.
+    """
     known = dict(_names(kind))
     plain = _plain(name.rpartition(".")[2])
     meant = [full for full in known if _plain(full.rpartition(".")[2]) == plain]
     meant = meant or get_close_matches(name, known, n=1, cutoff=0.7)
-    ends = f"did you mean {written(meant[0])}?" if meant else f"it has {together([*map(written, kind.model_fields)])}."
-    return f"{getattr(kind, 'title', kind.__name__)} has no setting {written(name)!r}; {ends}"
+    hint = (
+        f"did you mean {spelling(meant[0])}?"
+        if meant
+        else f"it has {enumeration([*map(spelling, kind.model_fields)])}."
+    )
+    return f"{getattr(kind, 'title', kind.__name__)} has no setting {spelling(name)!r}; {hint}"
 
 
 def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:
@@ -307,8 +312,8 @@ class Settings(BaseModel):
     """Immutable, validated settings.
 
     Each field declares its title, description, bounds and step, and its markers :class:`Pixels`, :class:`OfThePair`,
-    :class:`Usual`, :class:`FitsImage` and :class:`Applies`, so that one declaration gives the validation, the control
-    on a page, the flag of a command and the JSON.
+    :class:`SliderRange`, :class:`FitsImage` and :class:`Applies`, so that one declaration gives the validation, the
+    control on a page, the flag of a command and the JSON.
 
     Raises
     ------
@@ -389,18 +394,18 @@ def changed(settings: S, changes: Mapping[str, object]) -> S:
     for name, value in changes.items():
         setting(settings, name)
         *path, last = name.split(".")
-        holder = document
+        inner = document
         for key in path:
-            holder = holder[key]
-        holder[last] = value
+            inner = inner[key]
+        inner[last] = value
     return type(settings).model_validate(document)
 
 
 def scaled_settings(settings: S, factor: float) -> S:
     """Return settings whose windows and search area cover the same part of images at `factor` times their size.
 
-    Sizes are rounded to values that their field allows, the number of disparities upwards, so that nothing drops out
-    of the search. Sizes above the allowed maximum are reduced to it, except in the search.
+    Sizes are rounded to values that their field allows, the number of disparities upwards so that the search stays
+    complete. Sizes above the allowed maximum are reduced to it, except those of the search.
 
     Raises
     ------

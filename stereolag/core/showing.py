@@ -1,4 +1,4 @@
-"""Results that show themselves in notebooks; a module above, imported when the first is shown, draws them."""
+"""Results that show themselves in notebooks, drawn by a module of a higher layer that is imported on first use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stereolag.core.inputs import Image
 
 DRAWN_IN: list[str] = []
-"""Names of the modules that register how results are drawn."""
+"""Names of the modules that register how to draw results."""
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -44,20 +44,20 @@ class Shown:
     """A result that notebooks show: its verdict in words, and a picture."""
 
     def _repr_html_(self) -> str:
-        return _drawn(self).html
+        return _draw(self).html
 
     def _repr_png_(self) -> bytes | None:
-        return _drawn(self).png
+        return _draw(self).png
 
 
 @singledispatch
 def drawing(result: object, image: Image | None) -> Drawing:
-    """Draw a result, with the image it was measured in if given; each type of result registers its own way."""
+    """Draw a result, with the image it was measured in if given; each type of result registers its own function."""
     kinds = ", ".join(kind.__name__ for kind in drawing.registry if kind is not object)
     raise ValueError(f"result is a {type(result).__name__}; what can be shown is a {kinds}.")
 
 
-def _drawn(result: object, image: Image | None = None) -> Drawing:
+def _draw(result: object, image: Image | None = None) -> Drawing:
     for name in DRAWN_IN:
         import_module(name)
     return drawing(result, image)
@@ -81,11 +81,11 @@ def show(result: Shown, image: npt.ArrayLike | None = None) -> Path | None:
     Raises
     ------
     ValueError
-        What cannot be shown, an image of another size than the map, or one for two recordings.
+        A result of another type, an image of another size than the map, or an image for two recordings.
 
     Notes
     -----
-    As the last line of a cell, a result shows itself without this, as far as it can without the image.
+    As the last line of a cell, a result shows itself without this function, but also without the image.
 
     Examples
     --------
@@ -97,17 +97,17 @@ def show(result: Shown, image: npt.ArrayLike | None = None) -> Path | None:
     """
     from stereolag.core.inputs import as_image
 
-    body = _drawn(result, None if image is None else as_image(image, "image")).html
-    # Only who runs a notebook has imported it; in a terminal it could not draw.
+    body = _draw(result, None if image is None else as_image(image, "image")).html
+    # A running notebook has imported IPython; its shell in a terminal cannot draw.
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     if shell is not None and "Terminal" not in type(shell).__name__:
         display = import_module("IPython.display")
         display.display(display.HTML(body))
         return None
-    return _opened(PAGE.format(title=type(result).__name__, body=body))
+    return _open_in_browser(PAGE.format(title=type(result).__name__, body=body))
 
 
-def _opened(page: str) -> Path:
+def _open_in_browser(page: str) -> Path:
     """Write a page to a new file, open it in the browser, and return its path."""
     import tempfile
     import webbrowser

@@ -1,4 +1,4 @@
-"""Typesetting of numbers for readers: a true minus sign, and no line break between a number and its unit."""
+"""Typesetting of numbers: a true minus sign, and no line break between a number and its unit."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _GAP = re.compile(rf"(?<=\d)(\*\*)? (?=(?:{UNITS})(?!\w))")
 _PLUS_MINUS = re.compile(r"± (?=\d)")
 
 
-@functools.lru_cache(maxsize=2048)  # a page says the same in every run
+@functools.lru_cache(maxsize=2048)  # a page has the same sentences in every run
 def typeset(text: str) -> str:
     """Return a text typeset for display: "-3 px" gets a minus sign and a no-break space; code and quotations stay.
 
     For text that people read; files, flags and typed input keep the hyphen.
     """
     parts = _CODE.split(text)
-    parts[::2] = (_set(part) for part in parts[::2])
+    parts[::2] = (_typeset_part(part) for part in parts[::2])
     return "".join(parts)
 
 
 def four_digits(number: float) -> str:
-    """Return a number of 0 or more rounded to four digits, but never as a power of ten where it is large: 30,000."""
+    """Return a number of 0 or more with four significant digits; a large one in full, not as a power of ten: 30,000."""
     return f"{number:,.4g}" if number < 9999.5 else f"{number:,.0f}"
 
 
@@ -47,12 +47,12 @@ def percent(share: float) -> str:
 
 
 def counted(count: int, noun: str) -> str:
-    """Return a number of things: "1 sample", "1,024 samples"."""
+    """Return a count with its noun: "1 sample", "1,024 samples"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
-def together(words: Sequence[str]) -> str:
-    """Return words as in a sentence: "a", "a and b", "a, b and c"."""
+def enumeration(words: Sequence[str]) -> str:
+    """Return words as they are listed in a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
@@ -69,7 +69,7 @@ def typesets(words: Callable[P, str]) -> Callable[P, str]:
     return readable
 
 
-def _set(text: str) -> str:
+def _typeset_part(text: str) -> str:
     text = _HYPHEN.sub(MINUS, _NEGATIVE_ZERO.sub("", text))
     text = _GAP.sub(lambda found: (found[1] or "") + NO_BREAK, text)
     return _PLUS_MINUS.sub("±" + NO_BREAK, text)

@@ -64,7 +64,7 @@ def _lag(result: SignalLag, image: Image | None) -> Drawing:
     if not math.isnan(judgement.evidence):
         numbers.append(f"evidence {judgement.evidence:.1f} σ, {judgement.needed:.1f} σ are needed")
     numbers.append(f"{result.sampling_rate:,.10g} samples a second")
-    if sure and not (judgement.over_time and judgement.over_time.shows):
+    if sure and not (judgement.over_time and judgement.over_time.changes):
         numbers.append(f"{result.speed:,.10g} m/s")
     curve = correlation_curve(result, "votes" if result.lags is None else "correlation")
     note = "Grey: what chance reaches." if any(trace.name == "chance" for trace in curve.data) else ""

@@ -131,7 +131,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
         figure.update_xaxes(range=[first - room, last + room])
         figure.update_yaxes(range=[0, 1.1 * height], tickformat=",d", dtick=1 if height < 6 else None)
     over_time, label = result.over_time, f"  {result.lag:,}  "
-    if over_time is not None and over_time.shows:
+    if over_time is not None and over_time.changes:
         low, high = round(over_time.lowest), round(over_time.highest)
         figure.add_vrect(x0=low, x1=high, fillcolor=PEAK, opacity=0.2, line={"color": PEAK, "width": 1})
         # Above the curve, which may hide the ring.
@@ -160,7 +160,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
 
 def _marks(result: SignalLag, curve: Vector) -> list[go.Scatter]:
     """Return rings around the other points of the curve that the verdict names."""
-    changes = result.over_time is not None and result.over_time.shows
+    changes = result.over_time is not None and result.over_time.changes
     opposite = result.judgement.opposite_lag
     named = (result.lag, *result.rivals)
     arrivals = [round(one.lag) for one in result.arrivals if all(abs(one.lag - lag) > 1 for lag in named)]

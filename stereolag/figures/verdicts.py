@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.typography import counted, four_digits, together, typesets
+from stereolag.core.typography import counted, enumeration, four_digits, typesets
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
@@ -24,7 +24,7 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     `assumed` names the settings that neither a file nor the visitor gave.
     """
     over_time, hertz = result.over_time, f"{result.sampling_rate:,.10g} Hz"
-    if over_time is not None and over_time.shows:
+    if over_time is not None and over_time.changes:
         rate = f", at {hertz}, assumed" if over_time.steps and "sampling_rate" in assumed else ""
         return f"Sensor 2 hears it **{over_time_in_words(over_time, result.sampling_rate)}**{rate}."
     doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, LEAST_SPREAD):.1g}"
@@ -57,7 +57,7 @@ def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     if judgement.verdict == "ambiguous":
         lags = sorted((result.lag, *judgement.rivals))
         if len(lags) <= MOST_NAMED:
-            return f"Cannot tell: **{together([f'{lag:,}' for lag in lags])} samples** fit equally well."
+            return f"Cannot tell: **{enumeration([f'{lag:,}' for lag in lags])} samples** fit equally well."
         return f"Cannot tell: **at least {len(lags) - 1} other lags fit** as well."
     return _NOTHING_WORDS[judgement.reason]
 
@@ -79,8 +79,8 @@ def verdict_explained(result: SignalLag) -> list[str]:
     judgement, over_time = result.judgement, result.over_time
     said = []
     if result.begins_again_at is not None:
-        said.append(f"The values of both begin again every {result.begins_again_at:,.4g}: their steps were compared.")
-    if over_time is not None and over_time.shows:
+        said.append(f"The values of both wrap around every {result.begins_again_at:,.4g}: their steps were compared.")
+    if over_time is not None and over_time.changes:
         said.append("A lag that changes is not due to the path alone, so no metres are given.")
     if len(result.arrivals) > 1 and judgement.reason != "repeats":
         shown = ", ".join(f"{round(one.lag):,} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
@@ -131,7 +131,7 @@ def curve_in_words(result: SignalLag) -> str:
         return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
     searched = f"Correlation at the lags {result.lags[0]:,} to {result.lags[-1]:,} samples"
     over_time = result.over_time
-    if over_time is not None and over_time.shows:
+    if over_time is not None and over_time.changes:
         lags = f"{over_time.lowest:,.0f} to {over_time.highest:,.0f}"
         return f"{searched}: the lag changes, which spreads the peak over the lags {lags}."
     if result.verdict == "sure":

@@ -1,1 +1,1 @@
-"""The means for compiled loops: compilation, bands of rows over the cores, and vector registers."""
+"""The infrastructure of compiled loops: compilation, bands of rows over the cores, and vector registers."""

@@ -1,12 +1,11 @@
-"""The compilation of this project's loops, and the folder of their machine code; the one door to Numba.
+"""The compilation of this project's loops, and the folder of their machine code; the only module that uses Numba.
 
 A loop is compiled on its first call with arguments of new types. Machine code is kept beside this file, or in the
 folder that ``NUMBA_CACHE_DIR`` names; a read-only install keeps it in the user's cache folder. If none of these can be
 written to, every process compiles again. Kept machine code is loaded without Numba.
 
-The folder is named after the sources of the machine code, of all loops at once: a loop contains those that it calls.
-Besides, nothing has to be deleted that another process, perhaps of another release, has just written or is about to
-load.
+The folder is named after a digest of the sources of all loops together, since a loop contains those that it calls. So
+nothing has to be deleted that another process, perhaps of another release, has just written or is about to load.
 """
 
 from __future__ import annotations
@@ -43,42 +42,43 @@ SOURCES = HERE.parents[1]
 """The package, whose subpackages contain the loops."""
 
 MAKES_CODE = re.compile(rb"\n(?:from|import) .*\b(?:numba|llvmlite|compilation|NamedTuple)\b")
-"""Imports of every file with a loop, with an instruction for loops, or with a tuple that loops take. (With "^" in place
-of the line's end before it, it takes six times as long.)"""
+"""Imports of every file with a loop, with an instruction for loops, or with a tuple that loops take.
+
+With "^" in place of the line's end before it, it takes six times as long."""
 
 WITH_LOOPS = ("core", "loops", "motion", "signals", "stereo", "templates")
-"""Packages whose changes may change machine code: they contain loops, or tuples that loops take."""
+"""Packages that contain loops, or tuples that loops take, so that their changes may change machine code."""
 
-UNUSED_S = 7 * 24 * 3600
-"""Time for which machine code of other sources is kept after a process last started with it."""
+MAX_UNUSED_S = 7 * 24 * 3600
+"""Seconds for which machine code of other sources is kept after a process last started with it."""
 
 SCALARS = {kind: np.dtype(kind).str for kind in (int, float, bool, complex)} | {type(None): "None"}
-"""Python's scalars, which to machine code are those of NumPy."""
+"""Python's scalar types as those of NumPy, which are the same to machine code."""
 
 ALIGNED_AND_WRITEABLE = 0x500
-"""NumPy's flags of an array beside its layout that machine code depends on."""
+"""NumPy's flags of an array that machine code depends on, besides those of its layout."""
 
 BEFORE_COMPILING: list[Callable[[], object]] = []
-"""Steps before the next compilation, which make known to Numba what loops name."""
+"""Steps before the next compilation, which register with Numba the functions that loops call."""
 
 _COMPILING = threading.RLock()
 """Held while a loop is compiled or loaded: neither Numba nor LLVM's loader can do two at once."""
 
 
 class Deferred:
-    """Something that only Numba can make, for loops to name before it is loaded.
+    """An object that only Numba can make, which loops can name before Numba is loaded.
 
     Parameters
     ----------
     make
-        Makes it.
+        Makes the object.
     """
 
     def __init__(self, make: Callable[[], Any]) -> None:
         self.made = cache(make)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it."""
+        """Call the object."""
         return self.made()(*arguments)
 
 
@@ -110,18 +110,18 @@ class Loop(Deferred):
         if len(arguments) < self._parameters:
             arguments += self._defaults[len(arguments) - self._parameters :]
         kinds = tuple(map(_kind, arguments))
-        return (self._code.get(kinds) or self._found(kinds, arguments))(*arguments)
+        return (self._code.get(kinds) or self._find_code(kinds, arguments))(*arguments)
 
-    def _found(self, kinds: tuple[Hashable, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    def _find_code(self, kinds: tuple[Hashable, ...], arguments: tuple[Any, ...]) -> Callable[..., Any]:
         with _COMPILING:
             if kinds not in self._code:
                 file = self._file(kinds)
-                code = None if file is None else _loaded(file, self.py_func)
-                self._code[kinds] = code or self._compiled(file, arguments)
+                code = None if file is None else _load(file, self.py_func)
+                self._code[kinds] = code or self._compile(file, arguments)
             return self._code[kinds]
 
     def _file(self, kinds: tuple[Hashable, ...]) -> Path | None:
-        """Return the file of the machine code; None if it is not kept, as that of loops that are not ours."""
+        """Return the file of the machine code; None if it is not kept, as for loops outside this package."""
         source = Path(self.py_func.__code__.co_filename).absolute()
         if FOLDER is None or not source.is_relative_to(SOURCES):
             return None
@@ -129,7 +129,7 @@ class Loop(Deferred):
         name = f"{source.stem}.{self.py_func.__qualname__}-{self.py_func.__code__.co_firstlineno}-{made_for}.code"
         return FOLDER / source.relative_to(SOURCES).parent / name.replace("<locals>", "")
 
-    def _compiled(self, file: Path | None, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    def _compile(self, file: Path | None, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         while BEFORE_COMPILING:
             BEFORE_COMPILING.pop(0)()
         code, kept = numba_inside.compile_loop(self.for_python(), arguments)
@@ -142,8 +142,8 @@ class Loop(Deferred):
         return code
 
 
-def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
-    """Return the function whose machine code a file keeps; None if there is no such file, or none of use here."""
+def _load(file: Path, function: FunctionType) -> Callable[..., Any] | None:
+    """Return the function whose machine code is in a file; None if there is no such file, or it is of no use here."""
     try:
         kept = numba_inside.MachineCode.unpacked(file.read_bytes())
         return None if kept is None else numba_inside.load(kept, function)
@@ -152,13 +152,13 @@ def _loaded(file: Path, function: FunctionType) -> Callable[..., Any] | None:
 
 
 def load_loader() -> None:
-    """Load what loads machine code, which otherwise waits for the first call of a loop."""
+    """Load the loader of machine code now, not at the first call of a loop."""
     with _COMPILING:
         numba_inside.runtime()
 
 
 def _kind(value: Any) -> Hashable:
-    """Return what machine code depends on of an argument: all but its values and sizes.
+    """Return the properties of an argument that machine code depends on: all but its values and sizes.
 
     Raises TypeError for anything but arrays and scalars of numbers, None, and tuples of them.
     """
@@ -187,8 +187,8 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset(), count
     """Compile a function on first use, keep the machine code on disk, and release the interpreter lock while it runs.
 
     Use it as ``@compiled``, or as ``@compiled(fastmath={"reassoc", "contract"})`` where sums may be taken in any order.
-    Never ``parallel=True``: its default threading layer aborts the process when two sessions enter it at once; the
-    threads are ours (:mod:`stereolag.loops.bands`). Never all of ``fastmath``: NaN has a meaning here.
+    Numba's ``parallel=True`` is not used, since its default threading layer aborts the process when two sessions enter
+    it at once; threads come from :mod:`stereolag.loops.bands`. Nor is ``fastmath`` as a whole: NaN has a meaning here.
 
     Parameters
     ----------
@@ -197,8 +197,8 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset(), count
     fastmath
         LLVM's names of the permitted floating-point relaxations.
     counted
-        Whether references to arrays are counted, at every call and field taken out of a record, across all cores. A
-        loop that makes no array and returns none does not need it.
+        Whether references to arrays are counted, at every call and every access to a field of a record, across all
+        cores. A loop that neither makes nor returns an array does not need it.
     """
     if function is None:
         return partial(compiled, fastmath=fastmath, counted=counted)
@@ -208,9 +208,9 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset(), count
 
 
 def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
-    """Let compiled code have a function of its own for a plain one, chosen by the types of the arguments.
+    """Replace a plain function in compiled code by one chosen by the types of the arguments.
 
-    The decorated function gets Numba's types, and returns the function to compile.
+    The decorated function takes Numba's types and returns the function to compile.
     """
 
     def decorate(choose: Function) -> Function:
@@ -234,8 +234,8 @@ def folder_name() -> str:
     return f"stereolag-{digest.hexdigest()[:16]}"
 
 
-def _prepared(folder: Path) -> Path:
-    """Return a folder in which machine code can be kept, and delete folders beside it that are long unused.
+def _prepare(folder: Path) -> Path:
+    """Make a folder for machine code, delete folders beside it that have not been used for long, and return it.
 
     A process that still runs with a deleted folder compiles again on demand. Raises OSError if the folder cannot be
     made or written to.
@@ -247,24 +247,24 @@ def _prepared(folder: Path) -> Path:
         os.utime(folder)
     for other in folder.parent.glob("stereolag-" + 16 * "[0-9a-f]"):
         with suppress(OSError):  # another process may be doing the same
-            if time.time() - other.stat().st_mtime > UNUSED_S:
+            if time.time() - other.stat().st_mtime > MAX_UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
     return folder
 
 
 def _find_folder() -> Path | None:
-    """Choose the folder before anything is compiled, and log it if it is not the usual one; None if there is none."""
+    """Choose the folder before anything is compiled, and log it if it is not the usual one; None if none is usable."""
     usual = Path(named).absolute() if (named := os.environ.get("NUMBA_CACHE_DIR")) else HERE.with_name("__pycache__")
     name, log = folder_name(), logging.getLogger("stereolag")
     try:
-        return _prepared(usual / name)
+        return _prepare(usual / name)
     except OSError as error:
         reason = f"{usual} cannot be used ({error.strerror or error})"
     advice = "To choose the place, set NUMBA_CACHE_DIR to a folder that only this user can write to."
     with suppress(RuntimeError, OSError):  # a user without a home
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "stereolag")
         own.mkdir(mode=0o700, parents=True, exist_ok=True)  # whoever writes code there can make us run it
-        folder = _prepared(own / name)
+        folder = _prepare(own / name)
         log.warning("Machine code is kept in %s: %s. %s", own, reason, advice)
         return folder
     log.warning("Machine code is not kept, and compiled anew at every start: %s. %s", reason, advice)
@@ -275,34 +275,34 @@ FOLDER: Path | None = _find_folder()
 """Folder of the machine code on disk; None if it is not kept."""
 
 
-_FIRST = threading.Lock()
-"""Taken for good by the first that would be helped to compile, or by a process that wants no help."""
+_HELP_TAKEN = threading.Lock()
+"""Acquired once and never released: by the first caller that another process helps to compile, or to refuse help."""
 
 
 def compile_alone() -> bool:
-    """Have no other process started by this one to help it compile; return whether one could have been until now."""
-    return _FIRST.acquire(blocking=False)
+    """Prevent this process from starting another one to help it compile; return whether it still could have."""
+    return _HELP_TAKEN.acquire(blocking=False)
 
 
 @contextmanager
 def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
-    """Let another process compile a share of the loops meanwhile, if no machine code is kept yet.
+    """Let another process compile some of the loops meanwhile, if no machine code is kept yet.
 
-    A process compiles one loop at a time; what another one has compiled it finds on disk.
+    A process compiles one loop at a time, and finds loops compiled by another one on disk.
 
     Parameters
     ----------
     module
-        Its function ``compile_share`` is called there.
+        The module whose function ``compile_share`` the other process calls.
     arguments
-        Those of the call.
+        Arguments of the call.
     """
     helper = None
     nothing_kept = compile_alone() and FOLDER is not None and not any(FOLDER.rglob("*.code"))
     if nothing_kept and sys.executable and not hasattr(sys, "frozen"):
         code = f"import pickle, sys; from {module} import compile_share; compile_share(*pickle.load(sys.stdin.buffer))"
         with suppress(OSError):
-            # Not by multiprocessing, which would run a script again that does not expect it.
+            # Not by multiprocessing, which would run the user's script again.
             helper = subprocess.Popen(
                 [sys.executable, "-P", "-c", code],
                 stdin=subprocess.PIPE,

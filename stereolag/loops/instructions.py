@@ -35,7 +35,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def is_integer(dtype: Any) -> bool:
-    """Return whether a type of numbers, as Numba has it, is one of integers."""
+    """Return whether one of Numba's number types is an integer type."""
     return isinstance(dtype, types.Integer)
 
 
@@ -115,7 +115,7 @@ def splat(typing: Any, value: Any, dtype: Any) -> Any:
         number = context.cast(builder, arguments[0], signature.args[0], lanes.dtype)
         nothing = ir.Constant(context.get_value_type(lanes), ir.Undefined)
         first = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
-        return builder.shuffle_vector(first, nothing, _places([0] * LANES))
+        return builder.shuffle_vector(first, nothing, _lane_indices([0] * LANES))
 
     return lanes(value, dtype), generate
 
@@ -147,13 +147,13 @@ def _conversion(source: Any, target: Any) -> str:
 
 
 def _function(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
-    """Return one of LLVM's own functions, by its name and types."""
+    """Return an intrinsic function of LLVM, by its name and types."""
     function = ir.FunctionType(result, arguments)
     return cgutils.get_or_insert_function(builder.module, function, name)  # type: ignore[no-untyped-call]
 
 
-def _of_two(generate: Callable[..., Any]) -> Instruction:
-    """Make an instruction that takes two values of type ``Lanes`` to one; `generate` writes it with LLVM's builder."""
+def _binary(generate: Callable[..., Any]) -> Instruction:
+    """Make an instruction of two ``Lanes`` that returns one; `generate` writes it with LLVM's builder."""
 
     def typing_and_code(typing: Any, one: Any, other: Any) -> Any:
         return one(one, other), lambda context, builder, signature, arguments: generate(builder, *arguments)
@@ -161,7 +161,7 @@ def _of_two(generate: Callable[..., Any]) -> Instruction:
     return _instruction(typing_and_code)
 
 
-@_of_two
+@_binary
 def paired_products(builder: Any, *pairs: Any) -> Any:
     """Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
 
@@ -170,22 +170,22 @@ def paired_products(builder: Any, *pairs: Any) -> Any:
     halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
     first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in pairs)
     products = builder.mul(first, second)
-    low, high = (builder.shuffle_vector(products, products, _places(range(at, 2 * LANES, 2))) for at in (0, 1))
+    low, high = (builder.shuffle_vector(products, products, _lane_indices(range(at, 2 * LANES, 2))) for at in (0, 1))
     return builder.add(low, high)
 
 
-@_of_two
-def scaled(builder: Any, one: Any, other: Any) -> Any:
-    """Return the upper 16 bits of the product of two uint16: `one` times `other` / 65536 (``vpmulhuw``)."""
+@_binary
+def high_product(builder: Any, one: Any, other: Any) -> Any:
+    """Return the upper 16 bits of the product of two uint16, ``one * other >> 16``, lane by lane (``vpmulhuw``)."""
     wide = ir.VectorType(ir.IntType(32), LANES)
     product = builder.mul(builder.zext(one, wide), builder.zext(other, wide))
     return builder.trunc(builder.lshr(product, ir.Constant(wide, [16] * LANES)), one.type)
 
 
-@_of_two
-def bits_of_both(builder: Any, one: Any, other: Any) -> Any:
-    """Return the number of set bits of two uint16 together, lane by lane."""
-    of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # whose bits are counted by a table of half a byte
+@_binary
+def summed_bit_counts(builder: Any, one: Any, other: Any) -> Any:
+    """Return the total number of set bits of two uint16, lane by lane."""
+    of_bytes = ir.VectorType(ir.IntType(8), 2 * LANES)  # processors count the bits of bytes by a table of half a byte
     count = _function(builder, f"llvm.ctpop.v{2 * LANES}i8", of_bytes, of_bytes)
     first, second = (builder.call(count, [builder.bitcast(lanes, of_bytes)]) for lanes in (one, other))
     pairs = builder.bitcast(builder.add(first, second), one.type)
@@ -193,35 +193,35 @@ def bits_of_both(builder: Any, one: Any, other: Any) -> Any:
     return builder.add(low, builder.lshr(pairs, ir.Constant(one.type, [8] * LANES)))
 
 
-following = _of_two(
-    lambda builder, one, other: builder.shuffle_vector(one, other, _places(range(LANES - 1, 2 * LANES - 1)))
+preceding = _binary(
+    lambda builder, one, other: builder.shuffle_vector(one, other, _lane_indices(range(LANES - 1, 2 * LANES - 1)))
 )
-"""Return the number before each of `other`, which follows `one`: the last of this one, and all but the last of that."""
+"""Return the predecessor of each lane of `other`, which follows `one`: the last of `one`, then `other` but its last."""
 
 
-def _chosen(comparison: str, symbol: str) -> Instruction:
-    """Make an instruction that returns one of two, lane by lane: the first where the comparison holds."""
-    return _of_two(
+def _selection(comparison: str, symbol: str) -> Instruction:
+    """Make an instruction that selects from two lane by lane: the first where the comparison holds."""
+    return _binary(
         lambda builder, one, other: builder.select(getattr(builder, comparison)(symbol, one, other), one, other)
     )
 
 
-larger = _chosen("icmp_signed", ">")
+larger = _selection("icmp_signed", ">")
 """Return the larger of two integers, lane by lane."""
 
-larger_unsigned = _chosen("icmp_unsigned", ">")
+larger_unsigned = _selection("icmp_unsigned", ">")
 """Return the larger of two integers, as unsigned ones, lane by lane."""
 
-smaller = _chosen("icmp_unsigned", "<")
+smaller = _selection("icmp_unsigned", "<")
 """Return the smaller of two integers, as unsigned ones, lane by lane."""
 
-at_least = _chosen("fcmp_ordered", ">")
+larger_float = _selection("fcmp_ordered", ">")
 """Return the larger of two floats, lane by lane; the second for NaN."""
 
 
-@_of_two
-def difference_within(builder: Any, one: Any, other: Any) -> Any:
-    """Return the difference of two signed integers, lane by lane; the end of the dtype where it would be beyond it."""
+@_binary
+def saturating_difference(builder: Any, one: Any, other: Any) -> Any:
+    """Return the difference of two signed integers, lane by lane, clipped to the range of their dtype."""
     name = f"llvm.ssub.sat.v{LANES}i{one.type.element.width}"
     return builder.call(_function(builder, name, one.type, one.type, other.type), [one, other])
 
@@ -248,14 +248,14 @@ def are_equal(typing: Any, one: Any, other: Any) -> Any:
     """Return whether all sixteen integers equal those of `other`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        apart = builder.bitcast(builder.icmp_signed("!=", *arguments), ir.IntType(LANES))
-        return builder.icmp_signed("==", apart, ir.Constant(ir.IntType(LANES), 0))
+        unequal = builder.bitcast(builder.icmp_signed("!=", *arguments), ir.IntType(LANES))
+        return builder.icmp_signed("==", unequal, ir.Constant(ir.IntType(LANES), 0))
 
     return types.boolean(one, other), generate
 
 
-def _over_lanes(operation: str, number: Any) -> Instruction:
-    """Make the instruction that reduces sixteen integers of a type to one by one of LLVM's operations."""
+def _reduction(operation: str, number: Any) -> Instruction:
+    """Make an instruction that reduces sixteen integers of a type to one by an operation of LLVM."""
 
     def typing_and_code(typing: Any, lanes: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -267,19 +267,19 @@ def _over_lanes(operation: str, number: Any) -> Instruction:
     return _instruction(typing_and_code)
 
 
-smallest = _over_lanes("umin", types.uint16)
+smallest = _reduction("umin", types.uint16)
 """Return the smallest of sixteen uint16."""
 
-largest = _over_lanes("smax", types.int32)
+largest = _reduction("smax", types.int32)
 """Return the largest of sixteen int32."""
 
 
-def _places(lanes: Sequence[int]) -> Any:
+def _lane_indices(lanes: Sequence[int]) -> Any:
     return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
 
 
-def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
-    """Give ``Lanes`` one operator: LLVM's instructions for integers and for floats (None: no such instruction)."""
+def _define_operator(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
+    """Define an operator of ``Lanes`` by LLVM's instructions for integers and for floats (None: not for floats)."""
 
     def typer(one: Any, other: Any) -> Any:
         usable = isinstance(one, Lanes) and one == other and (floats or isinstance(one.dtype, types.Integer))
@@ -296,10 +296,10 @@ def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats:
     lower_builtin(symbol, Lanes, Lanes)(generate)  # type: ignore[no-untyped-call]
 
 
-_let_operator_work(operator.add, "add", "fadd")
-_let_operator_work(operator.sub, "sub", "fsub")
-_let_operator_work(operator.mul, "mul", "fmul")
-_let_operator_work(operator.and_, "and_", None)
-_let_operator_work(operator.or_, "or_", None)
-_let_operator_work(operator.xor, "xor", None)
-_let_operator_work(operator.rshift, "lshr", None)
+_define_operator(operator.add, "add", "fadd")
+_define_operator(operator.sub, "sub", "fsub")
+_define_operator(operator.mul, "mul", "fmul")
+_define_operator(operator.and_, "and_", None)
+_define_operator(operator.or_, "or_", None)
+_define_operator(operator.xor, "xor", None)
+_define_operator(operator.rshift, "lshr", None)

@@ -1,9 +1,8 @@
-"""All that loops take from the inside of Numba: what registers hold, and how machine code is kept and loaded.
+"""All uses of Numba's undocumented internals: vector registers, and storing and loading machine code.
 
-Numba documents none of it: instructions for vector registers are written with its code generator, and kept machine
-code is loaded without Numba, whose import takes longer than most measurements. Machine code only needs LLVM's loader
-and the C modules of Numba that it calls. Where anything differs from what a compilation has noted, nothing is loaded,
-and Numba compiles again.
+Instructions for vector registers are written with Numba's code generator. Stored machine code is loaded without Numba,
+whose import takes longer than most measurements: it only needs LLVM's loader and the C modules of Numba that it calls.
+If anything differs from the state at compilation, nothing is loaded, and Numba compiles again.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ __all__ = [
 ]
 
 LANES = 16
-"""Numbers that the registers hold side by side."""
+"""Numbers in one value of vector registers."""
 
 MODULES = {"ir": "llvmlite.ir", "cgutils": "numba.core.cgutils", "types": "numba.core.types"}
 """Modules that instructions are written with, loaded when a loop is first compiled."""
@@ -85,7 +84,7 @@ def __getattr__(name: str) -> ModuleType:
 
 @cache
 def version() -> bytes:
-    """Return what distinguishes this Numba and llvmlite from others, without loading them; raises ImportError."""
+    """Return the versions of Numba and llvmlite, without loading them; raises ImportError."""
     return b"".join(_folder(name).joinpath("_version.py").read_bytes() for name in ("numba", "llvmlite"))
 
 
@@ -98,7 +97,7 @@ def _folder(name: str) -> Path:
 
 @cache
 def processor() -> str:
-    """Return the name of the processor and of its abilities, for which machine code is made."""
+    """Return the name and features of the processor for which machine code is made."""
     from llvmlite import binding
 
     return f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
@@ -106,7 +105,7 @@ def processor() -> str:
 
 @cache
 def numba(deferred: type) -> ModuleType:
-    """Load Numba, to which a name of type `deferred` in a loop is what its method ``made`` returns."""
+    """Load Numba, and let it replace objects of type `deferred` in loops by the results of their method ``made``."""
     context = import_module("numba.core.registry").cpu_target.typing_context
     extending = import_module("numba.extending")
     extending.typeof_impl.register(deferred)(lambda value, _: context.resolve_value_type(value.made()))
@@ -126,29 +125,28 @@ def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[
     Returns
     -------
     tuple
-        The function to call, and its machine code, None if it is only of use in this process.
+        The function to call, and its machine code; None if it cannot be used by another process.
     """
     from numba import typeof
 
     signature = tuple(map(typeof, arguments))
     with _no_collection():
         function = dispatcher.compile(signature)
-    made = dispatcher.overloads[signature]
-    if made.lifted or made.reload_init or made.library.has_dynamic_globals:
+    result = dispatcher.overloads[signature]
+    if result.lifted or result.reload_init or result.library.has_dynamic_globals:
         return function, None
-    code, _ = made.library.serialize_using_object_code()[2]
-    environments = {each.env_name: each.consts for each in (made.environment, *made._find_referenced_environments())}
-    module = made.library._final_module
-    named = [
-        each.name for group in (module.functions, module.global_variables) for each in group if each.is_declaration
-    ]
-    calls = tuple(name for name in named if not name.startswith("llvm."))
-    return function, MachineCode(code, made.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
+    code, _ = result.library.serialize_using_object_code()[2]
+    used = (result.environment, *result._find_referenced_environments())
+    environments = {environment.env_name: environment.consts for environment in used}
+    module = result.library._final_module
+    declared = [symbol.name for symbol in (*module.functions, *module.global_variables) if symbol.is_declaration]
+    calls = tuple(name for name in declared if not name.startswith("llvm."))
+    return function, MachineCode(code, result.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
 
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Let nothing search for garbage, which takes a tenth of a compilation and finds little."""
+    """Disable garbage collection, which takes a tenth of a compilation and finds little."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -192,15 +190,16 @@ def load(kept: MachineCode, function: FunctionType) -> Callable[..., Any] | None
         function.__doc__ or "",
         engine.get_function_address(kept.entry),
         environments[0],
-        (engine, *environments),  # which must live as long as the function
+        (engine, *environments),  # they must live as long as the function
     )
 
 
 @cache
 def runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
-    """Load all that machine code calls; return LLVM's loader, and Numba's functions and environments of Python objects.
+    """Load everything that machine code calls.
 
-    Numba later finds its C modules loaded, and gives their symbols the same addresses again.
+    Returns LLVM's loader, and Numba's constructors of functions and of environments. Numba later finds its C modules
+    loaded, and gives their symbols the same addresses again.
     """
     from llvmlite import binding
 
@@ -220,9 +219,10 @@ def runtime() -> tuple[Any, Callable[..., Any], type[Any]]:
 
 
 def _restore_without_numba(address: int) -> None:
-    """Let the C function at `address` restore what machine code keeps pickled, as the class of an array it returns.
+    """Let the C function at `address` unpickle the objects of machine code, such as the class of an array it returns.
 
-    It asks a module of Numba for the function that does, and keeps it: here, one that needs nothing else.
+    On its first call, it takes the function that does so from a module of Numba and keeps it. Here, that module is a
+    stand-in with a function that does not need Numba.
     """
     if "numba" in sys.modules:
         return

@@ -1,7 +1,7 @@
 """The processor's vector registers as a type for compiled loops: sixteen neighbours at once.
 
-Numba leaves it to LLVM to find the plain loops that can run on vector registers; the loops of the window correlation
-use too many arrays for it to prove that none overlap, and it gives up. So these loops are vectorised explicitly. A
+Numba relies on LLVM to vectorise plain loops. The loops of the window correlation use too many arrays for LLVM to prove
+that none overlap, and it gives up. So these loops are vectorised explicitly. A
 value of type ``Lanes`` is sixteen numbers side by side. LLVM maps it to the registers of the machine: one of AVX-512,
 two of AVX2, four of SSE or NEON. Inside compiled code ``+ - * & | ^ >>`` work on it lane by lane, the last one on
 unsigned bits. Indices count elements from the start of the array, whatever its shape, and are not checked.
@@ -30,7 +30,7 @@ else:
 
 
 def lanes_for(count: int) -> int:
-    """Return how many lanes, in whole strips of sixteen, hold `count` numbers."""
+    """Return `count` rounded up to a multiple of sixteen lanes."""
     return -(-count // LANES) * LANES
 
 

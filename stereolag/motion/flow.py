@@ -23,7 +23,7 @@ from stereolag.core.inputs import (
     rescale_extreme_floats,
 )
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
-from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
+from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, SliderRange
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import keep_freed_memory
@@ -244,7 +244,7 @@ class FlowMatcher(Settings):
         le=255,
         json_schema_extra={"step": 2},
     )
-    search: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
+    search: Annotated[int, Pixels(rounded_up=True), OfThePair(), SliderRange(high=256)] = Field(
         default=SEARCH,
         title="Search",
         description="How far a pixel may have moved in any direction, px.",

@@ -1,4 +1,4 @@
-"""Recording 2 on the clock of recording 1: shifted by the lag, resampled where it drifts, stepped where it jumps."""
+"""Recording 2 on the clock of recording 1: shifted by the lag, resampled for drift, and with steps for its jumps."""
 
 from __future__ import annotations
 
@@ -13,21 +13,18 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
 from stereolag.core.jobs import Estimate, Progress, check_memory
 from stereolag.signals.lag import SignalLag, common_rate, signal_lag
-from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
+from stereolag.signals.over_time import TAPS, LagOverTime, Stretch, on_first_clock
 
 Signal = npt.NDArray[np.floating]
 
 BLOCK = 2**20
 """Samples aligned at a time."""
 
-_MARGIN = 32
-"""Samples of recording 2 on either side that interpolation needs."""
+_MAX_IGNORED_FRACTION = 0.02
+"""Samples; a lag that differs by no more from a whole number, and does not drift by more, moves whole samples."""
 
-_NEARLY = 0.02
-"""A lag this near to whole samples, and constant to as much, moves the samples without changing them."""
-
-_SIGNIFICANT = 4
-"""Standard errors from which on a slope is one."""
+_MIN_DRIFT_ERRORS = 4
+"""Standard errors above which a drift is significant."""
 
 
 def align(
@@ -41,9 +38,9 @@ def align(
 ) -> Signal:
     """Return recording 2 on the clock of recording 1: the sample that belongs to each sample of recording 1.
 
-    The lag is undone at every time: the clock's drift by resampling (a windowed sinc of 32 samples), dropped buffers by
-    steps. Where recording 2 has no sample, before its start, after its end and where a buffer is missing, its mean
-    stands, which no correlation sees. Samples that recording 1 lacks are left out.
+    The lag is undone at every time: clock drift by resampling (a windowed sinc of 32 samples), dropped buffers by
+    steps. Where recording 2 has no samples (before its start, after its end, and where a buffer is missing), its mean
+    is filled in, which does not correlate. Samples missing in recording 1 are left out.
 
     Parameters
     ----------
@@ -89,7 +86,7 @@ def align(
 
 
 def aligned_blocks(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> Iterator[Vector]:
-    """Yield what :func:`align` returns, ``BLOCK`` samples at a time, float64."""
+    """Yield the result of :func:`align` in blocks of ``BLOCK`` samples, float64."""
     clock = shared_clock(signal_1, signal_2, lag)
     mean = float(signal_2.mean(dtype=np.float64))
     for first in range(0, signal_1.size, BLOCK):
@@ -118,10 +115,10 @@ def shared_clock(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> 
                 "lag to undo in samples, or recordings with more in common."
             )
         over_time = lag.over_time
-        if over_time is not None and (over_time.shows or _drifts(over_time)):
+        if over_time is not None and (over_time.changes or _drifts(over_time)):
             return _without_gaps(over_time, signal_1.size)
         lag = lag.lag_subsample
-        if abs(lag - round(lag)) <= _NEARLY:
+        if abs(lag - round(lag)) <= _MAX_IGNORED_FRACTION:
             lag = round(lag)
     if not -signal_1.size < lag < signal_2.size:
         raise ValueError(
@@ -132,20 +129,20 @@ def shared_clock(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> 
 
 
 def _without_gaps(over_time: LagOverTime, size: int) -> tuple[Stretch, ...]:
-    """Return the stretches from the first to the last of `size` samples, less those that recording 2 lacks."""
+    """Return the stretches, extended to all of `size` samples, without the samples missing in recording 2."""
     gaps = [0, *(max(0, round(step.missing)) for step in over_time.steps)]
-    lines = [replace(one, begin=one.begin + gap) for one, gap in zip(over_time.stretches, gaps, strict=True)]
+    lines = [replace(line, begin=line.begin + gap) for line, gap in zip(over_time.stretches, gaps, strict=True)]
     lines[0] = replace(lines[0], begin=0)
     lines[-1] = replace(lines[-1], end=size)
-    return tuple(one for one in lines if one.begin < one.end)
+    return tuple(line for line in lines if line.begin < line.end)
 
 
 def _drifts(over_time: LagOverTime) -> bool:
-    return abs(over_time.span) > _NEARLY and abs(over_time.ppm) > _SIGNIFICANT * over_time.error_ppm
+    return abs(over_time.span) > _MAX_IGNORED_FRACTION and abs(over_time.ppm) > _MIN_DRIFT_ERRORS * over_time.error_ppm
 
 
 def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: int, mean: float) -> Vector:
-    """Return the samples of recording 2 that belong to the samples `first` to `last` - 1 of recording 1.
+    """Return recording 2 resampled to the samples `first` to `last` - 1 of recording 1.
 
     Parameters
     ----------
@@ -164,19 +161,19 @@ def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: i
         if low >= high:
             continue
         ends = low + line.lag_at(low), high - 1 + line.lag_at(high - 1)
-        begin = max(0, math.floor(ends[0]) - _MARGIN)
-        part = signal_2[begin : max(begin, math.ceil(ends[1]) + _MARGIN + 1)].astype(np.float64)
+        begin = max(0, math.floor(ends[0]) - TAPS)
+        part = signal_2[begin : max(begin, math.ceil(ends[1]) + TAPS + 1)].astype(np.float64)
         if part.size:
             part = (part - mean).astype(np.float32)
-            line = replace(line, start=line.start - begin)
-            aligned[low - first : high - first] += on_first_clock(part, LagOverTime((line,)), low, high - low)
+            aligned[low - first : high - first] += on_first_clock(part, line.for_part(begin), low, high - low)
     return aligned
 
 
 def mix(signal_1: Signal, signal_2: Signal) -> Vector:
-    """Return both recordings mixed equally loud, from the first sample of both to the last of the longer, float64."""
-    both = np.zeros(max(signal_1.size, signal_2.size))
-    for signal in (one for one in (signal_1, signal_2) if one.size):  # two minutes may be no sample
-        centred = signal - signal.mean(dtype=np.float64)
-        both[: signal.size] += centred / (centred.std() or 1.0)
-    return both
+    """Return the sum of both recordings, equally loud, over the length of the longer one, float64."""
+    mixed = np.zeros(max(signal_1.size, signal_2.size))
+    for signal in (signal_1, signal_2):
+        if signal.size:  # at a very low sampling rate, a stretch may have none
+            centred = signal - signal.mean(dtype=np.float64)
+            mixed[: signal.size] += centred / (centred.std() or 1.0)
+    return mixed

@@ -1,4 +1,4 @@
-"""Recordings small enough to slide by hand, where every product can be seen, and a sound disturbed as one likes."""
+"""Recordings small enough to slide by hand, with every product visible, and a sound with adjustable disturbances."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ HOME = 90
 """Samples of recording 2 before the true place of the cut."""
 
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-"""Samples of a recording of which one of an excerpt is the mean."""
+"""Samples of a recording that are averaged to one of an excerpt."""
 
 STRETCHES = 48
-"""Stretches tried for an excerpt, spread evenly over the part that both recordings share."""
+"""Stretches tried for an excerpt, evenly spaced over the overlap of both recordings."""
 
 PEAK_WIDTH = 4
 """Places to either side of a peak that belong to it."""
@@ -60,7 +60,7 @@ class Slide:
 
     @property
     def scores(self) -> Vector:
-        """Return Pearson's correlation of the cut with what is under it, at each place; 0 where that is flat."""
+        """Pearson's correlation of the cut with the samples under it, at each place; 0 where these are flat."""
         under = np.lib.stride_tricks.sliding_window_view(self.recording, self.cut.size)
         under = under - under.mean(axis=1, keepdims=True)
         cut = self.cut - self.cut.mean()
@@ -69,7 +69,7 @@ class Slide:
 
     @property
     def rival(self) -> float:
-        """Return the highest correlation beyond the peak."""
+        """The highest correlation outside the peak."""
         scores = self.scores
         away = np.abs(np.arange(scores.size) - int(np.argmax(scores))) > PEAK_WIDTH
         return float(scores[away].max())
@@ -83,7 +83,7 @@ def seven_numbers() -> Slide:
 
 
 def excerpt(signal_1: Vector, signal_2: Vector, lag: int) -> Slide | None:
-    """Return a stretch of two recordings to slide, the one in which the place at `lag` stands out most.
+    """Return the stretch of two recordings in which the place at `lag` stands out most.
 
     Each sample is the mean of `step` samples of the recordings.
 
@@ -99,11 +99,11 @@ def excerpt(signal_1: Vector, signal_2: Vector, lag: int) -> Slide | None:
     Slide or None
         None if the recordings overlap too little at this lag, or are flat there.
     """
-    return max(_excerpts(signal_1, signal_2, lag), key=lambda one: one.scores.max() - one.rival, default=None)
+    return max(_excerpts(signal_1, signal_2, lag), key=lambda slide: slide.scores.max() - slide.rival, default=None)
 
 
 def _excerpts(signal_1: Vector, signal_2: Vector, lag: int) -> Iterator[Slide]:
-    """Yield stretches of the part that both share, with every step for which the recordings are long enough."""
+    """Yield stretches of the overlap, with every step for which the recordings are long enough."""
     shared, _ = overlap_slices(signal_1.size, signal_2.size, lag)
     for step in STEPS:
         cut, slid_over = CUT_SAMPLES * step, SLID_OVER * step
@@ -151,17 +151,18 @@ ECHO_DELAY = 300
 MAX_LAG = 2000
 """Largest lag searched in disturbed recordings, samples."""
 
-_LONGEST_PERIOD, _MOST_DRIFT = 800, 20
+_MAX_PERIOD = 800
+_MAX_DRIFT = 20
 
-_SOFTNESS = 0.7 ** np.arange(128)
-"""What is left of each sample in the next ones: real sounds are not as sharp as white noise."""
+_RESPONSE = 0.7 ** np.arange(128)
+"""Impulse response that makes white noise as soft as real sounds."""
 
-_BEFORE = LAG + ECHO_DELAY + _MOST_DRIFT + 64
-"""Samples of the sound before the recordings begin, which reach sensor 2 late."""
+_BEFORE = LAG + ECHO_DELAY + _MAX_DRIFT + 64
+"""Samples of the sound before the recordings begin, which reach sensor 2 later."""
 
 
 class Disturbances(Settings):
-    """What disturbs two recordings of one sound; `draw` is the number of the noise."""
+    """Disturbances of two recordings of one sound; `draw` is the number of the noise."""
 
     noise: int = Field(
         default=-10,
@@ -185,7 +186,7 @@ class Disturbances(Settings):
         title="Period",
         description="Samples until it repeats",
         ge=20,
-        le=_LONGEST_PERIOD,
+        le=_MAX_PERIOD,
         multiple_of=20,
         json_schema_extra={"unit": "samples"},
     )
@@ -203,26 +204,26 @@ class Disturbances(Settings):
         title="Drift",
         description="Growth of the lag from the first sample to the last",
         ge=0,
-        le=_MOST_DRIFT,
+        le=_MAX_DRIFT,
         json_schema_extra={"unit": "samples"},
     )
     draw: int = Field(default=0, ge=0)
 
 
 def disturbed(settings: Disturbances) -> tuple[Vector, Vector]:
-    """Return two recordings of one sound, which reaches sensor 2 ``LAG`` samples later; the same each time.
+    """Return two recordings of one sound, which reaches sensor 2 ``LAG`` samples later; the same in every call.
 
     Parameters
     ----------
     settings
-        The noise of each sensor; how much of the sound repeats, and after how many samples; how loud it arrives once
-        more, ``ECHO_DELAY`` samples later; and how much the lag grows in the ``SAMPLES`` samples.
+        The noise of each sensor; the share of the sound that repeats, and its period; the loudness of the echo, which
+        arrives ``ECHO_DELAY`` samples later; and the growth of the lag over the ``SAMPLES`` samples.
     """
     random = np.random.default_rng(5)
-    fresh = random.normal(size=_SOFTNESS.size - 1 + _BEFORE + SAMPLES)
-    repeated = np.resize(random.normal(size=_LONGEST_PERIOD)[: settings.period], fresh.size)
+    fresh = random.normal(size=_RESPONSE.size - 1 + _BEFORE + SAMPLES)
+    repeated = np.resize(random.normal(size=_MAX_PERIOD)[: settings.period], fresh.size)
     share = settings.repetition / 100
-    sound = np.convolve(np.sqrt(1 - share) * fresh + np.sqrt(share) * repeated, _SOFTNESS, mode="valid")
+    sound = np.convolve(np.sqrt(1 - share) * fresh + np.sqrt(share) * repeated, _RESPONSE, mode="valid")
     sound = (sound - sound.mean()) / sound.std()
     time = np.arange(-ECHO_DELAY, SAMPLES)
     late = ndimage.map_coordinates(sound, [_BEFORE + time - LAG - settings.drift * (time / SAMPLES - 0.5)], order=5)

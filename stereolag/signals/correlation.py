@@ -27,8 +27,8 @@ Lags = npt.NDArray[np.int64]
 FLAT = 1e-10
 """An overlap with less than this share of a recording's energy is flat: rounding would decide its correlation."""
 
-_LOUD_STEPS = 8
-"""The loudest stretch starts at a multiple of its length over this number."""
+_STEPS_PER_STRETCH = 8
+"""Steps per length of a stretch by which the loudest one is searched for."""
 
 
 def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.integer]) -> Lags:
@@ -42,18 +42,17 @@ def overlap_slices(size_1: int, size_2: int, lag: int) -> tuple[slice, slice]:
     return slice(start, stop), slice(start + lag, stop + lag)
 
 
-def loudest_stretch(one: Recording, other: Recording, lag: int, longest: int) -> tuple[slice, slice]:
-    """Return the parts of both, at most `longest` samples, in which they are loudest together at `lag`."""
-    part, _ = overlap_slices(one.size, other.size, lag)
+def loudest_stretch(signal_1: Recording, signal_2: Recording, lag: int, longest: int) -> tuple[slice, slice]:
+    """Return the parts of both, at most `longest` samples, that are loudest together at `lag`."""
+    part, _ = overlap_slices(signal_1.size, signal_2.size, lag)
     start, size = part.start, part.stop - part.start
     if size > longest:
-        step = longest // _LOUD_STEPS
+        step = longest // _STEPS_PER_STRETCH
         energies = []
         for first in range(part.start, part.stop, step):
             stop = min(first + step, part.stop)
-            here = one.part(first, stop)
-            energies.append(np.sum((here * (here if other is one else other.part(first + lag, stop + lag))) ** 2))
-        loudest = int(np.argmax(np.convolve(energies, np.ones(_LOUD_STEPS), mode="valid")))
+            energies.append(np.sum((signal_1.part(first, stop) * signal_2.part(first + lag, stop + lag)) ** 2))
+        loudest = int(np.argmax(np.convolve(energies, np.ones(_STEPS_PER_STRETCH), mode="valid")))
         start, size = start + min(step * loudest, size - longest), longest
     return slice(start, start + size), slice(start + lag, start + size + lag)
 
@@ -82,40 +81,40 @@ def overlap_pearson(signal_1: Recording, signal_2: Recording, lag: int) -> float
 
 
 @compiled
-def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
-    """Fill `turned` (N,) with ``signal * turn``, and with zeros after the end of the signal."""
+def rotate(signal: Vector, rotation: Spectrum, rotated: Spectrum) -> None:
+    """Fill `rotated` (N,) with ``signal * rotation``, and with zeros after the end of the signal."""
     for i in range(signal.size):
-        turned[i] = complex(signal[i] * turn[i].real, signal[i] * turn[i].imag)
-    for at in range(signal.size, turned.size):
-        turned[at] = 0
+        rotated[i] = complex(signal[i] * rotation[i].real, signal[i] * rotation[i].imag)
+    for at in range(signal.size, rotated.size):
+        rotated[at] = 0
 
 
 @compiled
 def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
     """Return ``conj(spectrum_1) * spectrum_2``, in the memory of the first."""
     for i in range(spectrum_1.size):
-        one, other = spectrum_1[i], spectrum_2[i]
+        first, second = spectrum_1[i], spectrum_2[i]
         spectrum_1[i] = complex(
-            one.real * other.real + one.imag * other.imag, one.real * other.imag - one.imag * other.real
+            first.real * second.real + first.imag * second.imag, first.real * second.imag - first.imag * second.real
         )
     return spectrum_1
 
 
 @compiled
-def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
-    """Return lags `first` (≤ 0) to `last` (≥ 0) of ``products * conj(turn)``: negative lags are the imaginary part.
+def rotate_back(products: Spectrum, rotation: Spectrum, first: int, last: int) -> Vector:
+    """Return lags `first` (≤ 0) to `last` (≥ 0) of ``products * conj(rotation)``: negative lags are the imaginary part.
 
     Parameters
     ----------
-    products, turn
+    products, rotation
         (N,) complex128; lag ``l`` is at index ``l``, and a negative one at ``N + l``.
     """
     curve = np.empty(last - first + 1)
     for lag in range(last + 1):
-        curve[lag - first] = products[lag].real * turn[lag].real + products[lag].imag * turn[lag].imag
+        curve[lag - first] = products[lag].real * rotation[lag].real + products[lag].imag * rotation[lag].imag
     wrapped = products.size + first
     for i in range(-first):
-        product, angle = products[wrapped + i], turn[wrapped + i]
+        product, angle = products[wrapped + i], rotation[wrapped + i]
         curve[i] = product.imag * angle.real - product.real * angle.imag
     return curve
 
@@ -188,9 +187,9 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
             curve[index] = pearson * np.sqrt(first.size / longest)
 
 
-def turn_forth_reference(signal: Vector, turn: Spectrum) -> Spectrum:
-    """Return the expected result of :func:`turn_forth`."""
-    return np.asarray(np.pad(signal, (0, turn.size - signal.size)) * turn)
+def rotate_reference(signal: Vector, rotation: Spectrum) -> Spectrum:
+    """Return the expected result of :func:`rotate`."""
+    return np.asarray(np.pad(signal, (0, rotation.size - signal.size)) * rotation)
 
 
 def cross_spectrum_reference(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
@@ -198,10 +197,10 @@ def cross_spectrum_reference(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spec
     return np.asarray(spectrum_1.conj() * spectrum_2)
 
 
-def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
-    """Return the expected result of :func:`turn_back`."""
-    turned = products * turn.conj()
-    return np.concatenate((turned.imag[turned.size + first :], turned.real[: last + 1]))
+def rotate_back_reference(products: Spectrum, rotation: Spectrum, first: int, last: int) -> Vector:
+    """Return the expected result of :func:`rotate_back`."""
+    rotated = products * rotation.conj()
+    return np.concatenate((rotated.imag[rotated.size + first :], rotated.real[: last + 1]))
 
 
 def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: Lags) -> Vector:
@@ -211,12 +210,16 @@ def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: Lags) -
     return np.asarray(np.nan_to_num(np.array(scores) * np.sqrt(weight)))
 
 
-_FADED_SHARE, _WHITENING_FLOOR = 0.03, 1e-3
+_FADED_SHARE = 0.03
+"""Share of a recording that is faded at each end before it is whitened."""
 
-_LARGEST_KEPT = 2**20
+_WHITENING_FLOOR = 1e-3
+"""Floor of the magnitudes that are whitened, as a share of their mean."""
+
+_MAX_CACHED_POINTS = 2**20
 """Points of the longest right angle that is cached for the next call: 16 MB."""
 
-_TRANSFORMS_KEPT = 16
+_CACHED_TRANSFORMS = 16
 """Number of lengths for which SciPy caches the twiddle factors."""
 
 _PRODUCTS_PER_CALL = 200_000_000
@@ -261,7 +264,7 @@ SHORTEST_BLOCK = 2**16
 """Points of the smallest transform: shorter ones are no faster per sample."""
 
 _BLOCKS_PER_REACH = 4
-"""Length of a transform over the number of lags: all but one of this many parts of a block are new samples."""
+"""Length of a transform over the number of lags: in every block, all but one part of this many are new samples."""
 
 
 def block_length(lags: int) -> int:
@@ -283,12 +286,12 @@ def block_curve(
     """
     curve = _block_products(signal_1, signal_2, first, last, progress)
     earlier = min(max(0, -first), curve.size)
-    _weigh(curve[earlier:], first + earlier, signal_1, signal_2)
-    _weigh(curve[:earlier][::-1], 1 - first - earlier, signal_2, signal_1)
+    _weight_products(curve[earlier:], first + earlier, signal_1, signal_2)
+    _weight_products(curve[:earlier][::-1], 1 - first - earlier, signal_2, signal_1)
     return curve
 
 
-def _weigh(products: Vector, first: int, signal_1: ConvertedRecording, signal_2: ConvertedRecording) -> None:
+def _weight_products(products: Vector, first: int, signal_1: ConvertedRecording, signal_2: ConvertedRecording) -> None:
     """Turn the products from the lag `first` ≥ 0 on into the weighted correlation, in place."""
     sizes, flat = (signal_1.size, signal_2.size), (FLAT * signal_1.energy, FLAT * signal_2.energy)
     for start in range(0, products.size, signal_2.piece):
@@ -328,7 +331,7 @@ def _block_products(signal_1: Recording, signal_2: Recording, first: int, last: 
 def faded(signal: Vector, length: int | None = None) -> Vector:
     """Return a copy faded in from zero at its start and out to zero at its end, by raised cosines.
 
-    Over so many samples each; None: 3 % of them.
+    Over `length` samples each; None: 3 % of them.
     """
     faded = signal.copy()
     length = round(_FADED_SHARE * signal.size) if length is None else length
@@ -349,26 +352,26 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     time (the "right-angle convolution" of negacyclic transforms).
     """
     size = transform_length(max(signal_1.size, signal_2.size))
-    turned = np.empty((2, size), dtype=np.complex128)
-    right_angle = _right_angle if size <= _LARGEST_KEPT else _right_angle.__wrapped__  # which keeps none
-    turn = right_angle(size)
-    for signal, row in zip((signal_1, signal_2), turned, strict=True):
-        turn_forth(faded(signal) if whiten else signal, turn, row)
+    rotated = np.empty((2, size), dtype=np.complex128)
+    right_angle = _right_angle if size <= _MAX_CACHED_POINTS else _right_angle.__wrapped__  # without the cache
+    rotation = right_angle(size)
+    for signal, row in zip((signal_1, signal_2), rotated, strict=True):
+        rotate(faded(signal) if whiten else signal, rotation, row)
     # The transforms need the most memory, so arrays that are quick to recompute are freed first.
-    del turn
-    spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
+    del rotation
+    spectrum = cross_spectrum(*fft.fft(rotated, axis=1, workers=2, overwrite_x=True))
     if whiten:
         magnitude = np.abs(spectrum)
         spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
     products = fft.ifft(spectrum, overwrite_x=True)
-    if size > _LARGEST_KEPT:
+    if size > _MAX_CACHED_POINTS:
         _forget_transforms()
-    return turn_back(products, right_angle(size), first, last)
+    return rotate_back(products, right_angle(size), first, last)
 
 
 def _forget_transforms() -> None:
     """Replace the long transforms in SciPy's cache by short ones: it keeps 16 bytes per point of the last 16."""
-    for length in range(2, 2 + _TRANSFORMS_KEPT):
+    for length in range(2, 2 + _CACHED_TRANSFORMS):
         fft.fft(np.zeros(length, dtype=np.complex128))
 
 
@@ -384,6 +387,6 @@ def _right_angle(size: int) -> Spectrum:
     fine = int(np.sqrt(size)) + 1
     angle = -0.5j * np.pi / size
     steps = np.outer(np.exp(angle * fine * np.arange(-(-size // fine))), np.exp(angle * np.arange(fine)))
-    turn = steps.ravel()[:size]
-    turn.flags.writeable = False
-    return turn
+    rotation = steps.ravel()[:size]
+    rotation.flags.writeable = False
+    return rotation

@@ -34,7 +34,7 @@ from stereolag.signals.over_time import LagOverTime, Step
 from stereolag.signals.peaks import peak_ratio
 from stereolag.signals.recordings import ConvertedRecording, HeldRecording, Recording
 from stereolag.signals.search import (
-    AROUND,
+    REFINED_REACH,
     FoundLag,
     cell_size,
     lags_within,
@@ -98,18 +98,16 @@ def _own_rate(signal: object) -> float | None:
 
 Algorithm: TypeAlias = Literal["whole", "blocks", "bands"]
 
-_TRANSFORM_PER_BLOCK = 4
-
-LONGEST_WHOLE = 2**23
-"""Longest recording that is always transformed as a whole, samples: three minutes at 44.1 kHz, 1.2 GB."""
+MAX_WHOLE_LENGTH = 2**23
+"""Samples; longest recording that is always transformed as a whole: three minutes at 44.1 kHz, 1.2 GB."""
 
 
 def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
     """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
 
-    "fft" with a `max_lag` that is small against the recordings takes one block of each at a time, and a few bands of
-    both for every lag of recordings above ``LONGEST_WHOLE`` samples; otherwise both recordings are kept as float64,
-    with what the method's row of :data:`stereolag.core.jobs.COSTS` lists.
+    "fft" takes one block of each recording at a time if `max_lag` is small against them, and a few bands of both for
+    recordings above ``MAX_WHOLE_LENGTH`` samples. Otherwise both recordings are kept as float64, with the arrays listed
+    in the method's row of :data:`stereolag.core.jobs.COSTS`.
 
     Parameters
     ----------
@@ -128,7 +126,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
         return _estimate_blocks(size_1, size_2, lags, judged)
     if chosen == "bands":
         step = cell_size(size_1, size_2)
-        points, around = total // step, _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND, 0)
+        points, around = total // step, _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * REFINED_REACH, 0)
         return COSTS["lag by bands"].estimate(
             samples=total,
             longest=longest,
@@ -160,10 +158,10 @@ def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Alg
     if method != "fft":
         return "whole"
     first, last = lags_within((size_1, size_2), reach)
-    # Blocks take less memory and time than one transform of a recording at least this many times as long.
-    if _TRANSFORM_PER_BLOCK * block_length(last - first + 1) <= longest:
+    # Blocks take less memory and time than one transform of a recording at least four times as long.
+    if 4 * block_length(last - first + 1) <= longest:
         return "blocks"
-    return "whole" if longest <= LONGEST_WHOLE else "bands"
+    return "whole" if longest <= MAX_WHOLE_LENGTH else "bands"
 
 
 def _estimate_blocks(size_1: int, size_2: int, lags: int, judged: int) -> Estimate:
@@ -191,25 +189,25 @@ def product_count(size_1: int, size_2: int, reach: int) -> int:
     return of_one_sign(size_1, size_2) + of_one_sign(size_2, size_1) - min(size_1, size_2)
 
 
-_SEARCHING = 0.8
-"""Share of the time that the search of long recordings takes; the rest is the judgement."""
+_SEARCH_SHARE = 0.8
+"""Share of the time that the search of long recordings takes; the judgement takes the rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class SignalLag(Shown):
     """The lag of `signal_2` behind `signal_1`, and how reliable it is.
 
-    The lag is the one that all evidence speaks for, whatever curve the method shows; with drift, the one in the middle
-    of the longest stretch. "direct" and "sampled" give the lag that they find themselves, and "fft" and "phat" where it
-    is plain at a glance.
+    The lag is the one with the most evidence, whatever curve the method shows; with drift, that in the middle of the
+    longest stretch. "direct" and "sampled" always return the lag that they find themselves, "fft" and "phat" if it is
+    obvious.
 
     Attributes
     ----------
     lags, correlation
         (N,) int64 and float64: the lags searched and the curve that peaks at `lag`. None for "sampled". If every lag of
         long recordings was searched ("fft", see :func:`signal_lag`), both are reduced to one point per stretch of lags:
-        where the curve may be highest, and its height there. The heights are measured within 4,096 samples of the peak
-        and its rivals; elsewhere they are an upper bound, never above the peak.
+        where the curve may be highest, and its height there. Within 4,096 samples of the peak and its rivals the
+        heights are measured; elsewhere they are an upper bound, never above the peak.
     votes
         Votes per lag, the winner first; "sampled" only, otherwise None.
     elapsed_s
@@ -217,8 +215,8 @@ class SignalLag(Shown):
     sampling_rate, speed
         As given to :func:`signal_lag`, or taken from the recordings.
     begins_again_at
-        The number at which the values of both recordings begin again, as 360 of headings: their steps were correlated.
-        None if they do not, and for "sampled".
+        The number at which the values of both recordings wrap around, as headings do at 360: their steps were
+        correlated. None if they do not, and for "sampled".
 
     Examples
     --------
@@ -241,27 +239,23 @@ class SignalLag(Shown):
     begins_again_at: float | None
     _found: FoundLag = field(repr=False)
     _score: float = field(repr=False)
-    _bound: bool = field(repr=False)
+    _fixed: bool = field(repr=False)
     _recordings: tuple[Recording, Recording] | None = field(repr=False)
     _reach: int = field(repr=False)
 
     @cached_property
     def _decided(self) -> tuple[LagJudgement, float]:
-        """The judgement, and Pearson's correlation at its lag; the recordings are let go."""
+        """The judgement, and Pearson's correlation at its lag; the recordings are released."""
         assert self._recordings is not None
-        judgement = judge(self._recordings, self._found, self._reach, bound=self._bound)
-        lag = self._whole(judgement.lag)
+        judgement = judge(self._recordings, self._found, self._reach, fixed=self._fixed)
+        lag = self._found.rounded(judgement.lag)
         score = self._score if lag == self._found.lag else overlap_pearson(*self._recordings, lag)
         object.__setattr__(self, "_recordings", None)
         return judgement, score
 
-    def _whole(self, lag: float) -> int:
-        """Return the whole lag of one with its fraction: halfway between two, the one that the search found."""
-        return self._found.lag if abs(lag - self._found.lag) <= 0.5 else round(lag)
-
     @property
     def judgement(self) -> LagJudgement:
-        """Whether the lag is reliable, and why; `verdict`, `rivals` and the properties below read it.
+        """Whether the lag is reliable, and why; read by `verdict`, `rivals` and the properties below.
 
         Computed on first access; until then the result keeps the recordings in memory. Computed at once for long
         recordings, and if :func:`signal_lag` is given a `progress`.
@@ -271,12 +265,12 @@ class SignalLag(Shown):
     @property
     def lag_subsample(self) -> float:
         """The lag including its fraction, samples."""
-        return self._found.lag + self._found.fraction if self._bound else self.judgement.lag
+        return self._found.lag + self._found.fraction if self._fixed else self.judgement.lag
 
     @property
     def lag(self) -> int:
         """Samples; positive if signal 2 records the event later."""
-        return self._whole(self.lag_subsample)
+        return self._found.rounded(self.lag_subsample)
 
     @property
     def time_s(self) -> float:
@@ -291,7 +285,7 @@ class SignalLag(Shown):
     @property
     def score(self) -> float:
         """Pearson's correlation of the samples that overlap at `lag`, -1..1."""
-        return self._score if self._bound else self._decided[1]
+        return self._score if self._fixed else self._decided[1]
 
     @property
     def peak_ratio(self) -> float:
@@ -332,7 +326,7 @@ class SignalLag(Shown):
 
     @property
     def over_time(self) -> LagOverTime | None:
-        """How the lag changes over time; None if it cannot be measured or the verdict is not "sure"."""
+        """The lag over time; None if it cannot be measured or the verdict is not "sure"."""
         return self.judgement.over_time
 
     @property
@@ -342,7 +336,7 @@ class SignalLag(Shown):
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The jumps of the lag, where samples are missing in one of the recordings, in order of time."""
+        """The jumps of the lag in order of time, where samples are missing in one of the recordings."""
         return self.over_time.steps if self.over_time else ()
 
     @property
@@ -352,7 +346,7 @@ class SignalLag(Shown):
 
     def lag_at(self, seconds: float) -> float:
         """Return the lag at a time of recording 1, samples; `lag_subsample` if it does not change."""
-        if self.over_time is None or not self.over_time.shows:
+        if self.over_time is None or not self.over_time.changes:
             return self.lag_subsample
         return self.over_time.lag_at(seconds * self.sampling_rate)
 
@@ -371,8 +365,8 @@ def signal_lag(
     """Return the lag of `signal_2` behind `signal_1`: positive if signal 2 records the event later.
 
     Means are removed first, and nothing wraps around: a delay beyond half a recording does not alias. The peak is that
-    of the signed correlation, so an inverted copy is not a match. Where the values of both begin again at the same
-    number, as a heading in degrees or the count of an encoder, all methods but "sampled" correlate their steps.
+    of the signed correlation, so an inverted copy is not a match. If the values of both wrap around at the same number,
+    as a heading in degrees or the count of an encoder does, all methods but "sampled" correlate their steps.
 
     Parameters
     ----------
@@ -392,7 +386,7 @@ def signal_lag(
             Phase correlation (GCC-PHAT): sharp to fractions of a sample, even in rooms with echoes.
         ``"sampled"``
             Random samples of one recording, looked up by value in the other, vote for a lag (see
-            :func:`stereolag.signals.search.sampled_votes`). Reliable while the noise of each recording stays 10 dB
+            :func:`stereolag.signals.search.sampled_votes`). Reliable if the noise of each recording is at least 10 dB
             below the sound; reads no more of the recordings than necessary.
         ``"direct"``
             The curve of "fft", with the products summed lag by lag: slow, and simple enough to trust.
@@ -400,9 +394,9 @@ def signal_lag(
         Search ``-max_lag..max_lag`` only, samples. If that is small compared with the recordings, "fft" processes them
         in blocks, with the same result: an hour takes only the memory of a few `max_lag`. Above 8 million samples
         (3 minutes at 44.1 kHz) every other "fft" search works in bands of frequency
-        (:func:`stereolag.signals.search.search_bands`): the lag is that of the whole curve wherever the recordings
-        have something in common, `correlation` is reduced, and `peak_ratio` and `ties` do not exceed those of the whole
-        curve. The other methods process the recordings whole, and refuse them if that takes too much memory.
+        (:func:`stereolag.signals.search.search_bands`): the lag is that of the whole curve if the recordings have
+        something in common, `correlation` is reduced, and `peak_ratio` and `ties` do not exceed those of the whole
+        curve. The other methods process the recordings as a whole, and refuse them if that takes too much memory.
     seed
         Seed of the random samples for "sampled"; None draws new ones each time.
     progress
@@ -438,9 +432,9 @@ def signal_lag(
 
     started = time.perf_counter()
     chosen = algorithm(given_1.size, given_2.size, method, reach)
-    around = None if method == "sampled" else _both_begin_again_at(given_1, given_2)
-    if around is not None:
-        given_1, given_2 = (_steps_around(given, around) for given in (given_1, given_2))
+    modulus = None if method == "sampled" else _common_modulus(given_1, given_2)
+    if modulus is not None:
+        given_1, given_2 = (_wrapped_steps(given, modulus) for given in (given_1, given_2))
     if chosen == "whole":
         first, second = normalised(given_1), normalised(given_2)
         if method == "sampled":
@@ -454,10 +448,10 @@ def signal_lag(
         pulse = Pulse(report)
         long_1, long_2 = ConvertedRecording(given_1, pulse.again), ConvertedRecording(given_2, pulse.again)
         if chosen == "blocks":
-            curve = partial(block_curve, progress=lambda done: pulse(_SEARCHING * done))
+            curve = partial(block_curve, progress=lambda done: pulse(_SEARCH_SHARE * done))
             found = search_curve(long_1, long_2, reach, curve)
         else:
-            found = search_bands(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
+            found = search_bands(long_1, long_2, reach, lambda done: pulse(_SEARCH_SHARE * done))
         recordings = (long_1, long_2)
     score = overlap_pearson(*recordings, found.lag)
     if np.isnan(score):
@@ -471,10 +465,10 @@ def signal_lag(
         elapsed_s=time.perf_counter() - started,
         sampling_rate=rate,
         speed=speed,
-        begins_again_at=around,
+        begins_again_at=modulus,
         _found=found,
         _score=score,
-        _bound=method in {"direct", "sampled"} or _is_plain(found, score, (given_1.size, given_2.size)),
+        _fixed=method in {"direct", "sampled"} or _is_plain(found, score, (given_1.size, given_2.size)),
         _recordings=recordings,
         _reach=reach,
     )
@@ -484,64 +478,74 @@ def signal_lag(
     return result
 
 
-_PLAIN_SCORE, _PLAIN_RATIO, _TOWERING = 0.5, 2.0, 20.0
-"""A lag is plain at a glance from this correlation over the whole overlap, or this height in the standard deviations of
-white noise, and this lead over the next peak on. With less of a lead, a hum in both can move the peak."""
+_MIN_PLAIN_SCORE = 0.5
+"""Correlation, weighted by the overlap, from which on a lag is obvious."""
+
+_MIN_PLAIN_HEIGHT = 20.0
+"""Standard deviations of white noise that may take its place."""
+
+_MIN_PLAIN_RATIO = 2.0
+"""Ratio to the next peak that an obvious lag needs besides: with less, a hum in both can move the peak."""
 
 
 def _is_plain(found: FoundLag, score: float, sizes: tuple[int, int]) -> bool:
-    """Return whether no other lag can have as much evidence: the recordings agree there, and far less elsewhere."""
+    """Return whether the lag is obvious: the recordings agree far better there than elsewhere."""
     weighted = score * math.sqrt(overlap_length(*sizes, np.array([found.lag]))[0] / min(sizes))
-    towers = weighted * math.sqrt(min(sizes)) >= _TOWERING
-    return (towers or weighted >= _PLAIN_SCORE) and found.peak_ratio >= _PLAIN_RATIO
+    is_high = weighted * math.sqrt(min(sizes)) >= _MIN_PLAIN_HEIGHT
+    return (is_high or weighted >= _MIN_PLAIN_SCORE) and found.peak_ratio >= _MIN_PLAIN_RATIO
 
 
-_AROUND = 360.0, 2 * math.pi, *(2.0**bits for bits in range(8, 17))
-"""Numbers at which headings, phases, and the counts of encoders begin again."""
+_MODULI = 360.0, 2 * math.pi, *(2.0**bits for bits in range(8, 17))
+"""Numbers at which headings, phases and the counts of encoders wrap around."""
 
-_FILLED = 0.95
-_LEAST_MIDDLE = 0.1
-"""Least share of the values in the middle half of their range: a switch has none there."""
+_MIN_RANGE_SHARE = 0.95
+"""Share of the range up to the modulus that wrapped values fill at least."""
 
-_LOOKED_AT = 2**20
-"""Samples whose steps are looked at."""
+_MIN_MIDDLE_SHARE = 0.1
+"""Share of the values in the middle half of their range, at least: a switch has none there."""
 
-
-def _both_begin_again_at(given_1: Array, given_2: Array) -> float | None:
-    """Return the number, 360 or another usual one, at which the values of both begin again, or None."""
-    around = _begins_again_at(given_1)
-    return around if around is not None and around == _begins_again_at(given_2) else None
+_MAX_SAMPLES_EXAMINED = 2**20
+"""Samples from the start whose steps are examined."""
 
 
-def _begins_again_at(given: Array) -> float | None:
-    """Return the number at which the values of a recording begin again, None if they do not.
+def _common_modulus(given_1: Array, given_2: Array) -> float | None:
+    """Return the number at which the values of both recordings wrap around, or None."""
+    modulus = _modulus(given_1)
+    return modulus if modulus is not None and modulus == _modulus(given_2) else None
 
-    They fill the range from 0, or from minus its half, and jump by nearly all of it or by little of it.
+
+def _modulus(given: Array) -> float | None:
+    """Return the one of ``_MODULI`` at which the values of a recording wrap around, None if they do not.
+
+    They fill the range from 0, or from minus half the modulus, and jump by nearly the whole range or by little of it.
     """
     low, high = float(given.min()), float(given.max())
-    for around in _AROUND:
-        below = min(low, low + around / 2, key=abs)
-        if not _FILLED * around <= high - low <= around or not 0 <= below <= (1 - _FILLED) * around:
+    for modulus in _MODULI:
+        offset = min(low, low + modulus / 2, key=abs)
+        if (
+            not _MIN_RANGE_SHARE * modulus <= high - low <= modulus
+            or not 0 <= offset <= (1 - _MIN_RANGE_SHARE) * modulus
+        ):
             continue
-        signal = given[:_LOOKED_AT].astype(np.float64, copy=False)
+        signal = given[:_MAX_SAMPLES_EXAMINED].astype(np.float64, copy=False)
         steps = np.abs(np.diff(signal))
-        far, between = (steps > 0.75 * around).sum(), ((steps > 0.25 * around) & (steps <= 0.75 * around)).sum()
-        in_middle = np.abs(signal - (low + high) / 2) < around / 4
-        if far > 10 * between and in_middle.mean() > _LEAST_MIDDLE:
-            return around
+        far, between = (steps > 0.75 * modulus).sum(), ((steps > 0.25 * modulus) & (steps <= 0.75 * modulus)).sum()
+        in_middle = np.abs(signal - (low + high) / 2) < modulus / 4
+        if far > 10 * between and in_middle.mean() > _MIN_MIDDLE_SHARE:
+            return modulus
     return None
 
 
-def _steps_around(given: Array, around: float) -> Vector:
-    """Return the step to each sample from the one before, the shorter way around; the signal if all are alike."""
+def _wrapped_steps(given: Array, modulus: float) -> Vector:
+    """Return the step to each sample from the one before, the shorter way around; the signal if all are equal."""
     signal = given.astype(np.float64, copy=False)
     steps = np.diff(signal, prepend=signal[:1])
-    shorter = steps - around * np.round(steps / around)
+    shorter = steps - modulus * np.round(steps / modulus)
     return shorter if np.ptp(shorter[1:]) > 0 else signal
 
 
 def normalised(given: Array) -> Vector:
-    """Return the signal with zero mean and height 1, so that squares neither over- nor underflow in any unit."""
+    """Return the signal with zero mean and a largest value of 1, so that squares neither over- nor underflow."""
     signal = given.astype(np.float64, copy=False)
     centred = signal - signal.mean()
     return np.asarray(centred / max(centred.max(), -centred.min()))

@@ -1,4 +1,4 @@
-"""Two channels as they are heard: the lag of the last two seconds, measured whenever a piece has been added."""
+"""Two live channels: the lag over the last two seconds, measured whenever a piece has been added."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ SILENT_DB = -70.0
 
 FULL_SCALE = 32_768.0
 
-_FEWEST = 1024
-"""Samples below which nothing is measured yet."""
+_MIN_SAMPLES = 1024
+"""Samples below which the lag is not measured yet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """What the last seconds hold.
+    """The lag over the last seconds, and the levels of both channels.
 
     Attributes
     ----------
     levels
-        Level of both channels, decibels of full scale: the effective value of their samples without their mean.
-    alike
-        Whether both channels have the same samples, so that there is one microphone behind both.
+        RMS level of both channels without their means, decibels of full scale.
+    identical
+        Whether both channels have the same samples: those of one microphone.
     seconds
-        How much there is of each channel.
+        Duration of the samples kept.
     result
-        The lag; None if a channel is silent, if both are alike, or if there are too few samples yet.
+        The lag; None if a channel is silent, if both are identical, or if there are too few samples yet.
     """
 
     levels: tuple[float, float]
-    alike: bool
+    identical: bool
     seconds: float
     result: SignalLag | None
 
@@ -53,7 +53,7 @@ class Heard:
     def lag_now(self) -> float:
         """The lag at the last sample, samples; NaN if it is not sure.
 
-        A source that moves changes the lag within the seconds kept: this is where it is now.
+        A moving source changes the lag within the seconds kept.
         """
         if self.result is None or self.result.verdict != "sure":
             return float("nan")
@@ -71,13 +71,13 @@ class Listening:
 
     def __init__(self, sampling_rate: float) -> None:
         self.sampling_rate = float(sampling_rate)
-        self.most = round(KEPT_S * sampling_rate)
+        self.max_samples = round(KEPT_S * sampling_rate)
         self.samples: npt.NDArray[np.int16] = np.zeros((2, 0), dtype=np.int16)
         """(2, N) the samples kept, the newest last."""
 
     def add(self, piece: npt.NDArray[np.int16]) -> None:
         """Add (2, N) samples that follow the last ones; the oldest are forgotten."""
-        self.samples = np.concatenate((self.samples, piece), axis=1)[:, -self.most :]
+        self.samples = np.concatenate((self.samples, piece), axis=1)[:, -self.max_samples :]
 
     @property
     def signals(self) -> tuple[Vector, Vector]:
@@ -86,7 +86,7 @@ class Listening:
         return first, second
 
     def measured(self, *, speed: float, max_lag: int | None = None) -> Heard:
-        """Return the lag of what is kept; its search and verdict are those of :func:`.signal_lag`.
+        """Return the lag of the samples kept; its search and verdict are those of :func:`.signal_lag`.
 
         Parameters
         ----------
@@ -97,10 +97,10 @@ class Listening:
         """
         signals = self.signals
         levels = _level(signals[0]), _level(signals[1])
-        alike = np.array_equal(*self.samples)
+        identical = np.array_equal(*self.samples)
         seconds = self.samples.shape[1] / self.sampling_rate
-        if alike or min(levels) < SILENT_DB or self.samples.shape[1] < _FEWEST:
-            return Heard(levels, alike and max(levels) >= SILENT_DB, seconds, None)
+        if identical or min(levels) < SILENT_DB or self.samples.shape[1] < _MIN_SAMPLES:
+            return Heard(levels, identical and max(levels) >= SILENT_DB, seconds, None)
         reach = None if max_lag is None else min(max_lag, self.samples.shape[1] - 1)
         result = signal_lag(*signals, sampling_rate=self.sampling_rate, speed=speed, max_lag=reach)
         return Heard(levels, False, seconds, result)

@@ -1,4 +1,4 @@
-"""The lag over time, of two clocks that run apart or of dropped buffers, and a recording on the other one's clock."""
+"""The lag over time, with clocks that run apart or dropped buffers, and resampling to the clock of recording 1."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from stereolag.core.arrays import FloatMap, Vector
 from stereolag.loops.compilation import compiled
 from stereolag.signals.evidence import Samples
 
-_FINEST_SLOPE = 1e-9
-"""Least standard error of a slope: that of a few blocks may be 0 by chance."""
+_MIN_SLOPE_ERROR = 1e-9
+"""Least standard error of a slope, samples per sample: that of a few blocks may be 0 by chance."""
 
-TAPS, _PHASES = 32, 512
-"""Samples from which one between them is interpolated, and places between two for which the weights are kept."""
+TAPS = 32
+"""Samples from which a value between them is interpolated."""
+
+_PHASES = 512
+"""Positions between two samples for which the weights are tabulated."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Stretch:
     begin, end
         Its first sample, and the one after its last.
     start
-        Lag at sample 0 of recording 1, if the line went on to it, samples.
+        Lag at sample 0 of recording 1, to which the line is extended, samples.
     slope
         Growth of the lag, samples per sample.
     slope_error
@@ -51,11 +54,15 @@ class Stretch:
         """Return the lag at a position in recording 1, samples."""
         return self.start + self.slope * place
 
+    def for_part(self, begin: int) -> LagOverTime:
+        """Return the line alone, for a part of recording 2 that starts at its sample `begin`."""
+        return LagOverTime((replace(self, start=self.start - begin),))
+
     @property
     def spread(self) -> float:
         """Standard deviation of the blocks' lags about the line, samples."""
-        away = np.array(self.lags) - self.start - self.slope * np.array(self.places)
-        return float(np.sqrt(away @ away / max(1, away.size - 2)))
+        residuals = np.array(self.lags) - self.start - self.slope * np.array(self.places)
+        return float(np.sqrt(residuals @ residuals / max(1, residuals.size - 2)))
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,7 @@ class Step:
     Attributes
     ----------
     place
-        Position in recording 1 up to which the lag is the one before, samples.
+        Position in recording 1 up to which the lag is `before`, samples.
     before, after
         The lag on either side, samples.
     """
@@ -95,18 +102,22 @@ class LagOverTime:
     @cached_property
     def longest(self) -> Stretch:
         """The longest stretch."""
-        return max(self.stretches, key=lambda one: one.end - one.begin)
+        return max(self.stretches, key=lambda stretch: stretch.end - stretch.begin)
+
+    def stretch_at(self, place: float) -> Stretch:
+        """Return the stretch that contains a position in recording 1; the first or last one outside of them all."""
+        return next((stretch for stretch in self.stretches if place < stretch.end), self.stretches[-1])
 
     def lag_at(self, place: float) -> float:
-        """Return the lag at a position in recording 1, samples; before and after the recordings, of the line there."""
-        return next((one for one in self.stretches if place < one.end), self.stretches[-1]).lag_at(place)
+        """Return the lag at a position in recording 1, samples; outside the stretches, that of the nearest line."""
+        return self.stretch_at(place).lag_at(place)
 
     @property
     def middle(self) -> float:
         """Lag in the middle of the part of the longest stretch in which it was measured, samples."""
-        one = self.longest
-        first, last = (one.places[0], one.places[-1]) if one.places else (one.begin, one.end)
-        return one.lag_at((first + last) / 2)
+        longest = self.longest
+        first, last = (longest.places[0], longest.places[-1]) if longest.places else (longest.begin, longest.end)
+        return longest.lag_at((first + last) / 2)
 
     @property
     def start(self) -> float:
@@ -121,17 +132,17 @@ class LagOverTime:
     @property
     def lowest(self) -> float:
         """Lowest lag at any time, samples."""
-        return min(one.lag_at(place) for one in self.stretches for place in (one.begin, one.end))
+        return min(stretch.lag_at(place) for stretch in self.stretches for place in (stretch.begin, stretch.end))
 
     @property
     def highest(self) -> float:
         """Highest lag at any time, samples."""
-        return max(one.lag_at(place) for one in self.stretches for place in (one.begin, one.end))
+        return max(stretch.lag_at(place) for stretch in self.stretches for place in (stretch.begin, stretch.end))
 
     @property
     def span(self) -> float:
         """Change of the lag by drift from the first to the last common sample, samples, signed."""
-        return sum(one.slope * (one.end - one.begin) for one in self.stretches)
+        return sum(stretch.slope * (stretch.end - stretch.begin) for stretch in self.stretches)
 
     @property
     def ppm(self) -> float:
@@ -145,11 +156,11 @@ class LagOverTime:
 
     @cached_property
     def _drift(self) -> tuple[float, float]:
-        """Slope of all stretches, which missing samples do not change, and its standard error, samples per sample."""
-        measured = [one for one in self.stretches if one.places]
+        """Slope common to all stretches, and its standard error, samples per sample."""
+        measured = [stretch for stretch in self.stretches if stretch.places]
         if not measured:
             return self.longest.slope, self.longest.slope_error
-        slopes, errors = np.array([(one.slope, max(one.slope_error, _FINEST_SLOPE)) for one in measured]).T
+        slopes, errors = np.array([(line.slope, max(line.slope_error, _MIN_SLOPE_ERROR)) for line in measured]).T
         weights = (errors.min() / errors) ** 2
         return float(np.average(slopes, weights=weights)), float(errors.min() / math.sqrt(weights.sum()))
 
@@ -161,12 +172,12 @@ class LagOverTime:
     @property
     def places(self) -> tuple[float, ...]:
         """Centre of each block on a line, as a position in recording 1."""
-        return tuple(place for one in self.stretches for place in one.places)
+        return tuple(place for stretch in self.stretches for place in stretch.places)
 
     @property
     def lags(self) -> tuple[float, ...]:
         """Lag of each block on a line, samples."""
-        return tuple(lag for one in self.stretches for lag in one.lags)
+        return tuple(lag for stretch in self.stretches for lag in stretch.lags)
 
     @property
     def blocks(self) -> int:
@@ -180,7 +191,7 @@ class LagOverTime:
         return tuple(Step(float(place), before, after) for place, before, after in borders)
 
     @property
-    def shows(self) -> bool:
+    def changes(self) -> bool:
         """Whether the lag changes by more than its uncertainty, and by enough to smear a peak."""
         return self.drifts or len(self.stretches) > 1
 
@@ -189,17 +200,12 @@ class LagOverTime:
         """Whether the clocks run apart by more than the uncertainty, and by enough to smear a peak."""
         return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
 
-    def seen_from(self, start: int, begin: int) -> LagOverTime:
-        """Return the line at a position in recording 1, for a part of recording 2 that starts at its sample `begin`."""
-        stretch = next((one for one in self.stretches if start < one.end), self.stretches[-1])
-        return LagOverTime((replace(stretch, start=stretch.start - begin),))
-
-    def moved(self, lags: float) -> LagOverTime:
-        """Return this with all lags larger by a number of samples."""
+    def shifted(self, offset: float) -> LagOverTime:
+        """Return the lag over time with `offset` samples added."""
         return LagOverTime(
             tuple(
-                replace(one, start=one.start + lags, lags=tuple(lag + lags for lag in one.lags))
-                for one in self.stretches
+                replace(stretch, start=stretch.start + offset, lags=tuple(lag + offset for lag in stretch.lags))
+                for stretch in self.stretches
             )
         )
 
@@ -208,18 +214,18 @@ class LagOverTime:
 def interpolation() -> FloatMap:
     """Return (phases + 1, taps) weights that interpolate between two samples, by a Kaiser-windowed sinc."""
     half = TAPS // 2
-    away = (np.arange(_PHASES + 1) / _PHASES)[:, np.newaxis] - np.arange(1 - half, half + 1)
-    weights = np.sinc(away) * np.i0(7 * np.sqrt(np.maximum(0, 1 - (away / half) ** 2)))
+    distance = (np.arange(_PHASES + 1) / _PHASES)[:, np.newaxis] - np.arange(1 - half, half + 1)
+    weights = np.sinc(distance) * np.i0(7 * np.sqrt(np.maximum(0, 1 - (distance / half) ** 2)))
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
 
 
 def on_first_clock(signal_2: npt.NDArray[np.floating], over_time: LagOverTime, first: int, size: int) -> Samples:
-    """Return the samples of recording 2 that belong to the samples of recording 1 from `first` on, (size,) float32.
+    """Return recording 2 resampled to the samples of recording 1 from `first` on, (size,) float32.
 
-    Between its samples, recording 2 is interpolated by a windowed sinc of 32 samples; 0 where it has none.
+    By a windowed sinc of 32 samples; 0 where recording 2 has no samples.
     """
     out = np.zeros(size, dtype=np.float32)
-    ends = [one.end for one in over_time.stretches[:-1]]
+    ends = [stretch.end for stretch in over_time.stretches[:-1]]
     edges = np.clip([first, *ends, first + size], first, first + size) - first
     for stretch, low, high in zip(over_time.stretches, edges, edges[1:], strict=False):
         place = first + int(low)
@@ -228,14 +234,14 @@ def on_first_clock(signal_2: npt.NDArray[np.floating], over_time: LagOverTime, f
 
 
 _ROUNDING = 1e-9
-"""Samples by which rounding may put a position beyond the first or last sample that it is meant to be at."""
+"""Samples by which rounding may move a position beyond the first or last sample."""
 
 
 @compiled(fastmath={"reassoc", "contract"})
 def resample(
     samples: npt.NDArray[np.floating], first: float, step: float, filters: FloatMap, out: npt.NDArray[np.float32]
 ) -> None:
-    """Fill `out` with the values at `first`, `first` + `step`, … of `samples`; 0 outside of them but for rounding.
+    """Fill `out` with `samples` interpolated at `first`, `first` + `step`, …; 0 outside of them, except for rounding.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The peak of a curve over the lag: its place between the samples, what ties with it, and how far it reaches."""
+"""The peak of a curve over the lag: its position between the samples, its ties, and the extent of its main lobe."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from stereolag.loops.compilation import compiled
 from stereolag.signals.correlation import Lags, faded
 
 EQUAL = 1e-9
-"""Two correlations (-1..1) that differ by less are equal: FFT rounding is around 1e-15, noise far above."""
+"""Correlations (-1..1) that differ by less are equal: FFT rounding is around 1e-15, noise far above."""
 
 REACH = 32
 """Samples on either side used to interpolate a peak between two samples."""
 
-_POSITIONS, _KAISER = 65, 6.0
+_POSITIONS = 65
+"""Positions from -0.5 to 0.5 at which a peak is interpolated."""
+
+_KAISER = 6.0
+"""Shape parameter of the window."""
 
 
 def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tuple[int, int]:
@@ -85,9 +89,9 @@ def interpolate_peak(curve: Array, peak: int, reach: int = REACH) -> tuple[float
     Parameters
     ----------
     curve
-        (N,) values, of which `reach` on either side are used, or as many as there are on both.
+        (N,) values, of which `reach` on either side are used, fewer near an end.
     peak
-        Index of the highest.
+        Index of the highest value.
     reach
         With ``REACH`` the error is 0.01 sample at most, and less than 0.001 if the curve contains nothing above 0.95 of
         the Nyquist frequency.
@@ -103,23 +107,27 @@ def interpolate_peak(curve: Array, peak: int, reach: int = REACH) -> tuple[float
     return min(max(-0.5 + (top + step) / (fine.size - 1), -0.5), 0.5), float(fine.max())
 
 
-_FINER, _MARGIN = 8, 64
+_OVERSAMPLING = 8
+"""Positions per sample of the interpolated curve."""
+
+_MARGIN = 64
+"""Samples on either side that are interpolated too, and samples over which the curve is continued and faded out."""
 
 
 def best_cycle(curve: Array, peak: int, reach: int) -> int:
-    """Return the index next to the highest point, between the samples, of a curve up to `reach` from an index.
+    """Return the index nearest to the highest point of the interpolated curve, up to `reach` from `peak`.
 
     With few samples a cycle, the highest sample can belong to the next cycle.
     """
     low = max(0, peak - reach - _MARGIN)
     part = curve[low : peak + reach + _MARGIN + 1].astype(np.float64)
-    # Continued and faded out at both ends: an edge would ring.
+    # Continued and faded out at both ends, since an edge would ring.
     part = faded(np.pad(part, _MARGIN, mode="edge"), _MARGIN)
     points = int(fft.next_fast_len(part.size))
-    fine = fft.irfft(fft.rfft(part, points), _FINER * points)
+    fine = fft.irfft(fft.rfft(part, points), _OVERSAMPLING * points)
     begin = max(low, peak - reach)
-    first, last = (_FINER * (place - low + _MARGIN) for place in (begin, min(curve.size - 1, peak + reach)))
-    return begin + round(int(np.argmax(fine[first : last + 1])) / _FINER)
+    first, last = (_OVERSAMPLING * (place - low + _MARGIN) for place in (begin, min(curve.size - 1, peak + reach)))
+    return begin + round(int(np.argmax(fine[first : last + 1])) / _OVERSAMPLING)
 
 
 @lru_cache(maxsize=REACH)

@@ -1,4 +1,4 @@
-"""The cross-spectrum of two short stretches: one arrow (phasor) per frequency, few enough to see each one."""
+"""The cross-spectrum of two short stretches: one arrow (phasor) per frequency, few enough to be seen one by one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Vector
 from stereolag.signals.by_hand import STEPS
 from stereolag.signals.correlation import faded, loudest_stretch, overlap_slices
-from stereolag.signals.evidence import participating
+from stereolag.signals.evidence import effective_count
 from stereolag.signals.recordings import HeldRecording
 
 SIZE = 125
@@ -27,7 +27,7 @@ LENGTH = SIZE - LONGEST_LAG
 """Samples of a stretch."""
 
 LAG = 4
-"""Lag left between two stretches, samples: the phase difference makes two turns over all frequencies."""
+"""Lag between the two stretches, samples: the phase difference makes two turns over all frequencies."""
 
 BLOCK = 8192
 """Samples of the loudest common part, in which the stretch is searched for."""
@@ -36,11 +36,12 @@ FADED = 17
 """Samples over which a stretch fades in and out, so that its ends add no frequencies of their own."""
 
 KNOCK_LENGTH = 60
+"""Samples."""
+
 TONE_FREQUENCY = SIZE // 5
 """Periods per transform: one every five samples."""
 
-
-_INAUDIBLE = 1e-9
+_MIN_MAGNITUDE = 1e-9
 """Magnitudes below this are rounding errors and become 0."""
 
 
@@ -74,9 +75,9 @@ class Phasors:
     step: int = 1
 
     def lengths(self, *, whiten: bool = False) -> Vector:
-        """Return the lengths of the arrows, (62,) float64; in a straight line they would reach their sum.
+        """Return the lengths of the arrows, (62,) float64.
 
-        Whitened (PHAT), all are equal but those of empty frequencies, and their sum is 1.
+        Whitened (PHAT), all are equal except those of empty frequencies, and their sum is 1.
         """
         products = self.magnitude_1 * self.magnitude_2
         return (products > 0) / np.count_nonzero(products) if whiten else products
@@ -101,25 +102,25 @@ def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0,
     """
     magnitudes, angles = [], []
     for stretch in (stretch_1, stretch_2):
-        moving = stretch - stretch.mean()
-        energy = float(moving @ moving)
+        centred = stretch - stretch.mean()
+        energy = float(centred @ centred)
         if stretch.size > SIZE or not energy > 0:
             raise ValueError(
                 f"A stretch has {stretch.size} samples and an energy of {energy:g}; allowed are up to {SIZE} samples "
                 "and more than 0."
             )
-        spectrum = np.fft.rfft(moving, SIZE)[1:] * np.sqrt(2 / SIZE / energy)
+        spectrum = np.fft.rfft(centred, SIZE)[1:] * np.sqrt(2 / SIZE / energy)
         magnitude = np.abs(spectrum)
-        magnitudes.append(np.where(magnitude > _INAUDIBLE, magnitude, 0.0))
+        magnitudes.append(np.where(magnitude > _MIN_MAGNITUDE, magnitude, 0.0))
         angles.append(np.angle(spectrum))
     turns = (angles[0] - angles[1]) / (2 * np.pi)
     return Phasors(name, magnitudes[0], magnitudes[1], turns - np.rint(turns), offset, step)
 
 
 def chains(phasors: Phasors, *, whiten: bool = False) -> npt.NDArray[np.complex128]:
-    """Return the arrows in a chain, head to tail, at each of `LAGS`: where each ends, (97, 62) complex128.
+    """Return the arrows chained head to tail at each of `LAGS`: the end of each arrow, (97, 62) complex128.
 
-    How far to the right the last one ends is the correlation, -1..1.
+    The real part of the last end is the correlation, -1..1.
     """
     frequencies = np.arange(1, phasors.turns.size + 1) / SIZE
     turned = np.outer(LAGS, frequencies) - phasors.turns
@@ -132,12 +133,12 @@ def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vect
 
 
 EQUAL = 1e-6
-"""Heights that differ by less are equal: a tone reaches its highest once a period."""
+"""Heights that differ by less are equal: a tone has a highest peak in every period."""
 
 
 def peaks(heights: Vector) -> list[int]:
-    """Return the indices in `LAGS` of the highest of these heights, that of the smallest lag first."""
-    return sorted(np.flatnonzero(heights > heights.max() - EQUAL).tolist(), key=lambda place: abs(LAGS[place]))
+    """Return the indices in `LAGS` of the highest peaks, that of the smallest lag first."""
+    return sorted(np.flatnonzero(heights > heights.max() - EQUAL).tolist(), key=lambda index: abs(LAGS[index]))
 
 
 def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> Phasors | None:
@@ -158,7 +159,7 @@ def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> P
     part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
     loudest = _loudest_block(signal_1[part_1], signal_2[part_2])
     stretches = _stretches(name, signal_1[part_1][loudest], signal_2[part_2][loudest], lag)
-    return max(stretches, key=lambda one: participating(one.lengths()), default=None)
+    return max(stretches, key=lambda phasors: effective_count(phasors.lengths()), default=None)
 
 
 def _loudest_block(common_1: Vector, common_2: Vector) -> slice:
@@ -174,16 +175,16 @@ def _loudest_block(common_1: Vector, common_2: Vector) -> slice:
 def _stretches(name: str, common_1: Vector, common_2: Vector, lag: int) -> Iterator[Phasors]:
     """Yield the loudest stretch for every step for which two equally long parts are long enough."""
     for step in STEPS:
-        left = LAG * step
-        if common_1.size < LENGTH * step + left:
+        offset = LAG * step
+        if common_1.size < LENGTH * step + offset:
             return
-        held = HeldRecording(common_1[left:]), HeldRecording(common_2[left:])
+        held = HeldRecording(common_1[offset:]), HeldRecording(common_2[offset:])
         loudest, _ = loudest_stretch(*held, 0, LENGTH * step)
-        # Recording 2 starts `left` samples earlier, so that the start of recording 1 comes 4 new samples into it.
-        thinned = (part[loudest].reshape(-1, step).mean(1) for part in (common_1[left:], common_2))
-        stretch_1, stretch_2 = (_faded(part) for part in thinned)
+        # Recording 2 starts `offset` samples earlier, so its stretch lags by 4 samples of a stretch.
+        averaged = (part[loudest].reshape(-1, step).mean(1) for part in (common_1[offset:], common_2))
+        stretch_1, stretch_2 = (_faded(part) for part in averaged)
         if np.ptp(stretch_1) > 0 and np.ptp(stretch_2) > 0:
-            yield phasors(name, stretch_1, stretch_2, offset=lag - left, step=step)
+            yield phasors(name, stretch_1, stretch_2, offset=lag - offset, step=step)
 
 
 def _faded(stretch: Vector) -> Vector:
@@ -191,7 +192,7 @@ def _faded(stretch: Vector) -> Vector:
 
 
 def knock() -> Phasors:
-    """Return one short decaying sound, unchanged in recording 2 but 4 samples later."""
+    """Return one short decaying sound, 4 samples later in recording 2 and otherwise unchanged."""
     sound = np.random.default_rng(7).normal(size=KNOCK_LENGTH) * np.exp(-np.arange(KNOCK_LENGTH) / 12)
     sound -= sound.mean()
     stretches = np.zeros((2, LENGTH))
@@ -208,4 +209,4 @@ def tone() -> Phasors:
 
 def noise() -> Phasors:
     """Return two unrelated noises."""
-    return phasors("noise", *(_faded(one) for one in np.random.default_rng(0).normal(size=(2, LENGTH))))
+    return phasors("noise", *(_faded(row) for row in np.random.default_rng(0).normal(size=(2, LENGTH))))

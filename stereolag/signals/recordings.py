@@ -40,7 +40,7 @@ class Recording(ABC):
 
     @cached_property
     def energy(self) -> float:
-        """Return the sum of all squares."""
+        """The sum of all squares."""
         return sum(dot(piece, piece) for piece in self.pieces(0, self.size))
 
     def total(self, start: int, stop: int) -> float:
@@ -92,11 +92,11 @@ class ConvertedRecording(Recording):
         self._signal, self._on_read, self.size = signal, on_read, signal.size
         self._mean = float(signal.mean(dtype=np.float64))
         self._height = max(float(signal.max()) - self._mean, self._mean - float(signal.min()))
-        # Only then does single precision resolve the samples about their mean, and hold them at all.
+        # In these cases single precision cannot hold the samples, or not resolve them about their mean.
         self._exact = signal.dtype.itemsize > 4 or abs(self._mean) > self._height
 
     def part(self, start: int, stop: int, dtype: type[np.floating] = np.float64) -> Array:
-        """Return the samples, converted; in single precision, they are read in half the time."""
+        """Return the samples, converted; reading them in single precision takes half the time."""
         samples = np.empty(stop - start, dtype)
         first, end = min(max(start, 0), self.size), min(max(stop, 0), self.size)
         samples[: first - start] = 0
@@ -110,7 +110,7 @@ class ConvertedRecording(Recording):
 
     @cached_property
     def sums(self) -> DoubleMap:
-        """Return (2, N): the sum and the sum of squares of all samples before each grain, and of all samples."""
+        """(2, N): the sum and the sum of squares of all samples before each grain, and of all samples."""
         steps = [np.zeros((2, 1))]
         for piece in self.pieces(0, self.size):
             starts = np.arange(0, piece.size, GRAIN)
@@ -119,7 +119,7 @@ class ConvertedRecording(Recording):
 
     @cached_property
     def energy(self) -> float:
-        """Return the sum of all squares."""
+        """The sum of all squares."""
         return float(self.sums[1, -1])
 
     def total(self, start: int, stop: int) -> float:

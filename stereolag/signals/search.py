@@ -50,6 +50,10 @@ class FoundLag:
     votes: dict[int, int] | None = None
     opposite_lag: int | None = None
 
+    def rounded(self, lag: float) -> int:
+        """Return a lag in whole samples: the lag found if that is within half a sample."""
+        return self.lag if abs(lag - self.lag) <= 0.5 else round(lag)
+
 
 def lags_within(sizes: tuple[int, int], reach: int) -> tuple[int, int]:
     """Return the first and last lag, up to `reach` both ways, at which recordings of these sizes overlap."""
@@ -62,7 +66,7 @@ def search_curve(
     reach: int,
     curve_of: Callable[..., Vector],
 ) -> FoundLag:
-    """Return the peak over the lags up to `reach` both ways of one of the curves of :mod:`~.correlation`."""
+    """Return the peak of a curve of :mod:`~.correlation` over the lags up to `reach` both ways."""
     first, last = lags_within((signal_1.size, signal_2.size), reach)
     overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
     if curve_of is phat_curve:
@@ -88,11 +92,11 @@ def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | Non
             "allow a larger max_lag, or use the method 'fft'."
         )
     lag, count = next(iter(votes.items()))
-    rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
+    rivals = [votes_there for other, votes_there in votes.items() if abs(other - lag) > 1]
     ratio = count / max(rivals) if rivals else float("inf")
     # Votes that coincide by chance are not a lag, and equal counts of them are not ties.
     enough = enough_votes(votes, lag)
-    ties = sum(others == count for others in votes.values()) if enough else 1
+    ties = sum(votes_there == count for votes_there in votes.values()) if enough else 1
     opposite = None if enough else _opposite_vote(signal_1, signal_2, reach, seed)
     around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
     near = np.arange(lag - around, lag + around + 1)
@@ -114,13 +118,17 @@ SLICE_LENGTH = 100
 _ROUNDS = ((512, 256, 16), (1024, 256, 1024), (2048, 256, 8192))
 """Per round: samples drawn, how many of the most distinctive are looked up, and candidates for each."""
 
-_VALID_SHARE = 0.8
-_DECISIVE_SHARE = 0.1
-_DECISIVE_LEAD = 2
+_MIN_VALID_SHARE = 0.8
+"""Share of the best correlation of all that a sample's own must reach to count as a vote."""
 
+_MIN_DECISIVE_SHARE = 0.1
+"""Share of all votes that a lag needs for no further round."""
 
-LEAST_VOTES = 5
-"""Out of 256 samples looked up; among thousands of lags, chance brings two or three votes together."""
+_MIN_DECISIVE_RATIO = 2
+"""Ratio to the votes for the runner-up that it needs besides."""
+
+MIN_VOTES = 5
+"""Votes out of 256 that a lag needs; among thousands of lags, chance brings two or three together."""
 
 
 class _Slices:
@@ -167,8 +175,8 @@ def sampled_votes(
     * values are compared relative to their own slice (mean and standard deviation), so gain and offset do not matter;
     * the candidates are the nearest values in sorted order, not equal ones: 16 at first, and if no lag wins clearly,
       1,024 and then 8,192, so recordings without noise stay fast;
-    * of the samples drawn, the most distinctive are looked up, those with rare values: despite noise, the right place
-      is among the nearest values of a rare value, but not of a common one;
+    * of the samples drawn, those with the rarest values are looked up: despite noise, the right place is among the
+      nearest values of a rare value, but not of a common one;
     * the best candidate slides to the top of its correlation, so a neighbour of the right place is good enough, and
       votes only if it reaches at least 0.8 of the best correlation of all.
 
@@ -191,14 +199,14 @@ def sampled_votes(
         lags = _look_up(pool_1, pool_2, starts, looked_up, nearest, max_lag)
         votes = _count(lags)
         progress((number + 1) / len(_ROUNDS))
-        if _decisive(votes):
+        if _is_decisive(votes):
             break
     progress(1.0)
     return votes
 
 
 def _look_up(pool_1: _Slices, pool_2: _Slices, starts: Indices, looked_up: int, nearest: int, max_lag: int) -> Indices:
-    """Return the lags that the `looked_up` most distinctive samples at `starts` vote for."""
+    """Return the lags that samples vote for: the `looked_up` ones with the rarest values of those at `starts`."""
     order = pool_2.by_value
     values_2, values_1 = pool_2.values(order), pool_1.values(starts)
     nearest = min(nearest, order.size)
@@ -208,7 +216,7 @@ def _look_up(pool_1: _Slices, pool_2: _Slices, starts: Indices, looked_up: int, 
     candidates = order[lowest[distinctive, np.newaxis] + np.arange(nearest)]
     starts = starts[distinctive]
     lags, scores = best_matches(pool_1.at(starts), starts, pool_2.signal, pool_2.scales, candidates, max_lag)
-    return np.asarray(lags[scores >= max(_VALID_SHARE * scores.max(), 0.0)])
+    return np.asarray(lags[scores >= max(_MIN_VALID_SHARE * scores.max(), 0.0)])
 
 
 def _count(lags: Indices) -> dict[int, int]:
@@ -218,14 +226,14 @@ def _count(lags: Indices) -> dict[int, int]:
     return {int(voted[rank]): int(counts[rank]) for rank in ranking}
 
 
-def _decisive(votes: dict[int, int]) -> bool:
+def _is_decisive(votes: dict[int, int]) -> bool:
     counts = [*votes.values(), 0, 0]
-    return counts[0] >= max(_DECISIVE_SHARE * sum(counts), _DECISIVE_LEAD * counts[1], 2)
+    return counts[0] >= max(_MIN_DECISIVE_SHARE * sum(counts), _MIN_DECISIVE_RATIO * counts[1], 2)
 
 
 def enough_votes(votes: dict[int, int], lag: int) -> bool:
     """Return whether `lag` and its neighbours have more votes than chance would bring together."""
-    return sum(votes.get(near, 0) for near in (lag - 1, lag, lag + 1)) >= LEAST_VOTES
+    return sum(votes.get(near, 0) for near in (lag - 1, lag, lag + 1)) >= MIN_VOTES
 
 
 @compiled
@@ -293,9 +301,10 @@ def best_matches(
 
 
 BLOCK = 2**15
-"""Samples transformed at a time."""
+"""Samples per transform of the filter bank."""
 
 _BLOCKS_AT_ONCE = 16
+"""Blocks that are transformed together."""
 
 Bands = npt.NDArray[np.complex64]
 
@@ -319,14 +328,14 @@ def band_signals(recording: ConvertedRecording, bands: Sequence[int], step: int)
     for start, spectra in _spectra(recording):
         for signal, band in zip(signals, bands, strict=True):
             part = fft.ifft(spectra[:, band * points : (band + 1) * points], axis=1)
-            rest = signal[start // step :]
-            rest[: part.size] = part.ravel()[: rest.size]
+            remaining = signal[start // step :]
+            remaining[: part.size] = part.ravel()[: remaining.size]
     signals *= np.float32(np.sqrt(2 / step))
     return signals
 
 
 def _spectra(recording: ConvertedRecording) -> Iterator[tuple[int, Bands]]:
-    """Yield the start of a group of blocks, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
+    """Yield the start of each group of blocks, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
     for start in range(0, recording.size, _BLOCKS_AT_ONCE * BLOCK):
         count = min(_BLOCKS_AT_ONCE, -(-(recording.size - start) // BLOCK))
         rows = recording.part(start, start + count * BLOCK, np.float32).reshape(count, BLOCK)
@@ -348,39 +357,44 @@ def band_products(first: Bands, second: Bands) -> Bands:
     rows = np.zeros((2, size), dtype=np.complex64)
     rows[0, : first.size] = first
     rows[1, : second.size] = second
-    one, other = fft.fft(rows, axis=1, overwrite_x=True)
-    np.conj(one, out=one)
-    one *= other
-    products = fft.ifft(one, overwrite_x=True)
+    spectrum_1, spectrum_2 = fft.fft(rows, axis=1, overwrite_x=True)
+    np.conj(spectrum_1, out=spectrum_1)
+    spectrum_1 *= spectrum_2
+    products = fft.ifft(spectrum_1, overwrite_x=True)
     return np.concatenate((products[size - first.size + 1 :], products[: second.size + 1]))
 
 
-LAGS_OF_A_BAND = 3_000_000
-"""Most lags correlated at once: with a few bands, their transforms take 0.4 GB."""
+MAX_LAGS_PER_BAND = 3_000_000
+"""Lags at which a band is correlated, at most: with a few bands, their transforms take 0.4 GB."""
 
-SMALLEST_STEP = 8
+MIN_STEP = 8
+"""Lags per cell, at least."""
+
 BANDS_AT_ONCE = 8
+"""Bands that are filtered together."""
 
-KEPT_LAGS = 2**18
-"""Most lags in the reduced curve."""
+MAX_KEPT_LAGS = 2**18
+"""Lags in the reduced curve, at most."""
 
-AROUND = 4096
-"""Samples on either side of a place that are searched sample by sample."""
+REFINED_REACH = 4096
+"""Samples on either side of a lag that are searched sample by sample."""
 
-_MOST_PLACES = 6
-_RIVAL = 0.6
-"""From this share of the best bound on, another place may be higher: the bound is loose for bands of tones."""
+_MAX_PLACES = 6
+"""Lags around which the recordings are correlated sample by sample, at most, besides ties near lag 0."""
 
-_KEPT_OF_BOUND = 0.7
-"""A clear peak reaches at least this share of its bound."""
+_MIN_RIVAL_BOUND = 0.6
+"""Share of the best bound from which on another lag may be higher: the bound is loose for bands of tones."""
 
-_REST = 0.01
-"""Share of the energy that is left out."""
+_MIN_PEAK_OF_BOUND = 0.7
+"""Share of its bound that a clear peak reaches at least."""
+
+_MAX_LEFT_OUT = 0.01
+"""Share of the energy that may be left out."""
 
 _CELLS_AT_ONCE = 2**18
 
 
-class _Bound:
+class _UpperBound:
     """Upper bound of the correlation in each cell of `step` lags, from the bands added to `total` so far."""
 
     def __init__(self, signal_1: ConvertedRecording, signal_2: ConvertedRecording, reach: int, step: int) -> None:
@@ -389,7 +403,7 @@ class _Bound:
         cells_1 = -(-signal_1.size // step)
         self.first = max(lowest // step, 1 - cells_1)
         self._cells = slice(self.first + cells_1 - 1, highest // step + cells_1)
-        self.total, self.weights, self.means, self.most = np.zeros(
+        self.total, self.weights, self.means, self.limits = np.zeros(
             (4, self._cells.stop - self._cells.start), dtype=np.float32
         )
         for start in range(0, self.total.size, _CELLS_AT_ONCE):
@@ -403,11 +417,12 @@ class _Bound:
         energy, varying = np.ones(cells.size), overlap > 1
         for signal, edge in zip(signals, (begin, begin + lags), strict=True):
             ends = np.minimum(np.arange(signal.sums.shape[1]) * GRAIN, signal.size).astype(np.float64)
-            total, squares = (np.interp(edge + overlap, ends, one) - np.interp(edge, ends, one) for one in signal.sums)
-            # The sum of squares about the mean of the overlap.
-            own = squares - total**2 / overlap
-            means, energy, varying = means * total, energy * own, varying & (own > FLAT * signal.energy)
-        self.most[cells] = np.sqrt(overlap / min(self.sizes))
+            total, squares = (
+                np.interp(edge + overlap, ends, sums) - np.interp(edge, ends, sums) for sums in signal.sums
+            )
+            about_mean = squares - total**2 / overlap
+            means, energy, varying = means * total, energy * about_mean, varying & (about_mean > FLAT * signal.energy)
+        self.limits[cells] = np.sqrt(overlap / min(self.sizes))
         self.weights[cells] = np.sqrt(overlap / min(self.sizes) / np.where(varying, energy, np.inf))
         self.means[cells] = means
 
@@ -420,18 +435,18 @@ class _Bound:
         """Return the magnitudes of the recordings' correlation in another band."""
         products = band_products(first, second)[self._cells.start : self._cells.stop + 1]
         if band == 0:
-            # The product of the overlap's means is not agreement.
+            # Pearson's correlation is without the product of the overlap's means.
             products.real[:-1] -= self.means
             products.real[-1] -= self.means[-1]
         power = products.real**2
         power += products.imag**2
-        # Between two lags, a band may be as high as both combined.
+        # Between two lags, a band may be as high as both of them combined.
         return np.asarray(np.sqrt(power[:-1] + power[1:]))
 
     def weighted(self) -> FloatMap:
         """Return the upper bound of Pearson's correlation times ``sqrt(overlap / longest overlap)``."""
-        # Even in full agreement, a short overlap weighs no more than its length allows.
-        return np.asarray(np.minimum(self.total * self.weights, self.most))
+        # Pearson's correlation is at most 1, so this is at most the weight of the overlap.
+        return np.asarray(np.minimum(self.total * self.weights, self.limits))
 
 
 def search_bands(
@@ -444,7 +459,7 @@ def search_bands(
     that of the whole curve, and `ties` counts only those near the peak and its rivals.
     """
     step = cell_size(signal_1.size, signal_2.size)
-    bound = _Bound(signal_1, signal_2, reach, step)
+    bound = _UpperBound(signal_1, signal_2, reach, step)
     signals = (signal_1, signal_2)
     with ThreadPoolExecutor(2) as threads:
         energies = list(threads.map(band_energies, signals, (step, step)))
@@ -459,61 +474,61 @@ def search_bands(
                 bound.total += magnitudes
                 progress(0.1 + 0.6 * (start + number) / order.size)
         del parts  # before the next are made
-        rest = float(common[order[start + BANDS_AT_ONCE :]].sum())
-        if rest < _REST or _leads(bound.weighted(), AROUND // step, rest):
+        left_out = float(common[order[start + BANDS_AT_ONCE :]].sum())
+        if left_out < _MAX_LEFT_OUT or _leads(bound.weighted(), REFINED_REACH // step, left_out):
             break
-    return _refined(signal_1, signal_2, bound, reach, progress)
+    return _refine(signal_1, signal_2, bound, reach, progress)
 
 
 def cell_size(size_1: int, size_2: int) -> int:
     """Return the number of lags per cell: a power of two."""
-    cells = max(SMALLEST_STEP, -(-(size_1 + size_2) // LAGS_OF_A_BAND))
-    return 1 << (cells - 1).bit_length()
+    lags = max(MIN_STEP, -(-(size_1 + size_2) // MAX_LAGS_PER_BAND))
+    return 1 << (lags - 1).bit_length()
 
 
-def _leads(bound: FloatMap, around: int, rest: float) -> bool:
-    """Return whether the rest of the energy cannot lift any cell above the best, its neighbours aside."""
+def _leads(bound: FloatMap, around: int, left_out: float) -> bool:
+    """Return whether the energy left out cannot lift any cell above the best, except its neighbours."""
     best = int(np.argmax(bound))
     highest = float(bound[best])
     bound[max(0, best - around) : best + around + 1] = 0
-    return _KEPT_OF_BOUND * highest > float(bound.max()) + rest
+    return _MIN_PEAK_OF_BOUND * highest > float(bound.max()) + left_out
 
 
-def _places(bound: _Bound) -> list[int]:
+def _candidate_lags(bound: _UpperBound) -> list[int]:
     """Return the lags around which the correlation may be highest, best first."""
-    weighted, around = bound.weighted(), AROUND // bound.step
+    weighted, around = bound.weighted(), REFINED_REACH // bound.step
     best = int(np.argmax(weighted))
     places, highest = [best], float(weighted[best])
     nearest = _nearest_ties(bound, weighted, best)
-    while len(places) < _MOST_PLACES:
+    while len(places) < _MAX_PLACES:
         weighted[max(0, places[-1] - around) : places[-1] + around + 1] = 0
         other = int(np.argmax(weighted))
-        if weighted[other] < max(_RIVAL * highest, 1e-30):
+        if weighted[other] < max(_MIN_RIVAL_BOUND * highest, 1e-30):
             break
         places.append(other)
     return [int(lag) for lag in bound.centres(np.array([*places, *nearest]))]
 
 
-def _nearest_ties(bound: _Bound, weighted: FloatMap, best: int) -> list[int]:
+def _nearest_ties(bound: _UpperBound, weighted: FloatMap, best: int) -> list[int]:
     """Return the cells nearest to lag 0, on either side, that may tie with the best (:func:`find_peak`)."""
-    high = np.flatnonzero(weighted >= _KEPT_OF_BOUND * np.sqrt(0.5) * weighted[best])
+    high = np.flatnonzero(weighted >= _MIN_PEAK_OF_BOUND * np.sqrt(0.5) * weighted[best])
     share = overlap_length(*bound.sizes, bound.centres(high)) / overlap_length(
         *bound.sizes, bound.centres(np.array([best]))
     )
-    high = high[(share >= 0.5) & (weighted[high] >= _KEPT_OF_BOUND * np.sqrt(share) * weighted[best])]
+    high = high[(share >= 0.5) & (weighted[high] >= _MIN_PEAK_OF_BOUND * np.sqrt(share) * weighted[best])]
     later = high[high + bound.first >= 0][:1]
     earlier = high[high + bound.first < 0][-1:]
     return [int(cell) for cell in (*later, *earlier)]
 
 
-def _refined(
-    signal_1: ConvertedRecording, signal_2: ConvertedRecording, bound: _Bound, reach: int, progress: Progress
+def _refine(
+    signal_1: ConvertedRecording, signal_2: ConvertedRecording, bound: _UpperBound, reach: int, progress: Progress
 ) -> FoundLag:
-    """Return the peak, measured sample by sample around all places that may be as high."""
+    """Return the peak, measured sample by sample around all lags that may be as high."""
     first, last = lags_within(bound.sizes, reach)
     windows: list[tuple[int, int]] = []  # first and last lags, ascending and disjoint
-    for place in sorted(_places(bound)):
-        low, high = max(first, place - AROUND), min(last, place + AROUND)
+    for place in sorted(_candidate_lags(bound)):
+        low, high = max(first, place - REFINED_REACH), min(last, place + REFINED_REACH)
         if windows and low <= windows[-1][1] + 1:
             low = windows.pop()[0]
         windows.append((low, high))
@@ -525,11 +540,11 @@ def _refined(
     overlap = partial(overlap_length, *bound.sizes)
     peak, ties = find_peak(values, lags, overlap)
     lag, height = int(lags[peak]), float(values[peak])
-    reduced_lags, reduced, beyond = _reduced(bound, windows, lags, values, peak)
+    reduced_lags, reduced, highest_bound = _reduced_curve(bound, windows, lags, values, peak)
 
     near = next(number for number, (low, high) in enumerate(windows) if low <= lag <= high)
     low, high = windows[near]
-    rival = max([beyond, *(float(one.max()) for number, one in enumerate(curves) if number != near)])
+    rival = max([highest_bound, *(float(curve.max()) for number, curve in enumerate(curves) if number != near)])
     ratio = np.fmin(peak_ratio(curves[near], lag - low), height / rival if rival > 0 else np.inf)
     lowest = int(np.argmin(values))
     return FoundLag(
@@ -543,14 +558,14 @@ def _refined(
     )
 
 
-def _reduced(
-    bound: _Bound, windows: list[tuple[int, int]], lags: Lags, values: Vector, peak: int
+def _reduced_curve(
+    bound: _UpperBound, windows: list[tuple[int, int]], lags: Lags, values: Vector, peak: int
 ) -> tuple[Lags, Vector, float]:
     """Return a curve reduced to the highest point of every stretch of cells, and its highest bound outside the windows.
 
     The bound, capped at the height of the peak, is replaced by the measured values at the given lags.
     """
-    cells = -(-bound.total.size // KEPT_LAGS)
+    cells = -(-bound.total.size // MAX_KEPT_LAGS)
     rows = np.zeros((-(-bound.total.size // cells), cells), dtype=np.float32)
     row = rows.ravel()
     row[: bound.total.size] = bound.weighted()
@@ -560,9 +575,9 @@ def _reduced(
     reduced_lags, reduced = bound.centres(best), row[best].astype(np.float64)
     if values[peak] > 0:
         np.minimum(reduced, values[peak], out=reduced)
-    beyond = float(reduced.max())
-    # Of each stretch the highest value is entered last, and the peak after those that tie with it.
+    highest_bound = float(reduced.max())
+    # The highest value of each stretch is entered last, and the peak after those that tie with it.
     order = np.append(np.argsort(-values, kind="stable")[::-1], peak)
     stretches = (lags[order] - bound.first * bound.step) // (cells * bound.step)
     reduced_lags[stretches], reduced[stretches] = lags[order], values[order]
-    return reduced_lags, reduced, beyond
+    return reduced_lags, reduced, highest_bound

@@ -1,8 +1,8 @@
-"""Whether a lag can be relied on: the decision between all lags that the evidence speaks for.
+"""Whether a lag can be relied on: the decision between the lags that have evidence.
 
 The candidates are the highest peaks under every weight (:mod:`stereolag.signals.evidence`), each also with drift and
-dropped buffers undone (:mod:`stereolag.signals.drift`), and all are scored by one measure.
-The best is sure if it is beyond chance, no other fits as well, and no weight is as convinced of another lag.
+dropped buffers undone (:mod:`stereolag.signals.drift`). All are scored by one measure. The best is sure if it is beyond
+chance, no other lag fits as well, and no weight has convincing evidence for another lag.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from stereolag.signals.correlation import (
     overlap_pearson,
     overlap_slices,
 )
-from stereolag.signals.drift import follow_lag, median_line, with_steps_placed
-from stereolag.signals.evidence import Evidence, Peak, Samples, needed_for, standardised
+from stereolag.signals.drift import follow_lag, locate_steps, median_line
+from stereolag.signals.evidence import MEDIAN_POINTS, Evidence, Peak, Samples, needed_for, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.peaks import main_lobe
 from stereolag.signals.recordings import HeldRecording, Inverted, Recording
@@ -37,54 +37,70 @@ Reason: TypeAlias = Literal[
     "clear", "drift", "steps", "repeats", "rivals", "chance", "one_lag", "too_little", "few_votes", "opposite_sign"
 ]
 
-_FEWEST = 16
-"""Samples of a recording below which nothing can be told."""
+_MIN_SAMPLES = 16
+"""Samples of the shorter recording below which there is no verdict."""
 
-LONGEST_JUDGED = 2**22
-"""Samples of both recordings up to which they are judged as a whole."""
+MAX_JUDGED_WHOLE = 2**22
+"""Samples of both recordings together up to which they are judged as a whole."""
 
-_SECTIONS, _SECTION = 16, 2**15
-"""Number and most samples of the sections by which longer recordings are judged."""
+_SECTIONS = 16
+"""Sections by which longer recordings are judged."""
 
-_SECTION_REACH, _SECTION_MARGIN = 2000, 64
-_TRIED = 4
-"""Most lags around which the lag is followed over time."""
+_MAX_SECTION_LENGTH = 2**15
+"""Samples; longest section."""
 
-_OTHER_PLACES = 4
-_AS_GOOD = 0.95
-"""Share of the evidence without it from which on a drift or a step is believed."""
+_SECTION_REACH = 2000
+"""Largest lag at which sections are correlated, beyond the one they are aligned by, samples."""
 
-_RIVAL = 0.85
-"""Another lag is as good from this share of the height on; noise alone lowers a tooth of a comb by a few per cent."""
+_SECTION_MARGIN = 64
+"""Samples of recording 2 read on either side of a section."""
 
-_UNDOUBTED = 3.0
-"""From this score on, more evidence only tells that the sections are of the clearer parts."""
+_MAX_FOLLOWED_LAGS = 4
+"""Lags that are followed over time, as long as there is no evidence for one."""
 
-_VISIBLE = 4.0
-"""Pearson's correlation shows a lag from this many standard deviations of chance on."""
+_MAX_OTHER_LAGS = 4
+"""High points of the curve of long recordings that are judged besides the lag found."""
 
-_STRETCH, _REACH = 2**16, 2**14
-"""Length of the stretch searched for repetition, and largest distance between repeats, samples."""
+_MIN_EVIDENCE_RATIO = 0.95
+"""Share of the evidence without it that a drift or step must keep to be believed."""
 
-_TOWERS = 2.0
-"""From this many times what is needed on, a peak is beyond the level of chance, however few samples carry it."""
+_MIN_RIVAL_HEIGHT = 0.85
+"""Share of the height from which on another lag is as good; noise lowers a tooth of a comb by a few per cent."""
 
-_LINES, _LINE_SHARE = 8, 0.7
-"""Most lines in the spectrum of a tonal curve, and the least share of its power that they contain."""
+_MAX_COMPARED_SCORE = 3.0
+"""Score above which more evidence only means that the sections fall on the clearer parts of the recordings."""
 
-_FEWEST_PERIODS = 8
-_FAINT = 0.05
-"""Lines below this share of the strongest line's power are noise."""
+_MIN_VISIBLE_HEIGHT = 4.0
+"""Standard deviations of chance from which on Pearson's correlation shows a lag."""
 
-_TEETH_SHARE = 0.5
-"""Least share of the curve over which the teeth of a tone extend."""
+_TONE_STRETCH = 2**16
+"""Samples of the stretch that is searched for tones."""
 
-_REGULAR = 0.75
-"""Least share of the rivals that are evenly spaced."""
+_TONE_REACH = 2**14
+"""Largest distance between the teeth of a tone, samples."""
 
-_MOST_RIVALS = 16
-_SAMPLED = 2**15
-"""Points of a curve used to estimate its spread."""
+_MIN_TOWERING_RATIO = 2.0
+"""Multiple of the evidence needed from which on a peak is no chance level, however few samples contribute to it."""
+
+_MAX_LINES = 8
+"""Lines in the spectrum of a tonal curve, at most."""
+
+_MIN_LINE_SHARE = 0.7
+"""Share of the power of a tonal curve that its lines contain at least."""
+
+_MIN_PERIODS = 8
+"""Periods of a tone within the reach, at least."""
+
+_MIN_LINE_POWER = 0.05
+"""Share of the strongest line's power below which a line is noise."""
+
+_MIN_TEETH_SHARE = 0.5
+"""Share of the curve over which the teeth of a tone extend at least."""
+
+_MIN_REGULAR_SHARE = 0.75
+"""Share of the rivals that are evenly spaced, at least."""
+
+_MAX_RIVALS = 16
 
 
 class Arrival(NamedTuple):
@@ -111,12 +127,12 @@ class LagJudgement:
     verdict, reason
         ``"sure"``: ``"clear"``, ``"drift"`` if the lag changes enough to smear the peak, or ``"steps"`` if it jumps.
         ``"ambiguous"``: ``"repeats"`` (evenly spaced rivals) or ``"rivals"``.
-        ``"nothing"``: ``"chance"``; ``"one_lag"`` (chance too, and no lag but 0 was searched); ``"too_little"`` (too
-        few samples carry the agreement to be convincing); ``"few_votes"``; ``"opposite_sign"`` (the recordings match
+        ``"nothing"``: ``"chance"``; ``"one_lag"`` (chance too, and only one lag was searched); ``"too_little"`` (too
+        few samples contribute to the agreement); ``"few_votes"``; ``"opposite_sign"`` (the recordings match
         only if one of them is inverted).
     lag
-        The lag that the evidence speaks for, with its fraction, samples: with drift, in the middle of the longest
-        stretch. The method's own lag if it speaks for none.
+        The lag with the most evidence, including its fraction, samples; with drift, in the middle of the longest
+        stretch. The method's own lag if there is no evidence for any.
     rivals
         Lags as good as this one, among those searched, nearest first; at most 16.
     spacing
@@ -159,21 +175,21 @@ class LagJudgement:
 
 @dataclass(frozen=True)
 class _Alignment:
-    """The evidence of both recordings, recording 2 read on the clock of recording 1 if the lag changes.
+    """The evidence of both recordings, recording 2 resampled to the clock of recording 1 if the lag changes.
 
     Attributes
     ----------
     evidence, peaks
         The evidence, and its peaks, the most convincing first.
     shift
-        The lag that is undone already, samples; with drift, the one in the middle of the longest stretch.
+        Lag by which recording 2 is moved already, samples; with drift, that in the middle of the longest stretch.
     over_time
         The lag over time, None if it could not be measured.
     others
         Lags of other alignments with as much evidence, samples.
-    falls
-        Whether the correlation reaches farther down than up before any drift is undone. Undoing one that is none raises
-        a side lobe of inverted recordings above their trough.
+    prefers_opposite
+        Whether the correlation has a deeper trough than its peak before any drift is undone. Undoing a spurious drift
+        raises a side lobe of inverted recordings above their trough.
     """
 
     evidence: Evidence
@@ -181,38 +197,38 @@ class _Alignment:
     shift: float = 0.0
     over_time: LagOverTime | None = None
     others: tuple[float, ...] = ()
-    falls: bool = False
+    prefers_opposite: bool = False
 
     @property
     def score(self) -> float:
-        """Evidence of the best peak, in units of what is needed."""
+        """Evidence of the best peak over that needed."""
         return self.peaks[0].score
 
     @property
     def lag(self) -> float:
-        """Lag of the best peak, samples, by the weight with the narrowest lobe that has enough evidence.
+        """Lag of the best peak, samples, measured under the weight with the narrowest lobe that has enough evidence.
 
-        Within the lobe of a peak that is beyond chance, few lags are left to choose from. If the narrower lobes lead to
-        two of them, as to neighbouring cycles, none counts.
+        That takes less evidence, since few lags are within the lobe of a peak. Narrower lobes with different lags, as
+        of neighbouring cycles, are ignored.
         """
         best, lobes = self.peaks[0], {weight: curve.lobe for weight, curve in self.evidence.curves.items()}
         lobe = lobes[best.weight]
-        least = min(1.0, needed_for(2 * lobe + 1) / self.evidence.needed)
-        there = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and lobes[peak.weight] < lobe]
-        lags = [peak.lag for peak in there]
-        agreed = [peak for peak in there if peak.score > least and max(lags) - min(lags) <= 1]
-        return self.shift + min(agreed, key=lambda peak: lobes[peak.weight], default=best).lag
+        min_score = min(1.0, needed_for(2 * lobe + 1) / self.evidence.needed)
+        narrower = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and lobes[peak.weight] < lobe]
+        lags = [peak.lag for peak in narrower]
+        convincing = [peak for peak in narrower if peak.score > min_score and max(lags) - min(lags) <= 1]
+        return self.shift + min(convincing, key=lambda peak: lobes[peak.weight], default=best).lag
 
     @property
     def changes(self) -> bool:
         """Whether the lag changes enough to matter."""
-        return self.over_time is not None and self.over_time.shows
+        return self.over_time is not None and self.over_time.changes
 
-    def contradicted_by(self, recordings: Recordings) -> list[float]:
-        """Return the lags that fit as well, and those of which a weight is convinced that prefers another one.
+    def rivals(self, recordings: Recordings) -> list[float]:
+        """Return the lags that fit as well as the best, and those that another weight has convincing evidence for.
 
         A horn blown twice fits itself again under one weight or another, but the sounds around it do not: far from the
-        best, another lag fits without any weight as well.
+        best lag, a rival must also fit without any weight.
         """
         lags = self.evidence.curves[self.peaks[0].weight].rivals(self.peaks[0])
         for weight in self.evidence.curves:
@@ -225,104 +241,104 @@ class _Alignment:
         near = 4 * self.evidence.curves[self.peaks[0].weight].envelope + 32
         sizes = recordings[0].size, recordings[1].size
         overlap = overlap_length(*sizes, np.round([self.lag, *found]).astype(int))
-        least = _RIVAL * overlap_pearson(*recordings, round(self.lag))
-        if least < _RIVAL * _VISIBLE / math.sqrt(overlap[0]):
+        min_pearson = _MIN_RIVAL_HEIGHT * overlap_pearson(*recordings, round(self.lag))
+        if min_pearson < _MIN_RIVAL_HEIGHT * _MIN_VISIBLE_HEIGHT / math.sqrt(overlap[0]):
             return found
-        # In a longer overlap, as much agreement is a smaller share.
-        shares = np.maximum(overlap[1:] / overlap[0], 1).tolist()
+        # The same agreement is a smaller share of a longer overlap.
+        factors = np.maximum(overlap[1:] / overlap[0], 1).tolist()
         return [
             lag
-            for lag, share in zip(found, shares, strict=True)
-            if abs(lag - self.lag) <= near or share * overlap_pearson(*recordings, round(lag)) >= least
+            for lag, factor in zip(found, factors, strict=True)
+            if abs(lag - self.lag) <= near or factor * overlap_pearson(*recordings, round(lag)) >= min_pearson
         ]
 
     @property
     def arrivals(self) -> tuple[Arrival, ...]:
         """All lags beyond chance, each once."""
         found: list[Arrival] = []
-        for given in self.peaks if self.score > 1 else ():
-            curve = self.evidence.curves[given.weight]
+        for candidate in self.peaks if self.score > 1 else ():
+            curve = self.evidence.curves[candidate.weight]
             apart = max(3, curve.envelope)
-            if any(abs(self.shift + given.lag - one.lag) <= apart for one in found):
+            if any(abs(self.shift + candidate.lag - arrival.lag) <= apart for arrival in found):
                 continue
-            peak = self.evidence.beside(given, [one.lag - self.shift for one in found])
-            best = next(one for one in self.peaks if one.weight == peak.weight)
-            if peak.score > 1 and (given is best or not curve.repeats(best, peak)):
+            peak = self.evidence.beside(candidate, [arrival.lag - self.shift for arrival in found])
+            best = next(other for other in self.peaks if other.weight == peak.weight)
+            if peak.score > 1 and (candidate is best or not curve.repeats(best, peak)):
                 found.append(Arrival(self.shift + peak.lag, peak.score * self.evidence.needed))
         return tuple(found)
 
     def is_at(self, lag: float) -> bool:
-        """Return whether a lag is the one of the best peak, at some time."""
+        """Return whether a lag is that of the best peak at some time."""
         if self.over_time is not None and self.changes:
             return self.over_time.lowest - 3 <= lag <= self.over_time.highest + 3
         return abs(lag - self.lag) <= max(3, self.evidence.curves[self.peaks[0].weight].lobe)
 
 
-def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -> LagJudgement:
-    """Return the lag that the evidence speaks for, and whether it is reliable.
+def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -> LagJudgement:
+    """Return the lag with the most evidence, and whether it is reliable.
 
     Parameters
     ----------
     recordings
         The recordings.
     found
-        The lag that a method found, with its curve or its votes if it has them; there may be gaps between the lags of
-        the curve.
+        The lag that a method found, with its curve or votes if it has them; the lags of the curve may have gaps.
     reach
         The largest ``|lag|`` that was searched.
-    bound
-        Whether the verdict is on the lag found, whichever lag the evidence speaks for.
+    fixed
+        Whether to judge the lag found, even if another one has more evidence.
     """
     sizes = recordings[0].size, recordings[1].size
     first, last = lags_within(sizes, reach)
     chance = math.sqrt(2 * math.log(last - first + 2))
     needed = needed_for(last - first + 1)
-    height, ribbon = (math.nan, None) if found.correlation is None else _height(found.correlation, chance)
+    height, ribbon = (math.nan, None) if found.correlation is None else _robust_height(found.correlation, chance)
     own = found.lag + found.fraction
+    if min(sizes) < _MIN_SAMPLES:
+        return LagJudgement(
+            "nothing", "too_little", own, evidence=0.0, needed=needed, height=height, chance=chance, ribbon=ribbon
+        )
+    best = _best(recordings, found, first, last)
+    opposite = None
+    if best.score <= 1 or best.prefers_opposite or best.evidence.prefers_opposite(best.peaks[0]):
+        opposite = _opposite(recordings, found, first, last, best)
     few_votes = found.votes is not None and not enough_votes(found.votes, found.lag)
-    best: _Alignment | None = None
-    opposite: int | None = None
     rivals: Sequence[float] = ()
-    reason: Reason = "too_little"
-    if min(sizes) >= _FEWEST:
-        best = _best(recordings, found, first, last)
-        if best.score <= 1 or best.falls or best.evidence.prefers_opposite(best.peaks[0]):
-            opposite = _opposite(recordings, found, first, last, best)
-        if opposite is not None:
-            reason = "opposite_sign"
-        elif best.score > 1:
-            rivals = best.contradicted_by(recordings) + ([best.lag] if bound and not best.is_at(own) else [])
-            if found.ties > 1:
-                rivals += _high_points(found, recordings)
-            reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
-        else:
-            rivals = tone_rivals(recordings, found.lag, first, last)
-            stands_out = any(peak.above > _TOWERS * needed and peak.carried < needed for peak in best.peaks)
-            little = stands_out or best.peaks[0].carriers < needed
-            reason = "few_votes" if few_votes else "too_little" if little else "chance"
-            reason = "rivals" if rivals else "one_lag" if first == last else reason
+    reason: Reason = "opposite_sign"
+    if opposite is None and best.score > 1:
+        rivals = best.rivals(recordings) + ([best.lag] if fixed and not best.is_at(own) else [])
+        if found.ties > 1:
+            rivals += _high_lags(found, recordings)
+        reason = "rivals" if rivals else "few_votes" if few_votes else "clear"
+    elif opposite is None:
+        rivals = tone_rivals(recordings, found.lag, first, last)
+        stands_out = any(
+            peak.global_height > _MIN_TOWERING_RATIO * needed and peak.agreement < needed for peak in best.peaks
+        )
+        too_few_samples = stands_out or best.peaks[0].max_agreement < needed
+        reason = "few_votes" if few_votes else "too_little" if too_few_samples else "chance"
+        reason = "rivals" if rivals else "one_lag" if first == last else reason
     lag = own
-    # The plain curve's fraction is finer than that of a weighted one, but its highest sample can be the wrong cycle.
-    if best is not None and best.score > 1 and not bound and (best.changes or abs(best.lag - own) > 1):
-        lag = own if any(abs(own - one) <= 1 for one in rivals) else best.lag
-    whole = found.lag if abs(lag - found.lag) <= 0.5 else round(lag)
-    others = [*rivals, best.lag] if rivals and best is not None and best.score > 1 else rivals
-    nearest = _nearest({round(one) for one in others if first <= round(one) <= last and abs(one - lag) > 1}, whole)
+    # The plain curve's fraction is more precise than a weighted one's, but its highest sample can be the wrong cycle.
+    if best.score > 1 and not fixed and (best.changes or abs(best.lag - own) > 1):
+        lag = own if any(abs(own - rival) <= 1 for rival in rivals) else best.lag
+    whole = found.rounded(lag)
+    others = [*rivals, best.lag] if rivals and best.score > 1 else rivals
+    within = {round(other) for other in others if first <= round(other) <= last and abs(other - lag) > 1}
+    nearest = _nearest_rivals(within, whole)
     spacing = regular_spacing(nearest, whole)
-    over_time = None
-    if best is not None and reason == "clear":
-        over_time = best.over_time
-        if over_time is not None and best.changes:
-            reason = "steps" if over_time.steps else "drift"
-            over_time = with_steps_placed(*recordings, over_time)
+    over_time = best.over_time if reason == "clear" else None
+    if over_time is not None and best.changes:
+        reason = "steps" if over_time.steps else "drift"
+        over_time = locate_steps(*recordings, over_time)
     return LagJudgement(
         verdict="ambiguous" if reason == "rivals" else "sure" if reason in {"clear", "drift", "steps"} else "nothing",
         reason="repeats" if reason == "rivals" and spacing is not None else reason,
         lag=lag,
         rivals=nearest,
         spacing=spacing,
-        arrivals=best.arrivals if best is not None and opposite is None else (),
-        evidence=best.score * needed if best is not None else 0.0,
+        arrivals=best.arrivals if opposite is None else (),
+        evidence=best.score * needed,
         needed=needed,
         height=height,
         chance=chance,
@@ -333,47 +349,37 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, bound: bool) -
 
 
 def judged_samples(size_1: int, size_2: int, *, held: bool) -> int:
-    """Return the number of samples of both recordings that are judged, whether or not they are held in memory."""
-    return min(size_1 + size_2, LONGEST_JUDGED if held else 2 * _SECTIONS * _SECTION)
+    """Return the number of samples of both recordings that are judged; `held` if the recordings are in memory."""
+    return min(size_1 + size_2, MAX_JUDGED_WHOLE if held else 2 * _SECTIONS * _MAX_SECTION_LENGTH)
 
 
-def _whole(recordings: Recordings) -> bool:
+def _judged_whole(recordings: Recordings) -> bool:
     """Return whether recordings are judged as a whole."""
-    held = all(isinstance(one, HeldRecording) for one in recordings)
-    return held and sum(one.size for one in recordings) <= LONGEST_JUDGED
+    held = all(isinstance(recording, HeldRecording) for recording in recordings)
+    return held and sum(recording.size for recording in recordings) <= MAX_JUDGED_WHOLE
 
 
 def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Alignment:
-    """Return the alignment with the most evidence, among those of the candidates and their lags over time."""
+    """Return the alignment with the most evidence, of those at the candidate lags and at their lags over time."""
     searched = last - first + 1
-    if not _whole(recordings):
-        places = [found.lag, *_high_points(found, recordings)]
-        every = [_by_sections(recordings, lag, searched) for lag in places]
-        best = max(every, key=lambda one: one.score)
-        alike = [
-            one
-            for one in every
-            if one.score > max(1, _RIVAL * (best.score if best.changes else min(best.score, _UNDOUBTED)))
-        ]
-        best = alike[0] if alike else best
-        others = tuple(one.lag for one in alike if not best.is_at(one.lag))
-        return replace(best, others=others, falls=found.opposite_lag is not None)
-    samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
+    if not _judged_whole(recordings):
+        return _best_by_sections(recordings, found, searched)
+    samples_1, samples_2 = (standardised(recording.part(0, recording.size)) for recording in recordings)
     held = HeldRecording(samples_1), HeldRecording(samples_2)
     straight = Evidence(samples_1, samples_2, first, last, searched)
     best = _Alignment(straight, straight.peaks((found.lag,)))
-    falls = straight.prefers_opposite(best.peaks[0])
-    tried: list[float] = []
-    order = sorted(best.peaks, key=lambda peak: -peak.score - 0.05 * peak.above / straight.needed)
+    prefers_opposite = straight.prefers_opposite(best.peaks[0])
+    followed: list[float] = []
+    order = sorted(best.peaks, key=lambda peak: -peak.score - 0.05 * peak.global_height / straight.needed)
     smeared = [] if best.score > 1 else straight.smeared()
     for lag in [*smeared, *(peak.lag for peak in order)]:
         common = overlap_slices(samples_1.size, samples_2.size, round(lag))[0]
         reach = 0.008 * (common.stop - common.start)
-        if len(tried) >= (1 if best.score > 1 else _TRIED):
+        if len(followed) >= (1 if best.score > 1 else _MAX_FOLLOWED_LAGS):
             break
-        if any(abs(lag - other) <= max(48, reach) for other in tried):
+        if any(abs(lag - other) <= max(48, reach) for other in followed):
             continue
-        tried.append(lag)
+        followed.append(lag)
         apart = [abs(other.lag - lag) for other in best.peaks if other.score > 1]
         near = 48 + round(max(apart, default=0))
         over_time = follow_lag(*held, round(lag), near)
@@ -383,76 +389,96 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             if best.over_time is None and best.is_at(over_time.middle):
                 best = replace(best, over_time=over_time)
             continue
-        found_there = _along(over_time, samples_1, samples_2, searched)
-        if not _pays_its_steps(found_there, over_time, searched, samples_1.size):
+        alignment = _aligned_by(over_time, samples_1, samples_2, searched)
+        if not _justifies_steps(alignment, over_time, searched, samples_1.size):
             continue
-        same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.shows
-        # Undoing a lag that does change raises the peak over the whole curve too, not only over what lies around.
-        higher = found_there.peaks[0].above >= _AS_GOOD * best.peaks[0].above
-        if higher and found_there.score > best.score * (_AS_GOOD if same else 1.0):
-            best = found_there
-    return replace(best, falls=falls)
+        same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.changes
+        # Undoing a real change of the lag raises the peak over the whole curve too, not only over its surroundings.
+        higher = alignment.peaks[0].global_height >= _MIN_EVIDENCE_RATIO * best.peaks[0].global_height
+        if higher and alignment.score > best.score * (_MIN_EVIDENCE_RATIO if same else 1.0):
+            best = alignment
+    return replace(best, prefers_opposite=prefers_opposite)
 
 
-def _along(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, searched: int) -> _Alignment:
-    """Return the evidence for a lag over time: recording 2 is read on the clock of recording 1."""
+def _best_by_sections(recordings: Recordings, found: FoundLag, searched: int) -> _Alignment:
+    """Return the alignment of long recordings with the most evidence, at the lag found or another high point."""
+    lags = [found.lag, *_high_lags(found, recordings)]
+    alignments = [_by_sections(recordings, lag, searched) for lag in lags]
+    best = max(alignments, key=lambda alignment: alignment.score)
+    min_score = max(1, _MIN_RIVAL_HEIGHT * (best.score if best.changes else min(best.score, _MAX_COMPARED_SCORE)))
+    equal = [alignment for alignment in alignments if alignment.score > min_score]
+    best = equal[0] if equal else best
+    others = tuple(alignment.lag for alignment in equal if not best.is_at(alignment.lag))
+    return replace(best, others=others, prefers_opposite=found.opposite_lag is not None)
+
+
+def _aligned_by(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, searched: int) -> _Alignment:
+    """Return the alignment by a lag over time, with recording 2 resampled to the clock of recording 1."""
     moved = on_first_clock(samples_2, over_time, 0, samples_1.size)
     evidence = Evidence(samples_1, moved, 1 - samples_1.size, samples_1.size - 1, searched)
     peaks = evidence.peaks()
     near = abs(peaks[0].lag) < 48
-    return _Alignment(evidence, peaks, over_time.middle, over_time.moved(peaks[0].lag) if near else None)
+    return _Alignment(evidence, peaks, over_time.middle, over_time.shifted(peaks[0].lag) if near else None)
 
 
 def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change: bool = True) -> _Alignment:
-    """Return the evidence for a lag of long recordings, by sections of them one after the other."""
+    """Return the alignment of long recordings at a lag, by sections of them, joined.
+
+    With `may_change`, the lag is followed over time.
+    """
     common = overlap_slices(recordings[0].size, recordings[1].size, lag)[0]
     over_time = follow_lag(*recordings, lag) if may_change else None
-    line = over_time if over_time and over_time.shows else LagOverTime((Stretch(common.start, common.stop, lag, 0.0),))
-    size = min(_SECTION, (common.stop - common.start) // _SECTIONS)
+    line = (
+        over_time if over_time and over_time.changes else LagOverTime((Stretch(common.start, common.stop, lag, 0.0),))
+    )
+    size = min(_MAX_SECTION_LENGTH, (common.stop - common.start) // _SECTIONS)
     starts = np.linspace(common.start, common.stop - size, _SECTIONS).astype(int).tolist()
     parts = []
     for start in starts:
         begin = start + math.floor(line.lag_at(start + size / 2)) - _SECTION_MARGIN
         part = recordings[1].part(begin, begin + size + 2 * _SECTION_MARGIN)
         if line is over_time:
-            part = on_first_clock(part, line.seen_from(start, begin), start, size).astype(np.float64)
+            part = on_first_clock(part, line.stretch_at(start).for_part(begin), start, size).astype(np.float64)
         else:
             part = part[_SECTION_MARGIN : _SECTION_MARGIN + size]
-        # Faded, since the cuts would be clicks that both have in common.
+        # Faded, since the cuts would be clicks common to both.
         parts.append((faded(recordings[0].part(start, start + size)), faded(part)))
     samples_1, samples_2 = (standardised(np.concatenate(each)) for each in zip(*parts, strict=True))
     evidence = Evidence(samples_1, samples_2, -_SECTION_REACH, _SECTION_REACH, searched)
     peaks = evidence.peaks((0.0,))
     if line is not over_time:
         return _Alignment(evidence, peaks, lag, over_time)
-    found = _Alignment(evidence, peaks, line.middle, line.moved(peaks[0].lag))
-    if not _pays_its_steps(found, line, searched, recordings[0].size):
+    found = _Alignment(evidence, peaks, line.middle, line.shifted(peaks[0].lag))
+    if not _justifies_steps(found, line, searched, recordings[0].size):
         return _by_sections(recordings, lag, searched, may_change=False)
     return found
 
 
-def _pays_its_steps(found: _Alignment, over_time: LagOverTime, searched: int, size: int) -> bool:
-    """Return whether there is more evidence than for the best of all lags over time with as many steps."""
+def _justifies_steps(found: _Alignment, over_time: LagOverTime, searched: int, size: int) -> bool:
+    """Return whether there is more evidence than chance gives the best of all lags over time with as many steps."""
     steps = len(over_time.steps)
     return not steps or found.score * found.evidence.needed > needed_for(searched, steps, size)
 
 
-def _high_points(found: FoundLag, recordings: Recordings) -> list[int]:
-    """Return the lags of the highest points of a curve outside the main lobe of the lag found, best first."""
+def _high_lags(found: FoundLag, recordings: Recordings) -> list[int]:
+    """Return the lags of the highest points of a curve outside the main lobe of its peak, highest first."""
     if found.lags is None or found.correlation is None:
         return []
     peak = int(np.searchsorted(found.lags, found.lag))
     overlap = overlap_length(recordings[0].size, recordings[1].size, found.lags)
     high = _tops(found.correlation, peak, 0.6 * found.correlation[peak])
     high = high[overlap[high] >= 0.25 * overlap[peak]]
-    best = high[np.argsort(-found.correlation[high], kind="stable")[:_OTHER_PLACES]]
+    best = high[np.argsort(-found.correlation[high], kind="stable")[:_MAX_OTHER_LAGS]]
     return [int(each) for each in found.lags[best]]
 
 
 def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, best: _Alignment) -> int | None:
-    """Return the lag at which the inverted recording 2 fits beyond chance and clearly better than at the best lag."""
+    """Return the lag at which the inverted recording 2 fits beyond chance and clearly better than at the best lag.
+
+    None if there is no such lag.
+    """
     searched = last - first + 1
-    if not _whole(recordings):
+    if not _judged_whole(recordings):
         lag = found.opposite_lag
         if lag is None and found.lags is not None and found.correlation is not None:
             lag = int(found.lags[np.argmin(found.correlation)])
@@ -460,19 +486,19 @@ def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, be
             return None
         inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, searched)
     else:
-        samples_1, samples_2 = (standardised(one.part(0, one.size)) for one in recordings)
+        samples_1, samples_2 = (standardised(recording.part(0, recording.size)) for recording in recordings)
         evidence = Evidence(samples_1, -samples_2, first, last, searched)
         inverted = _Alignment(evidence, evidence.peaks())
         if best.over_time is not None and best.changes:
-            followed = _along(best.over_time, samples_1, -samples_2, searched)
-            inverted = max(inverted, followed, key=lambda one: one.score)
-    if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_above(best.peaks[0])):
+            followed = _aligned_by(best.over_time, samples_1, -samples_2, searched)
+            inverted = max(inverted, followed, key=lambda alignment: alignment.score)
+    if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_clearly_above(best.peaks[0])):
         return None
     return round(inverted.lag)
 
 
-def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
-    return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
+def _nearest_rivals(rivals: set[int], lag: int) -> tuple[int, ...]:
+    return tuple(sorted(rivals - {lag}, key=lambda other: (abs(other - lag), other))[:_MAX_RIVALS])
 
 
 def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
@@ -495,45 +521,48 @@ def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
 def tone_rivals(recordings: Recordings, lag: int, first: int, last: int) -> tuple[int, ...]:
     """Return the lags around `lag` at which tones common to both recordings line up.
 
-    Whitening removes tones, and noise hides their teeth in the curve of the loudest common stretch. Its spectrum shows
-    them: a few lines contain most of its power. The curve rebuilt from these lines alone has the teeth, not the noise.
+    Whitening removes tones, and noise hides their teeth in the correlation of the loudest common stretch. The spectrum
+    of that curve shows them: a few lines contain most of its power. The curve rebuilt from these lines alone has the
+    teeth without the noise.
     """
-    parts = loudest_stretch(*recordings, lag, _STRETCH)
-    one, other = (whole.part(part.start, part.stop) for whole, part in zip(recordings, parts, strict=True))
-    reach = min(_REACH, one.size // 2)
-    curve = local_curve(one, other, reach)  # `lag` is in its middle
-    count = min(_LINES, reach // 64)
+    parts = loudest_stretch(*recordings, lag, _TONE_STRETCH)
+    first_part, second_part = (
+        recording.part(part.start, part.stop) for recording, part in zip(recordings, parts, strict=True)
+    )
+    reach = min(_TONE_REACH, first_part.size // 2)
+    curve = local_curve(first_part, second_part, reach)  # `lag` is in its middle
+    count = min(_MAX_LINES, reach // 64)
     if count == 0:
         return ()
     spectrum = fft.rfft(curve * np.hanning(curve.size))
     power = spectrum.real**2 + spectrum.imag**2
-    left = power.copy()
-    left[: 2 * _FEWEST_PERIODS] = 0.0
-    held = np.zeros(power.size, dtype=np.bool_)
+    residual = power.copy()
+    residual[: 2 * _MIN_PERIODS] = 0.0
+    in_lines = np.zeros(power.size, dtype=np.bool_)
     for _ in range(count):
-        line = int(np.argmax(left))
-        if left[line] < _FAINT * power[held].max(initial=0.0):
+        line = int(np.argmax(residual))
+        if residual[line] < _MIN_LINE_POWER * power[in_lines].max(initial=0.0):
             break
-        held[max(0, line - 2) : line + 3] = True
-        left[max(0, line - 2) : line + 3] = 0.0
-    if power[held].sum() < _LINE_SHARE * power.sum():
+        in_lines[max(0, line - 2) : line + 3] = True
+        residual[max(0, line - 2) : line + 3] = 0.0
+    if power[in_lines].sum() < _MIN_LINE_SHARE * power.sum():
         return ()
-    # Only the middle half, where the window is not small.
+    # Only the middle half, where the window is large.
     middle = slice(reach // 2, curve.size - reach // 2)
-    clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
+    clean = (fft.irfft(np.where(in_lines, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
     best = int(np.argmax(clean))
-    tops = _tops(clean, best, _RIVAL * clean[best])
-    # Two sounds that happen to share a note for a while give a few teeth; a tone gives them everywhere.
-    if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
+    tops = _tops(clean, best, _MIN_RIVAL_HEIGHT * clean[best])
+    # Two sounds that share a note for a while have a few teeth; a tone has them everywhere.
+    if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _MIN_TEETH_SHARE * clean.size:
         return ()
     found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
-    return _nearest({each for each in found if first <= each <= last}, lag)
+    return _nearest_rivals({each for each in found if first <= each <= last}, lag)
 
 
-def _tops(curve: Vector, peak: int, least: float) -> Indices:
-    """Return where the curve has a maximum of at least `least`, outside the main lobe of `peak`."""
+def _tops(curve: Vector, peak: int, min_height: float) -> Indices:
+    """Return the indices of the maxima of at least `min_height` outside the main lobe of `peak`."""
     begin, end = main_lobe(curve, peak)
-    high = np.flatnonzero(curve >= least)
+    high = np.flatnonzero(curve >= min_height)
     high = high[((high < begin) | (high >= end)) & (high > 0) & (high < curve.size - 1)]
     return np.asarray(high[(curve[high] > curve[high - 1]) & (curve[high] >= curve[high + 1])])
 
@@ -541,28 +570,28 @@ def _tops(curve: Vector, peak: int, least: float) -> Indices:
 def regular_spacing(rivals: Sequence[int], lag: int) -> float | None:
     """Return the spacing of evenly spaced rivals, within one sample or 2 %; None if they are irregular.
 
-    Some may be missing in between.
+    Some may be missing.
     """
     if len(rivals) < 2:
         return None
     places = np.array(sorted({*rivals, lag}), dtype=np.float64)
     apart = np.diff(places)
-    for least, share in ((float(np.median(apart)), _REGULAR), (float(apart.min()), 1.0)):
-        numbers = np.round((places - rivals[0]) / least)
+    for unit, min_share in ((float(np.median(apart)), _MIN_REGULAR_SHARE), (float(apart.min()), 1.0)):
+        numbers = np.round((places - rivals[0]) / unit)
         if np.unique(numbers).size < 3:
             continue
-        # By medians, because a lag that a method put between two teeth is not on the grid.
+        # By medians, since the lag of a method may be between two teeth.
         spacing, _ = median_line(numbers, places)
-        away = places - spacing * numbers
-        regular = np.abs(away - np.median(away)) <= max(min(1.0, least / 8), 0.02 * least)
-        if regular.mean() >= share and np.unique(numbers[regular]).size >= 3:
+        offsets = places - spacing * numbers
+        regular = np.abs(offsets - np.median(offsets)) <= max(min(1.0, unit / 8), 0.02 * unit)
+        if regular.mean() >= min_share and np.unique(numbers[regular]).size >= 3:
             return float(np.polyfit(numbers[regular], places[regular], 1)[0])
     return None
 
 
-def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
+def _robust_height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
     """Return the robust height of the highest point, and the values between which chance keeps the curve."""
-    some = curve[:: max(1, curve.size // _SAMPLED)]
+    some = curve[:: max(1, curve.size // MEDIAN_POINTS)]
     middle = float(np.median(some))
     deviation = 1.4826 * float(np.median(np.abs(some - middle)))
     height = (float(curve.max()) - middle) / deviation if deviation > 0 else math.inf

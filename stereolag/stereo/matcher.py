@@ -18,7 +18,7 @@ from pydantic import Field
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_stereo_pair, in_eight_bits, transparent, with_border_transparent
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
-from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, multiple_of
+from stereolag.core.settings import OfThePair, Pixels, Settings, SliderRange, changed, multiple_of
 from stereolag.core.showing import Shown
 from stereolag.loops.compilation import compiling_beside
 from stereolag.loops.memory import keep_freed_memory
@@ -55,7 +55,7 @@ NumDisparities = Annotated[
     int,
     Pixels(rounded_up=True),
     OfThePair(),
-    Usual(high=256),
+    SliderRange(high=256),
     Field(
         title="Disparities searched",
         description="How many disparities are tried, px (OpenCV's numDisparities).",
@@ -68,7 +68,7 @@ MinDisparity = Annotated[
     int,
     Pixels(),
     OfThePair(),
-    Usual(-64, 64),
+    SliderRange(-64, 64),
     Field(
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.core.jobs import COSTS, Estimate, Progress
-from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels, Usual
+from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels, SliderRange
 from stereolag.stereo.matcher import MinDisparity, PixelMatches, Reason, StereoMatcher, grey_bytes
 
 BlockSize = Annotated[
@@ -81,7 +81,7 @@ class BlockMatcher(StereoMatcher):
     cost_row: ClassVar[str]
     """Row of the cost table; a class derived from a matcher costs what that one does."""
 
-    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
+    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), SliderRange(high=256)] = Field(
         default=64,
         title="Disparities searched",
         description="How many disparities are tried, px; a multiple of 16 (OpenCV's numDisparities).",

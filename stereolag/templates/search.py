@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image, as_image, as_images
-from stereolag.core.jobs import COSTS, HEAP_BLOCK, Estimate, Progress, check_memory, part, silent
+from stereolag.core.jobs import COSTS, MAX_HEAP_BLOCK, Estimate, Progress, check_memory, part, silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.loops.bands import available_cores
 from stereolag.templates.exact_pixels import exact_positions
@@ -150,7 +150,7 @@ def _tile_amounts(
         blocks = (min(max(9 * side // 2, 256), length) + side for side, length in ((height, down), (width, across)))
         work += 4 * math.prod(blocks)
     # Freed spectra, which the allocator may keep.
-    slack = 0 if single else 2 * min(points, HEAP_BLOCK // 8)
+    slack = 0 if single else 2 * min(points, MAX_HEAP_BLOCK // 8)
     transforms = channels + masked + count * (channels + 1 + (channels + 2) * masked)
     shared = (channels + masked) * (height * width if single else points)
     return _Tiles(count, shared, planes + work + slack, transforms * points * math.log2(points))

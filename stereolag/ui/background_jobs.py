@@ -234,7 +234,7 @@ def _give_memory_back_after(departures: SimpleQueue[float]) -> None:
 def give_memory_back() -> None:
     """Drop what ended sessions left, and return freed memory to the system."""
     inside.forget_ended_sessions()
-    memory.give_back()
+    memory.release_memory()
     inside.freeze_imports()
     memory.ask_allocator("malloc_trim", 0)
 

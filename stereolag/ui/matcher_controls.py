@@ -24,7 +24,7 @@ from stereolag.core.settings import (
     OfThePair,
     Settings,
     SettingsError,
-    Usual,
+    SliderRange,
     choices,
     marker,
     nested,
@@ -176,7 +176,7 @@ class _Place:
     def slider_bounds(self, name: str) -> tuple[Number | None, Number | None]:
         """Return the bounds of a slider where they are narrower than those of the field; None: as the field's."""
         field = self.kind.model_fields[name]
-        usual = marker(field, Usual) or Usual()
+        usual = marker(field, SliderRange) or SliderRange()
         if marker(field, FitsImage):
             return usual.low, min(MAX_WINDOW_PX, *(int(side) - 1 for side in self.pair.left.shape[:2]))
         return usual.low, usual.high

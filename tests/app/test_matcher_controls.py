@@ -9,7 +9,7 @@ import streamlit as st
 from pydantic import Field
 from streamlit.testing.v1 import AppTest
 
-from stereolag.core.settings import SMALLEST, Bounds, Settings
+from stereolag.core.settings import MIN_STEP, Bounds, Settings
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
 from stereolag.ui.controls import class_of
@@ -121,10 +121,10 @@ def test_sliders_move_in_whole_steps_through_the_default_within_bounds_that_are_
     assert bounds_of("odd").through(7) == Bounds(3, 11, 2)
     assert bounds_of("sixteens").through(64) == Bounds(16, 96, 16)
     assert bounds_of("share").through(0.95) == Bounds(0.0, 0.95, 0.05)
-    assert bounds_of("open_end") == Bounds(SMALLEST, None, 1.0)
+    assert bounds_of("open_end") == Bounds(MIN_STEP, None, 1.0)
     assert bounds_of("perhaps") == Bounds(0, None, 1)
     assert bounds_of("odd").narrowed(5, 20) == Bounds(5, 12, 2)
-    assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(SMALLEST, 9.0, 1.0)
+    assert bounds_of("open_end").narrowed(None, 9.0) == Bounds(MIN_STEP, 9.0, 1.0)
 
 
 @pytest.mark.parametrize(

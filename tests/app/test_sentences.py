@@ -83,7 +83,7 @@ def test_lags(snapshot: Snapshot) -> None:
             said[name].append(f"below it: {lag.ribbon_in_words(one, 'fair')}")
         if one.over_time is not None:
             said[name].append(f"over time: {lag.blocks_in_words(one.over_time, 44_100.0)}")
-            if one.over_time.shows:
+            if one.over_time.changes:
                 said[name].append(f"below it: {lag.drift_in_words(one.over_time)}")
     said["assumed"] = [
         verdicts.verdict_in_words(results[name], given)

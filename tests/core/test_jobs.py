@@ -100,8 +100,8 @@ def test_a_container_and_a_service_have_the_memory_of_their_groups(
         file.write_text(f"{limit}\n")
     if joined is not None:
         (tmp_path / "joined").write_text(joined)
-    monkeypatch.setattr(jobs, "_MOUNTED", tmp_path / "groups")
-    monkeypatch.setattr(jobs, "_JOINED", tmp_path / "joined")
+    monkeypatch.setattr(jobs, "_CGROUP_ROOT", tmp_path / "groups")
+    monkeypatch.setattr(jobs, "_OWN_CGROUPS", tmp_path / "joined")
     machine_memory.cache_clear()
     try:
         whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -34,7 +34,7 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.loops import bands, compilation, numba_inside
 from stereolag.loops.bands import available_cores, in_threads, lone_threads, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
-from stereolag.loops.memory import LINE, MOST_KEPT, give_back, volume
+from stereolag.loops.memory import CACHE_LINE, MAX_KEPT_BYTES, release_memory, volume
 from stereolag.samples import recordings, stereo_pairs
 from stereolag.stereo import compiling
 from stereolag.stereo.matcher import StereoMatcher
@@ -354,7 +354,7 @@ def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytes
     (tmp_path / "sharing.py").write_text("def compile_share(path, text):\n    open(path, 'w').write(text)\n")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(compilation, "FOLDER", tmp_path)
-    monkeypatch.setattr(compilation, "_FIRST", threading.Lock())
+    monkeypatch.setattr(compilation, "_HELP_TAKEN", threading.Lock())
     started: list[object] = []
     start = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", lambda *asked, **more: started.append(asked) or start(*asked, **more))
@@ -366,7 +366,7 @@ def test_the_first_that_compiles_is_helped_by_another_process(monkeypatch: pytes
     with compilation.compiling_beside("sharing", str(told), "again"):
         pass
     assert len(started) == 1
-    monkeypatch.setattr(compilation, "_FIRST", threading.Lock())
+    monkeypatch.setattr(compilation, "_HELP_TAKEN", threading.Lock())
     (tmp_path / "loop.code").touch()
     with compilation.compiling_beside("sharing", str(told), "again"):
         pass
@@ -380,13 +380,13 @@ def test_once_warm_nothing_is_left_to_compile_or_load(monkeypatch: pytest.Monkey
     for part in PARTS if all_of_them else OF_PAGES:
         part()
     late: list[str] = []
-    find = Loop._found
+    find = Loop._find_code
 
     def noted(loop: Loop, *asked: Any) -> Any:
         late.append(loop.__qualname__)
         return find(loop, *asked)
 
-    monkeypatch.setattr(Loop, "_found", noted)
+    monkeypatch.setattr(Loop, "_find_code", noted)
     matchers: list[StereoMatcher] = [sl.preset("fast")]
     if all_of_them:
         matchers += [*map(sl.preset, get_args(PresetName)), sl.CorrelationMatcher(), sl.SemiGlobalMatcher()]
@@ -415,21 +415,21 @@ def test_nothing_else_imports_numba_or_compiles() -> None:
 
 
 @pytest.mark.parametrize("rows", [1, 2, 7, 100])
-@pytest.mark.parametrize("most_rows", [1, 3, 1000])
-def test_bands_cover_every_row_once(rows: int, most_rows: int) -> None:
+@pytest.mark.parametrize("max_rows", [1, 3, 1000])
+def test_bands_cover_every_row_once(rows: int, max_rows: int) -> None:
     seen: list[int] = []
     lock = threading.Lock()
 
     def work(first: int, end: int) -> None:
-        assert end - first <= most_rows
+        assert end - first <= max_rows
         with lock:
             seen.extend(range(first, end))
 
     told: list[float] = []
-    over_bands(work, rows, most_rows=most_rows, progress=told.append)
+    over_bands(work, rows, max_rows=max_rows, progress=told.append)
     assert sorted(seen) == list(range(rows))
     assert told == sorted(told)
-    bands = len(row_bands(rows, most_rows))
+    bands = len(row_bands(rows, max_rows))
     assert len(set(told)) == (bands if bands > available_cores() else 1)
     assert told[-1] == 1
 
@@ -443,7 +443,7 @@ def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
         begun.set()
         time.sleep(0.02)
 
-    long_job = threading.Thread(target=over_bands, args=(slow, bands), kwargs={"most_rows": 1})
+    long_job = threading.Thread(target=over_bands, args=(slow, bands), kwargs={"max_rows": 1})
     long_job.start()
     begun.wait()
     over_bands(lambda first, end: None, 2)
@@ -454,7 +454,7 @@ def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
 def test_work_of_a_lone_thread_stays_in_it() -> None:
     def work() -> set[int]:
         seen: set[int] = set()
-        over_bands(lambda first, end: seen.add(threading.get_ident()), 1000, most_rows=10)
+        over_bands(lambda first, end: seen.add(threading.get_ident()), 1000, max_rows=10)
         assert seen == {threading.get_ident()}
         return seen
 
@@ -495,7 +495,7 @@ def test_the_first_error_ends_the_job() -> None:
         done.append(first)
 
     with pytest.raises(ValueError, match="a bad row"):
-        over_bands(work, 1000, most_rows=1)
+        over_bands(work, 1000, max_rows=1)
     assert len(done) < 900
 
 
@@ -533,7 +533,7 @@ def test_what_a_job_has_freed_is_there_for_the_next_one_without_fresh_pages() ->
 def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
     first = volume((3, 5, 7), np.uint16)
     view, place = first[1:, ::2].T, first.ctypes.data
-    assert first.shape == (3, 5, 7) and place % LINE == 0
+    assert first.shape == (3, 5, 7) and place % CACHE_LINE == 0
     del first
     view[:] = 1
     other = volume((3, 5, 7), np.uint16)
@@ -541,9 +541,9 @@ def test_memory_is_used_again_once_its_last_view_is_gone() -> None:
     assert (view == 1).all()
     del view
     assert volume((105,), np.uint16).ctypes.data == place
-    assert volume((MOST_KEPT,), np.uint8).size == MOST_KEPT
+    assert volume((MAX_KEPT_BYTES,), np.uint8).size == MAX_KEPT_BYTES
     memory = weakref.ref(other.base.base.memory)
     del other
     assert memory() is not None
-    give_back()
+    release_memory()
     assert memory() is None

@@ -319,10 +319,10 @@ def test_the_best_match_is_that_of_the_plain_formula() -> None:
 def test_turning_and_crossing_are_those_of_the_formula(seed: int, size: int, first: int, last: int) -> None:
     one, other = np.random.default_rng(seed).normal(size=(2, 40, 2)) @ [1, 1j]
     signal, turned = one.real[:size].copy(), np.empty(40, np.complex128)
-    correlation.turn_forth(signal, other, turned)
-    np.testing.assert_allclose(turned, correlation.turn_forth_reference(signal, other))
-    plain = correlation.turn_back_reference(one, other, first, last)
-    np.testing.assert_allclose(correlation.turn_back(one, other, first, last), plain)
+    correlation.rotate(signal, other, turned)
+    np.testing.assert_allclose(turned, correlation.rotate_reference(signal, other))
+    plain = correlation.rotate_back_reference(one, other, first, last)
+    np.testing.assert_allclose(correlation.rotate_back(one, other, first, last), plain)
     crossed = correlation.cross_spectrum_reference(one, other)
     np.testing.assert_allclose(correlation.cross_spectrum(one, other), crossed)
 
@@ -455,12 +455,12 @@ def test_long_recordings_are_not_copied_and_the_estimate_covers_what_they_take()
 @pytest.fixture
 def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag, SignalLag]]:
     """Return a function that measures a lag from the whole, and as if the recordings were long."""
-    monkeypatch.setattr("stereolag.signals.search.LAGS_OF_A_BAND", 12_000)
+    monkeypatch.setattr("stereolag.signals.search.MAX_LAGS_PER_BAND", 12_000)
 
     def measured(one: Any, other: Any, **given: Any) -> tuple[SignalLag, SignalLag]:
         results = []
         for longest in (2**40, 0):
-            monkeypatch.setattr("stereolag.signals.lag.LONGEST_WHOLE", longest)
+            monkeypatch.setattr("stereolag.signals.lag.MAX_WHOLE_LENGTH", longest)
             results.append(signal_lag(one, other, **given))
         return results[0], results[1]
 

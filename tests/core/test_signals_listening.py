@@ -73,5 +73,5 @@ def test_silence_one_channel_alone_and_unrelated_noise_are_no_lag() -> None:
         listening = Listening(RATE)
         listening.add(piece.astype(np.int16))
         one = listening.measured(speed=333.0)
-        assert (one.silent, one.alike) == (silent, alike)
+        assert (one.silent, one.identical) == (silent, alike)
         assert np.isnan(one.lag_now)

@@ -18,12 +18,12 @@ from stereolag.loops.vector_lanes import (
     LANES,
     are_equal,
     cast,
-    difference_within,
     item,
     larger,
     larger_unsigned,
     load,
     put,
+    saturating_difference,
     smaller,
     splat,
     store,
@@ -444,7 +444,7 @@ def _median(
     while not are_equal(low, high):
         middle, above, least, most = low + ((high - low) >> one), nothing, nothing - one, nothing
         for at in range(0, side * side * LANES, LANES):
-            down = difference_within(middle, load(numbers, at))
+            down = saturating_difference(middle, load(numbers, at))
             above = above + where_at_most(down, nothing - one, load(weights, at), nothing)
             least, most = smaller(least, down), larger_unsigned(most, down)
         low, high = where_at_most(above, half, low, middle - most), where_at_most(above, half, middle - least, high)

@@ -23,18 +23,18 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
     LANES,
-    bits_of_both,
     cast,
+    high_product,
     item,
     lanes_for,
     larger,
     load,
     paired_products,
     put,
-    scaled,
     smaller,
     splat,
     store,
+    summed_bit_counts,
 )
 
 MOST = 250
@@ -475,13 +475,13 @@ def _cost_row(
             uncorrelated = half - covariance * scale * load(right_inverses, there + lag)
             steeper = load(right_gradients, there + lag)
             apart = smaller(cast(larger(gradient - steeper, steeper - gradient), np.uint16), steepest)
-            differing = bits_of_both(
+            differing = summed_bit_counts(
                 word ^ load(right_words, there + lag), high_word ^ load(right_high_words, there + lag)
             )
             total = (
                 cast(cast(uncorrelated, np.int32), np.uint16)
-                + scaled(apart * gradient_shift, gradient_factor)
-                + scaled(differing * bits_shift, bits_factor)
+                + high_product(apart * gradient_shift, gradient_factor)
+                + high_product(differing * bits_shift, bits_factor)
                 + rounded
             )
             store(costs, place * lags + lag, cast(total >> whole, np.uint8))

@@ -19,10 +19,10 @@ from stereolag.loops.memory import fill, volume
 from stereolag.loops.vector_lanes import (
     LANES,
     cast,
-    following,
     item,
     lanes_for,
     load,
+    preceding,
     put,
     smaller,
     smallest,
@@ -404,10 +404,10 @@ def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, fo
                 number, here, here_lag = load(numbers, lag), load(seen, lag), load(seen_lag, lag)
                 lowest = smaller(least, cost)
                 least, least_lag = lowest, where_equal(lowest, least, least_lag, number)
-                moved = following(before, here)
+                moved = preceding(before, here)
                 lowest = smaller(moved, cost)
                 store(seen, lag, lowest)
-                store(seen_lag, lag, where_equal(lowest, moved, following(before_lag, here_lag), number))
+                store(seen_lag, lag, where_equal(lowest, moved, preceding(before_lag, here_lag), number))
                 before, before_lag = here, here_lag
             lowest_cost, pixel = smallest(least), y * width + x
             best = int(smallest(where_equal(least, splat(lowest_cost, np.uint16), least_lag, none)))

@@ -247,8 +247,8 @@ def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatc
             f"The search has {tried} lags; window sums allow at most {MOST_LAGS}, engine 'fft' any number."
         )
     work_of_row = pair.width * tried * min(pair.window, 2 * pair.step) / 2
-    most_rows = max(1, int(BAND_WORK / work_of_row))  # so that progress comes often enough
-    over_bands(lambda first, end: _match_band(pair, first, end), pair.rows, most_rows=most_rows, progress=progress)
+    max_rows = max(1, int(BAND_WORK / work_of_row))  # so that progress comes often enough
+    over_bands(lambda first, end: _match_band(pair, first, end), pair.rows, max_rows=max_rows, progress=progress)
     return pair.matches()
 
 

@@ -28,11 +28,11 @@ from stereolag.loops.compilation import compiled, compiled_as
 from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import (
     LANES,
-    at_least,
     cast,
     is_integer,
     item,
     larger,
+    larger_float,
     largest,
     load,
     nearest,
@@ -261,7 +261,7 @@ def to_stored_score(
     covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
     kept = covariance * scale * right_inverse + splat(OFFSET * SCALE, np.float32)
     # Values below 1 become 0; a comparison with 0 itself would take two instructions.
-    return cast(at_least(kept, splat(0.5, np.float32)), np.int32)
+    return cast(larger_float(kept, splat(0.5, np.float32)), np.int32)
 
 
 @compiled(counted=False)

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.core.settings import KIND, OfThePair, Pixels, Settings, Usual
+from stereolag.core.settings import KIND, OfThePair, Pixels, Settings, SliderRange
 from stereolag.loops.vector_lanes import LANES, lanes_for
 from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
@@ -75,7 +75,7 @@ class CentredSearch(SearchArea):
     title = "Square"
 
     kind: Literal["centred"] = "centred"
-    search_size: Annotated[int, Pixels(), OfThePair(), Usual(high=256)] = Field(
+    search_size: Annotated[int, Pixels(), OfThePair(), SliderRange(high=256)] = Field(
         default=40,
         title="Search area",
         description="Side of the square of the right image in which a window is looked for, px. "
@@ -83,7 +83,7 @@ class CentredSearch(SearchArea):
         ge=2,
         le=1024,
     )
-    vertical: Annotated[int | None, Pixels(), Usual(high=256)] = Field(
+    vertical: Annotated[int | None, Pixels(), SliderRange(high=256)] = Field(
         default=None,
         title="Vertical reach",
         description="Rows searched above and below, px; none: the same as sideways.",
@@ -129,7 +129,7 @@ class RectifiedSearch(SearchArea):
     kind: Literal["rectified"] = "rectified"
     num_disparities: NumDisparities = 64
     min_disparity: MinDisparity = 0
-    vertical: Annotated[int, Pixels(), Usual(high=16)] = Field(
+    vertical: Annotated[int, Pixels(), SliderRange(high=16)] = Field(
         default=0,
         title="Vertical reach",
         description="Rows searched above and below, px, for pairs that are not quite rectified.",

@@ -78,7 +78,7 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     for sentence in verdict_explained(result):
         prose.markdown(sentence)
     score, undone, judgement = result.score, "", result.judgement
-    if result.over_time is not None and result.over_time.shows:
+    if result.over_time is not None and result.over_time.changes:
         score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
     highest = Number("Highest at", f"{result.lag:,}", "In samples, where the curve is highest: not a lag to rely on.")
     show_line(
@@ -195,7 +195,7 @@ def player(signal: Vector, sampling_rate: float, name: str) -> None:
 
 def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
     """Return recording 2 to be drawn beside recording 1, and the whole lag still to be undone, samples."""
-    if result.over_time is not None and result.over_time.shows:
+    if result.over_time is not None and result.over_time.changes:
         return _aligned(pair, result), 0
     opposite = result.judgement.opposite_lag
     return pair.signal_2, result.lag if opposite is None else opposite

@@ -11,7 +11,7 @@ import streamlit as st
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
-from stereolag.core.typography import duration, four_digits, together, typeset, typesets
+from stereolag.core.typography import duration, enumeration, four_digits, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MOST_NAMED, verdict_in_words
@@ -44,7 +44,7 @@ _RIBBON = {
 
 def ribbon_in_words(result: SignalLag, curve: Literal["fair", "plain", "phat"]) -> str:
     """Return what the grey ribbon is beside a curve, and why the peak is below it or the ribbon missing."""
-    if result.over_time is not None and result.over_time.shows:
+    if result.over_time is not None and result.over_time.changes:
         return _RIBBON["changing"]
     band = band_of_chance(result)
     if band is None:
@@ -125,7 +125,7 @@ def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float)
 @typesets
 def aligned_in_words(result: SignalLag) -> str:
     """Return how well the recordings match once the lag is undone."""
-    if result.over_time is not None and result.over_time.shows:
+    if result.over_time is not None and result.over_time.changes:
         return "Both recordings on one plot, the second on the clock of the first."
     if result.judgement.opposite_lag is not None:
         lag = result.judgement.opposite_lag
@@ -145,7 +145,7 @@ def close_up_in_words(lag: int, start: int) -> str:
 @typesets
 def blocks_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
     """Return how the lag changes over time."""
-    said = over_time_in_words(over_time, sampling_rate) if over_time.shows else "it does not change measurably"
+    said = over_time_in_words(over_time, sampling_rate) if over_time.changes else "it does not change measurably"
     return f"Lag of {over_time.blocks} blocks over time: {said}."
 
 
@@ -381,7 +381,7 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
             if len(rivals) >= MOST_NAMED
-            else f"{together([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
+            else f"{enumeration([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
         ),
         "where": "In the middle" if reason in {"drift", "steps"} else "Highest at",
         "start": over_time and over_time.start,
@@ -560,11 +560,11 @@ def heard_now_in_words(heard: Heard, devices: int) -> str:
         if len(heard.silent) == 1:
             (silent,) = heard.silent
             return _HEARD["one silent"].format(silent=silent, other=3 - silent)
-        return _HEARD["alike" if heard.alike else "silent" if heard.silent else "few"]
+        return _HEARD["alike" if heard.identical else "silent" if heard.silent else "few"]
     said = verdict_in_words(result).replace("**", "")
     if result.verdict != "sure":
         return said
-    over_time = result.over_time if result.over_time is not None and result.over_time.shows else None
+    over_time = result.over_time if result.over_time is not None and result.over_time.changes else None
     if devices == 1:
         return said if over_time is None else _HEARD["moved"].format(before=over_time.start, now=heard.lag_now)
     if over_time is None:
