@@ -20,7 +20,7 @@ from stereolag.io.sources import ZIP_MAGIC, Source, check_pixels, quote, read_ar
 
 MAP = "disparity map"
 KITTI_SCALE = 256
-BEHIND_INFINITY = -0.5
+MIN_KITTI_PX = -0.5
 """Lowest disparity that the sub-pixel fit may give to a point at infinity, px."""
 
 _BAND_PIXELS = 2**20
@@ -74,16 +74,16 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     return disparity
 
 
-NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+NO_DATA_VALUES = (-9999.0, -32768.0, -32767.0, -99999.0)
 """Numbers that programs write where they have no data."""
 
-BEYOND_ALL_PX = 1e9
+MAX_DISPARITY_PX = 1e9
 """A disparity that no picture is wide enough for: 1e10, 1e20 and the largest float32 stand where there is none."""
 
-SINTEL = (4.0, 1 / 64, 1 / 16384)
+SINTEL_WEIGHTS_PX = (4.0, 1 / 64, 1 / 16384)
 """Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
 
-SINTEL_ALIKE = 0.6
+MIN_PHOTO_CORRELATION = 0.6
 """Correlation of red with green and with blue from which on a picture is a photograph."""
 
 OPENCV_SCALE = 16
@@ -92,10 +92,10 @@ OPENCV_SCALE = 16
 OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
 """Their -1 px, no disparity, in a PNG: the only number of such a file that is above all of int16."""
 
-OPENCV_FRACTIONS = 4
+MIN_OPENCV_FRACTIONS = 4
 """Fewest sixteenths that occur among the disparities of OpenCV's sub-pixel fit: scenes made by hand have fewer."""
 
-_UNREAD = {
+_UNSUPPORTED = {
     b"\x89HDF": "an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
     "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])",
     b"MATLAB 7.3": "a MAT file of version 7.3, which is not read: save it by save(file, '-v7')",
@@ -140,7 +140,7 @@ class StoredDisparity(NamedTuple):
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
                 part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
-                part[~(np.abs(part) < BEYOND_ALL_PX)] = np.nan
+                part[~(np.abs(part) < MAX_DISPARITY_PX)] = np.nan
                 for mark in self.unknown:
                     part[band == mark] = np.nan
             disparity[first : first + step] = part
@@ -153,17 +153,18 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
     """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     data = read_bytes(source, MAP)
     kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
-    for begins, said in _UNREAD.items():
+    for begins, said in _UNSUPPORTED.items():
         if data.startswith(begins):
             raise ValueError(f"The {MAP} is {said}.")
     stored = kind.read(data)
     if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
         colours = stored[:, :, :3]
-        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL), np.nan).astype(np.float32)
+        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
         # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
         red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
         together = all(
-            np.abs(np.cov(red, one)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * one.std())) for one in fractions
+            np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
+            for one in fractions
         )
         if np.nanmax(disparity) < stored.shape[1] and not together:
             return StoredDisparity(disparity, 1.0)
@@ -176,28 +177,28 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         if stored.dtype == np.uint16 and {*stored[stored >= 2**15]} == {OPENCV_UNKNOWN}:
             return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
         signed = stored.view(np.int16) if stored.dtype == np.uint16 else stored
-        below = _below_the_search(signed)
+        below = _opencv_marker(signed)
         if below and below[0] < 0:
             return StoredDisparity(signed, float(OPENCV_SCALE), below)
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
-    mark = _one_negative_number(stored) or _below_the_search(stored)
-    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA, *mark))
+    mark = _negative_marker(stored) or _opencv_marker(stored)
+    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA_VALUES, *mark))
 
 
-def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+def _negative_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:
     """Return the one negative number of a map, if it is whole and repeated: what programs write for no disparity."""
     if stored.dtype.kind not in "if":
         return ()
     with np.errstate(invalid="ignore", over="ignore"):  # -99999 is none of float16's
-        below = stored[(stored < 0) & ~np.isin(stored, NO_DATA)]
+        below = stored[(stored < 0) & ~np.isin(stored, NO_DATA_VALUES)]
     if not 1 < below.size < stored.size:
         return ()
     mark = float(below[0])
     return (mark,) if mark <= -1 and mark == np.rint(mark) and (below == mark).all() else ()
 
 
-def _below_the_search(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+def _opencv_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:
     """Return what OpenCV's matchers write for no disparity, 1 px below those searched, if the map is one of theirs.
 
     They have none along the left side, or the right one of a search behind infinity; the others are in 1/16 px.
@@ -210,7 +211,7 @@ def _below_the_search(stored: npt.NDArray[Any]) -> tuple[float, ...]:
     known = stored[stored != mark]
     fractions = np.unique(known % pixel)
     whole = (fractions * (OPENCV_SCALE // pixel) % 1 == 0).all()
-    return (mark,) if len(fractions) >= OPENCV_FRACTIONS and whole and known.min() >= mark + pixel else ()
+    return (mark,) if len(fractions) >= MIN_OPENCV_FRACTIONS and whole and known.min() >= mark + pixel else ()
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
@@ -318,7 +319,7 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
             return
         low, high = float(known.min()), float(known.max())
     first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
-    if first < BEHIND_INFINITY * KITTI_SCALE or last > LARGEST_UINT16:
+    if first < MIN_KITTI_PX * KITTI_SCALE or last > LARGEST_UINT16:
         raise ValueError(
             f"disparity reaches from {low:.2f} to {high:.2f} px; KITTI's PNG holds 0 to 255.99 px, "
             "PFM and NPY hold any."
@@ -437,7 +438,7 @@ def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
 
 DEPTH_MAP = "depth map"
 MILLIMETRES = 1000.0
-FARTHEST_M = LARGEST_UINT16 / MILLIMETRES
+MAX_PNG_DEPTH_M = LARGEST_UINT16 / MILLIMETRES
 """The farthest depth that a PNG holds, metres."""
 
 
@@ -473,7 +474,7 @@ def read_depth(source: Source) -> npt.NDArray[np.float32]:
             f"The {DEPTH_MAP} has shape {stored.shape} and holds {stored.dtype}; allowed is (rows, cols) of floats, "
             "metres, or of uint16, millimetres."
         )
-    return _known(stored / MILLIMETRES if stored.dtype == np.uint16 else stored)
+    return _valid_depth(stored / MILLIMETRES if stored.dtype == np.uint16 else stored)
 
 
 def write_depth(path: str | os.PathLike[str], depth: npt.ArrayLike) -> None:
@@ -508,7 +509,7 @@ def write_depth(path: str | os.PathLike[str], depth: npt.ArrayLike) -> None:
 
 def depth_tiff(depth: npt.ArrayLike) -> bytes:
     """Return a depth map as a TIFF of 32-bit floats: metres, NaN where there is no depth."""
-    return image_tiff(_known(depth))
+    return image_tiff(_valid_depth(depth))
 
 
 def depth_png(depth: npt.ArrayLike) -> bytes:
@@ -525,7 +526,7 @@ def too_far(depth: npt.ArrayLike) -> int:
     return int((_millimetres(depth) > LARGEST_UINT16).sum())
 
 
-def _known(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def _valid_depth(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """Return a depth map in metres, with NaN where there is no depth."""
     with np.errstate(over="ignore"):
         metres = as_map(depth, "depth").astype(np.float32)
@@ -533,7 +534,7 @@ def _known(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
 
 
 def _millimetres(depth: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    return np.rint(_known(depth).astype(np.float64) * MILLIMETRES)
+    return np.rint(_valid_depth(depth).astype(np.float64) * MILLIMETRES)
 
 
 DEPTH_FORMATS = {".tif": depth_tiff, ".tiff": depth_tiff, ".png": depth_png}

@@ -10,32 +10,32 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.geometry.rectification import cropped_alike, scaled_disparity, scaled_image
+from stereolag.geometry.rectification import cropped_to_common_size, scaled_disparity, scaled_image
 from stereolag.io.disparities import StoredDisparity
 from stereolag.stereo.opencv import StereoSGBM
 
 DIVISORS = (1, 2, 4, 8, 16)
 """Factors by which data sets scale disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
 
-QUICK_WIDTH = 480
+QUICK_MAP_WIDTH_PX = 480
 """Px; a map this wide is enough to find the divisor, and takes a few hundredths of a second."""
-AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
+MAX_AGREEING_ERROR_PX, MAX_AGREEING_ERROR_SHARE = 1.0, 0.05
 """Two disparities agree if they differ by no more than the larger of this distance and this share; neighbouring
 divisors differ by a factor of two."""
 
-TELLING_PX = 3.0
+MIN_DECISIVE_PX = 3.0
 """Disparities of the quick map from which on it may speak against a file."""
 
-OTHERWISE = 0.5
+MIN_OVERRIDING_SHARE = 0.5
 """Share of the pixels at which another reading of a file must agree to be taken in place of its own."""
 
-CLEARLY = 1.25
+MIN_DEPTH_RATIO = 1.25
 """How many times as many pixels must agree with the inverse of a file's numbers as with these, if they are depth."""
 
-UNFIT = 0.3
+MIN_FITTING_SHARE = 0.3
 """Share of the pixels below which a ground truth hardly agrees with a quick map: of 15, 0.77 and more."""
 
-FEWEST_TELLING = 500
+MIN_DECISIVE_PIXELS = 500
 
 AS_DEPTH = (
     "The ground truth looks like depth, not disparity: save focal length × baseline / depth, in px, in place of it."
@@ -75,16 +75,16 @@ def truth_fit(
     stored
         (H, W) values as stored in the file, NaN where unknown; the size of the left image.
     left, right
-        The pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_alike` allows; its rows must match.
+        The rectified pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_to_common_size` allows.
     divisors
         Those to choose from.
     own
         The divisor that the file itself speaks for, if it does: kept unless another agrees at half of the pixels, and
         at twice as many as this one.
     """
-    left, right = cropped_alike(left, right)
+    left, right = cropped_to_common_size(left, right)
     rows, cols = left.shape[:2]
-    factor = min(1.0, QUICK_WIDTH / cols)
+    factor = min(1.0, QUICK_MAP_WIDTH_PX / cols)
     values = scaled_disparity(np.asarray(stored)[:rows, :cols], factor)
     small = [scaled_image(image, factor) for image in (left, right)]
     reach = min(255, small[0].shape[1] // 2)  # no more than 8 bits hold
@@ -93,28 +93,28 @@ def truth_fit(
     except ValueError:  # too narrow for a search
         return TruthFit(divisors[0] if own is None else own)
     known = np.isfinite(values) & np.isfinite(found)
-    telling = known & (np.abs(found) > TELLING_PX)  # next to 0, the smallest of any divisors would agree
+    telling = known & (np.abs(found) > MIN_DECISIVE_PX)  # next to 0, the smallest of any divisors would agree
     pixels = known if own is None else telling
 
     def agreeing(read: npt.ArrayLike, pixels: npt.NDArray[np.bool_]) -> int:
-        tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[pixels])
+        tolerance = np.maximum(MAX_AGREEING_ERROR_PX, MAX_AGREEING_ERROR_SHARE * found[pixels])
         return int(np.count_nonzero(np.abs(np.asarray(read)[pixels] - found[pixels]) <= tolerance))
 
     best = max(divisors, key=lambda divisor: agreeing(values / divisor, pixels))
-    others, enough = agreeing(values / best, pixels), OTHERWISE * np.count_nonzero(pixels)
+    others, enough = agreeing(values / best, pixels), MIN_OVERRIDING_SHARE * np.count_nonzero(pixels)
     if own is not None and others <= max(enough, 2 * agreeing(values / own, pixels)):
         best = own
     count = np.count_nonzero(telling)
-    if count < FEWEST_TELLING:
+    if count < MIN_DECISIVE_PIXELS:
         return TruthFit(best)
     agrees = agreeing(values / best, telling)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         of_any_scale = agreeing(values * np.median(found[telling] / values[telling]), telling)
         as_depth = agreeing(np.median(found[telling] * values[telling]) / values, telling)
-    if as_depth > OTHERWISE * count and as_depth > CLEARLY * max(agrees, of_any_scale):
+    if as_depth > MIN_OVERRIDING_SHARE * count and as_depth > MIN_DEPTH_RATIO * max(agrees, of_any_scale):
         return TruthFit(best, AS_DEPTH, is_depth=True)
     searched = np.count_nonzero(telling & (values / best > 0))  # cameras turned towards each other have others, too
-    if searched < FEWEST_TELLING or agrees >= UNFIT * searched:
+    if searched < MIN_DECISIVE_PIXELS or agrees >= MIN_FITTING_SHARE * searched:
         return TruthFit(best)
     said = f"The ground truth agrees with a quick map at {100 * agrees / searched:.0f} % of the pixels"
     return TruthFit(best, f"{said}: is it of this left image, and its divisor right?")

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereolag.core.inputs import Image
-from stereolag.geometry.boards import MOST_PAIRS
+from stereolag.geometry.boards import MAX_PAIRS
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
@@ -20,11 +20,11 @@ from stereolag.io.sources import is_archive, quote, read_archive, read_bytes
 
 K = TypeVar("K", bound=Hashable)
 
-PICTURE_ENDINGS = frozenset(IMAGE_SUFFIXES)
-TRUTH_ENDINGS = frozenset(DISPARITY_SUFFIXES)
+PICTURE_SUFFIXES = frozenset(IMAGE_SUFFIXES)
+TRUTH_SUFFIXES = frozenset(DISPARITY_SUFFIXES)
 
 LEFT, RIGHT = "left", "right"
-MOST_PLACES = 8
+MAX_SIDE_POSITIONS = 8
 """Largest number of places in one name that are tried for the side."""
 
 
@@ -72,11 +72,11 @@ CONVENTIONS: tuple[tuple[str, str], ...] = (
 all folder names and in the file name without its suffix."""
 
 _TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
-_NO_IMAGE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
+_NOT_A_PICTURE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
 _CALIBRATION = re.compile(
     r"calib|camera|intrinsic|extrinsic|stereo|chain|(?:^|/)(?:K\.txt|SN\d*\.conf)$", re.IGNORECASE
 )
-_IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
+_SPLIT_CALIBRATIONS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
 """Names of the two files of a split calibration: those of OpenCV's sample, and of ROS."""
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
 _SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
@@ -101,26 +101,26 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         all pairs in its folder and below; a single one belongs to all pairs.
     """
     pictures, truths = _pictures(names)
-    found = sorted(_matched(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
+    found = sorted(_pair_pictures(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
     calibrations = _Calibrations(
         [
             name
             for name in names
-            if _ending(name) in CALIBRATION_SUFFIXES
+            if _suffix(name) in CALIBRATION_SUFFIXES
             and name not in truths
-            and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
+            and (_CALIBRATION.search(name) or _suffix(name) in ("yaml", "yml"))
         ],
         found,
     )
     known = _Truths([name for name in truths if not _RIGHT_SIDE.search(PurePosixPath(name).stem)], found)
-    called = _called([pair.name for pair in found])
+    called = _pair_names([pair.name for pair in found])
     return [
         replace(pair, name=name, truth=known.of(pair), calibrations=calibrations.of(pair))
         for pair, name in zip(found, called, strict=True)
     ]
 
 
-def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
+def unpaired_left(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
     """Return the pictures among files that are left ones by a convention, but in none of the pairs."""
     paired = {name for pair in pairs for name in (pair.left, pair.right)}
     left = re.compile(CONVENTIONS[convention][0])
@@ -129,12 +129,12 @@ def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int
 
 def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
     """Return the camera pictures and the ground truths among files."""
-    truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
-    pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS and name not in truths]
-    return [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)], truths
+    truths = {name for name in names if _suffix(name) in TRUTH_SUFFIXES and _TRUTH.search(_stem_path(name))}
+    pictures = [name for name in names if _suffix(name) in PICTURE_SUFFIXES and name not in truths]
+    return [name for name in pictures if not _NOT_A_PICTURE.search(PurePosixPath(name).stem)], truths
 
 
-def _matched(pictures: Iterable[str]) -> list[PairFiles]:
+def _pair_pictures(pictures: Iterable[str]) -> list[PairFiles]:
     """Return the pairs among pictures; each convention is applied to the pictures left over by those before it."""
     left_over = set(pictures)
     pairs: list[PairFiles] = []
@@ -143,7 +143,7 @@ def _matched(pictures: Iterable[str]) -> list[PairFiles]:
         for name in left_over:
             path = _stem_path(name)
             for side, pattern in ((LEFT, left), (RIGHT, right)):
-                places = [*re.finditer(pattern, path)][-MOST_PLACES:]
+                places = [*re.finditer(pattern, path)][-MAX_SIDE_POSITIONS:]
                 keys = [f"{path[: place.start()]}\0{path[place.end() :]}" for place in places]
                 for key in keys if len(keys) < 2 else [*keys, re.sub(pattern, "\0", path)]:
                     sides[key][side].append(name)
@@ -163,7 +163,7 @@ class _Truths:
         self._names, self._pairs_in = names, Counter(_folder(pair.left) for pair in pairs)
         self._one_pair = len(pairs) == 1
         self._by_folder = _grouped(names, _folder)
-        self._by_core = _grouped(names, lambda name: (self._owner(name), _core(name)))
+        self._by_core = _grouped(names, lambda name: (self._owner(name), _bare_name(name)))
         self._by_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(name)))
 
     def of(self, pair: PairFiles) -> str | None:
@@ -171,14 +171,14 @@ class _Truths:
         folder = _folder(pair.left)
         beside = self._by_folder.get(folder, []) if self._pairs_in[folder] == 1 else []
         if beside := [name for name in beside if not _numbered_as_right(name, pair)]:
-            return min(beside, key=lambda name: (_NO_IMAGE.search(name) is not None, len(name), name))
+            return min(beside, key=lambda name: (_NOT_A_PICTURE.search(name) is not None, len(name), name))
         if self._one_pair and len(self._names) == 1:
             return self._names[0]
-        core, numbers = _core(pair.left), _numbers(pair.left)
+        core, numbers = _bare_name(pair.left), _numbers(pair.left)
         alike = [name for owner in (None, folder) for name in self._by_core.get((owner, core), [])] if core else []
         if not alike and numbers and not self._one_pair:
             alike = [name for owner in (None, folder) for name in self._by_numbers.get((owner, numbers), [])]
-        return min(alike, key=lambda name: (_nearness(name, pair.left), "noc" in name, name), default=None)
+        return min(alike, key=lambda name: (_folder_distance(name, pair.left), "noc" in name, name), default=None)
 
     def _owner(self, name: str) -> str | None:
         """Return the folder of a ground truth that is beside pairs and belongs to them; None if it fits any pair."""
@@ -198,13 +198,13 @@ class _Calibrations:
 
     def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
         self._names, self._several_pairs = names, len(pairs) > 1
-        self._by_core = _grouped(names, _core)
+        self._by_core = _grouped(names, _bare_name)
         self._by_stem = _grouped(names, lambda name: PurePosixPath(name).stem)
-        self._in_folder = {folder: _clear(sorted(inside)) for folder, inside in _grouped(names, _folder).items()}
+        self._in_folder = {folder: _unambiguous(sorted(inside)) for folder, inside in _grouped(names, _folder).items()}
 
     def of(self, pair: PairFiles) -> tuple[str, ...]:
         """Return the calibrations of a pair: with its name, in its folder, or in one above; empty if ambiguous."""
-        core, begins = _core(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
+        core, begins = _bare_name(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
         alike = {
             *(self._by_core.get(core, []) if core else []),
             *(self._by_stem.get(begins, []) if begins.isdigit() else []),
@@ -218,18 +218,18 @@ class _Calibrations:
         return tuple(self._names) if len(self._names) == 1 else ()
 
 
-def _clear(inside: Sequence[str]) -> tuple[str, ...]:
+def _unambiguous(inside: Sequence[str]) -> tuple[str, ...]:
     """Return the files of the one calibration meant in a folder; empty if ambiguous."""
     if len(inside) == 1:
         return (inside[0],)
-    for pattern in _IN_PARTS:
+    for pattern in _SPLIT_CALIBRATIONS:
         found = {match[0].casefold(): name for name in inside if (match := pattern.search(PurePosixPath(name).stem))}
         if len(found) == 2:
             return tuple(sorted(found.values()))
     return tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
 
 
-def _core(name: str) -> str:
+def _bare_name(name: str) -> str:
     """Return a file's name without the words for its side or kind."""
     stem = PurePosixPath(name).stem
     for pattern in _SIDE_OR_KIND:
@@ -248,14 +248,14 @@ def _grouped(names: Iterable[str], key: Callable[[str], K]) -> dict[K, list[str]
     return groups
 
 
-def _nearness(name: str, other: str) -> int:
+def _folder_distance(name: str, other: str) -> int:
     """Return the number of folders that two files do not share."""
     first, second = PurePosixPath(name).parts[:-1], PurePosixPath(other).parts[:-1]
     shared = sum(1 for one, two in zip(first, second, strict=False) if one == two)
     return len(first) + len(second) - 2 * shared
 
 
-def _called(keys: Sequence[str]) -> list[str]:
+def _pair_names(keys: Sequence[str]) -> list[str]:
     """Return the names of pairs: the common parts of their file names, without the folders that all pairs share."""
     parts = [[re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")] for key in keys]
     parts = [[part for part in one if part] for one in parts]
@@ -273,7 +273,7 @@ def _stem_path(name: str) -> str:
     return re.sub(r"\.[^./]*$", "", name.replace("\\", "/"))
 
 
-def _ending(name: str) -> str:
+def _suffix(name: str) -> str:
     return PurePosixPath(name).suffix.removeprefix(".").casefold()
 
 
@@ -319,9 +319,9 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
     """
     read: Callable[[str], bytes] = partial(read_bytes, what="picture")
     if len(given) == 2 and all(glob.has_magic(text) and not Path(text).exists() for text in given):
-        pairs = few_enough(_in_order(*given))
+        pairs = _checked_count(_paired_by_number(*given))
     else:
-        names = [one for text in given for one in _files(text)]
+        names = [one for text in given for one in _files_at(text)]
         if len(given) == 1 and Path(given[0]).is_file():
             data = read(given[0])
             if not is_archive(data):
@@ -348,19 +348,19 @@ def board_pairs(names: Sequence[str], otherwise: str) -> list[PairFiles]:
             f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
             f"{otherwise}."
         )
-    return few_enough(pairs)
+    return _checked_count(pairs)
 
 
-def few_enough(pairs: list[PairFiles]) -> list[PairFiles]:
+def _checked_count(pairs: list[PairFiles]) -> list[PairFiles]:
     """Return pairs of pictures of a board; ValueError if there are too many."""
-    if len(pairs) > MOST_PAIRS:
-        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    if len(pairs) > MAX_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MAX_PAIRS} are accepted, and 8 to 40 are enough.")
     return pairs
 
 
-def _in_order(left: str, right: str) -> list[PairFiles]:
+def _paired_by_number(left: str, right: str) -> list[PairFiles]:
     """Return the files of two patterns in pairs, in the order of their numbers."""
-    files = [_matching(pattern) for pattern in (left, right)]
+    files = [_glob(pattern) for pattern in (left, right)]
     for pattern, found in zip((left, right), files, strict=True):
         if not found:
             raise ValueError(f"{pattern}: no file matches.")
@@ -371,19 +371,19 @@ def _in_order(left: str, right: str) -> list[PairFiles]:
     return [PairFiles(Path(one).stem, one, other) for one, other in zip(*files, strict=True)]
 
 
-def _files(text: str) -> list[str]:
+def _files_at(text: str) -> list[str]:
     """Return a file, the pictures in a folder and below it, or the files that match a pattern."""
     path = Path(text)
     if path.is_dir():
-        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)
+        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_SUFFIXES)
         return sorted(str(one) for one in found)
     if path.exists():
         return [text]
-    if not (found_by_pattern := _matching(text)):
+    if not (found_by_pattern := _glob(text)):
         raise ValueError(f"{text}: there is no such file or folder.")
     return found_by_pattern
 
 
-def _matching(pattern: str) -> list[str]:
+def _glob(pattern: str) -> list[str]:
     """Return the files that match a pattern, in the order of their numbers."""
     return sorted(glob.glob(pattern, recursive=True), key=natural_order)  # noqa: PTH207 (Path's takes none from the root)

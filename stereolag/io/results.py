@@ -24,16 +24,16 @@ if TYPE_CHECKING:  # a command loads only what it measures with
 
 def figures_json(figures: Mapping[str, Any], *, indent: int | None = None) -> str:
     """Return figures as JSON, on one line unless indented; NaN and infinity, which JSON lacks, become null."""
-    return json.dumps(_plain(figures), allow_nan=False, indent=indent)
+    return json.dumps(_json_value(figures), allow_nan=False, indent=indent)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if isinstance(value, Mapping):
-        return {str(name): _plain(one) for name, one in value.items()}
+        return {str(name): _json_value(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_json_value(one) for one in value]
     if isinstance(value, Path):
         return str(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -186,7 +186,7 @@ def _over_time_figures(over_time: LagOverTime, sampling_rate: float) -> dict[str
     }
 
 
-_MOST_STEPS = 3
+_MAX_STEPS_IN_WORDS = 3
 
 
 def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
@@ -196,16 +196,18 @@ def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
     """
     steps = over_time.steps
     drift = f"{over_time.ppm:+,.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
-    lags = _sided([over_time.start, over_time.end] if not steps else [steps[0].before, *(one.after for one in steps)])
+    lags = _lags_in_words(
+        [over_time.start, over_time.end] if not steps else [steps[0].before, *(one.after for one in steps)]
+    )
     if not steps:
         return f"{lags[0]} at the start, {lags[1]} at the end ({drift})"
     told = [
         f"{lag} from {step.place / sampling_rate:,.1f} s on" if number else f"then {lag}"
         for number, (step, lag) in enumerate(zip(steps, lags[1:], strict=True))
     ]
-    said = f"{lags[0]} until {steps[0].place / sampling_rate:,.1f} s, {', '.join(told[:_MOST_STEPS])}"
-    if len(steps) > _MOST_STEPS:
-        said += f" and {len(steps) - _MOST_STEPS} more"
+    said = f"{lags[0]} until {steps[0].place / sampling_rate:,.1f} s, {', '.join(told[:_MAX_STEPS_IN_WORDS])}"
+    if len(steps) > _MAX_STEPS_IN_WORDS:
+        said += f" and {len(steps) - _MAX_STEPS_IN_WORDS} more"
     if over_time.drifts:
         said += f" ({drift})"
     lost = {
@@ -216,7 +218,7 @@ def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
     return f"{said}: {' and '.join(missing)}"
 
 
-def _sided(lags: Sequence[float]) -> list[str]:
+def _lags_in_words(lags: Sequence[float]) -> list[str]:
     """Return lags in words, their side only where it changes: "2 samples earlier", "5 later", "7"."""
     words: list[str] = []
     side = ""

@@ -38,22 +38,22 @@ MAX_SESSION_BYTES = 2**18
 
 SESSION = "session.json"
 """Name of the session file in an archive saved on the depth page."""
-MOST_SENTENCES = 20
-LONGEST_TEXT = 500
-LARGEST_COLOUR = 1e6
+MAX_HISTORY_LINES = 20
+MAX_LINE_LENGTH = 500
+MAX_COLOUR_PX = 1e6
 
-_ACTIVE = re.compile(r"[^\w\s.,:;'’“”%°×÷–/+=?()-]|_")
+_UNSAFE_CHARACTERS = re.compile(r"[^\w\s.,:;'’“”%°×÷–/+=?()-]|_")
 _ADDRESS = re.compile(r":/+|www\.|(?<=\w)[:@](?=\w)")
 
 
-def _line(value: object) -> str:
+def _safe_line(value: object) -> str:
     """Return a text as one harmless line, without addresses and without characters active in Markdown or HTML."""
-    plain = _ACTIVE.sub("", value[:LONGEST_TEXT] if isinstance(value, str) else "")
+    plain = _UNSAFE_CHARACTERS.sub("", value[:MAX_LINE_LENGTH] if isinstance(value, str) else "")
     return " ".join(_ADDRESS.sub(" ", plain).split())
 
 
-Line = Annotated[str, BeforeValidator(_line)]
-Colour = Annotated[float | None, Field(ge=-LARGEST_COLOUR, le=LARGEST_COLOUR, allow_inf_nan=False)]
+Line = Annotated[str, BeforeValidator(_safe_line)]
+Colour = Annotated[float | None, Field(ge=-MAX_COLOUR_PX, le=MAX_COLOUR_PX, allow_inf_nan=False)]
 
 
 class _Saved(BaseModel):
@@ -94,7 +94,7 @@ class SavedPair(_Saved):
 
     files: dict[str, str] = {}
     description: Line = ""
-    history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MOST_SENTENCES])])] = []
+    history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MAX_HISTORY_LINES])])] = []
     num_disparities: Annotated[int | None, Field(ge=1, le=LARGEST_COUNT)] = None
     min_disparity: Annotated[int, Field(ge=-FARTHEST_FIRST, le=FARTHEST_FIRST)] = 0
 

@@ -25,7 +25,7 @@ from stereolag.io.disparities import read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
-from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
+from stereolag.io.pairing import PICTURE_SUFFIXES, TRUTH_SUFFIXES, matched_pairs, natural_order, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
@@ -301,8 +301,8 @@ def open_sequence(
     elif layout is not None:
         raise ValueError("A layout is that of one video with both views; these are two.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
-        lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
-        truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
+        lefts, rights = _pictures(left, PICTURE_SUFFIXES), _pictures(right, PICTURE_SUFFIXES)
+        truths = [] if truth is None else _pictures(truth, TRUTH_SUFFIXES)
         partners = _partners(lefts, rights, "right pictures")
         known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
         sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
@@ -352,7 +352,7 @@ def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     pairs = [pair for pair in pairs if pair.convention == surest]
     frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
     if frames:
-        frames += [FrameFiles(name, None) for name in left_alone(names, pairs, surest)]
+        frames += [FrameFiles(name, None) for name in unpaired_left(names, pairs, surest)]
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 

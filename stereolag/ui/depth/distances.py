@@ -13,14 +13,14 @@ from stereolag.figures.clouds import Colours, Points, birds_eye, point_cloud
 from stereolag.figures.pictures import PEAK, as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import (
-    FIELD_OF_VIEW,
-    MOST_POINTS,
+    ASSUMED_FIELD_OF_VIEW_DEG,
+    MAX_POINTS,
     BirdsEyeView,
-    SeenPoint,
-    calibrated_by,
+    ImagePoint,
+    birds_eye_view,
+    calibration_from_distance,
     clean_point_cloud,
     distance_between,
-    seen_from_above,
     subsampled,
 )
 from stereolag.pair import Pair
@@ -110,7 +110,7 @@ def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
                 depth, uncertainty = calibration.depth(found), calibration.depth_uncertainty(found, error)
                 line.append(length_in_words(float(depth), float(uncertainty)))
         if calibration is not None and two:
-            one, other = (SeenPoint(*point, float(disparity[point])) for point in points)
+            one, other = (ImagePoint(*point, float(disparity[point])) for point in points)
             apart = distance_between(calibration, one, other, width=width, height=height, disparity_error=error)
             said = length_in_words(apart.metres, apart.error)
             line.append(said if math.isnan(apart.metres) else f"**{said}**")
@@ -142,12 +142,12 @@ def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
     if pair.calibration is None:
         prose.caption(
             "Depths follow from this one distance. Distances across the image also need the focal length: "
-            f"a horizontal field of view of {FIELD_OF_VIEW:g}° is assumed."
+            f"a horizontal field of view of {ASSUMED_FIELD_OF_VIEW_DEG:g}° is assumed."
         )
 
 
 def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> None:
-    calibration = calibrated_by(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
+    calibration = calibration_from_distance(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
     st.session_state[known_key(pair.digest)] = KnownDistance(*point, metres, calibration)
 
 
@@ -256,8 +256,8 @@ def _space(view: DepthView, name: str, calibration: Calibration, farthest: float
         near_enough = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
         points, colours = clean_point_cloud(calibration, near_enough, as_rgb(view.pair.left), max_points=None)
         flying = int(np.count_nonzero(np.isfinite(near_enough))) - len(points)
-        some, their_colours = subsampled(points, colours, MOST_POINTS)
-        above = seen_from_above(points, colours, cells=CELLS) if len(points) else None
+        some, their_colours = subsampled(points, colours, MAX_POINTS)
+        above = birds_eye_view(points, colours, cells=CELLS) if len(points) else None
         return Space(some, their_colours, len(points), flying, farthest, above)
 
     return computed(

@@ -17,7 +17,7 @@ from stereolag.geometry.rectification import turned
 from stereolag.io.arrays import npy
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import (
-    FARTHEST_M,
+    MAX_PNG_DEPTH_M,
     check_kitti,
     confidence_png,
     depth_png,
@@ -468,7 +468,9 @@ def _metrics(it: Download) -> str:
 
 def _millimetres_in_words(it: Download) -> str:
     """Return a description of the depth in millimetres, which counts the pixels that the page shows beyond it."""
-    said = f"Depth of every pixel of the left image, mm in 16 bits, as ROS has it; 0: none, or beyond {FARTHEST_M} m"
+    said = (
+        f"Depth of every pixel of the left image, mm in 16 bits, as ROS has it; 0: none, or beyond {MAX_PNG_DEPTH_M} m"
+    )
     if it.calibration is None:
         return f"{said}."
     shown = it.calibration.depth(it.shown.disparity * it.factor)
