@@ -188,13 +188,15 @@ MIN_GUESSED_SIZE = (3, 3)
 
 _QUICK_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE
 _THOROUGH_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-_SQUARES_FLAGS = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
 
 Detector = tuple[Callable[..., Any], int]
 """A chessboard detector of OpenCV and its flags."""
 
 QUICK_DETECTOR: Detector = cv2.findChessboardCornersSB, _QUICK_FLAGS
-SQUARES_DETECTOR: Detector = cv2.findChessboardCorners, _SQUARES_FLAGS
+SQUARES_DETECTOR: Detector = (
+    cv2.findChessboardCorners,
+    cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK,
+)
 THOROUGH_DETECTOR: Detector = cv2.findChessboardCornersSB, _THOROUGH_FLAGS
 
 
@@ -266,9 +268,7 @@ def guess_chessboard(pictures: Iterable[Grey8], *, thorough: bool = True) -> Boa
             break
     if not votes and thorough:
         votes.update(size for picture in searched for size in _largest_grid(picture, _THOROUGH_FLAGS))
-    if not votes:
-        return None
-    return Board(*max(votes, key=lambda size: (votes[size], size[0] * size[1])))
+    return Board(*max(votes, key=lambda size: (votes[size], size[0] * size[1]))) if votes else None
 
 
 def _largest_grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
@@ -391,8 +391,7 @@ def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None
     dictionary = _likeliest_dictionary(small[:PICTURES_TO_IDENTIFY])
     if dictionary is None:
         return None
-    detected = _detect_markers(dictionary, small, MARKERS_TO_LOCATE)
-    enough = [markers for markers in detected if len(markers.numbers) >= MIN_MARKERS]
+    enough = [one for one in _detect_markers(dictionary, small, MARKERS_TO_LOCATE) if len(one.numbers) >= MIN_MARKERS]
     fitted = sorted(enough, key=lambda markers: -len(markers.numbers))[:MAX_FITTED_PICTURES]
     highest = max(int(markers.numbers.max()) for markers in fitted)
     widths = range(3, min(MAX_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
@@ -587,22 +586,16 @@ def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
     ValueError
         A size out of bounds, or no board in the pictures.
     """
-    if size is not None:
-        size = Board(*size).columns, Board(*size).rows
+    known = None if size is None else Board(*size)
     chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MAX_GUESS_PAIRS)).astype(int))
     pictures = [picture for number in chosen for picture in grey_pair(*pairs[int(number)])]
-    charuco = guess_charuco(pictures, size)
-    if charuco is not None:
-        return charuco
-    if size is not None:
-        return Board(*size)
-    chessboard = guess_chessboard(pictures)
-    if chessboard is None:
+    board = guess_charuco(pictures, size) or known or guess_chessboard(pictures)
+    if board is None:
         raise ValueError(
             f"No chessboard or ChArUco board is seen in {len(pictures)} pictures; give board as (columns, rows) of "
             "inner corners, or pictures that show the whole board with a white border."
         )
-    return chessboard
+    return board
 
 
 def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Grey8, Grey8]:

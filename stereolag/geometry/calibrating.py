@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
-from stereolag.core.jobs import Progress
+from stereolag.core.jobs import Progress, silent
 from stereolag.geometry.board_shapes import BothCorners, measured_shape, observations_of, seems_bent
 from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
@@ -129,7 +129,7 @@ class StereoCalibration:
         squares = self.points.reshape(self.board.rows, self.board.columns, 3)
         width, height = (np.linalg.norm(np.diff(squares, axis=axis), axis=2).mean() for axis in (1, 0))
         checks = (
-            (used < ENOUGH_PAIRS, f"{used} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result."),
+            (used < ENOUGH_PAIRS, f"{used} pairs are used: take {ENOUGH_PAIRS} to 40 for a reliable result."),
             (
                 coverage < ENOUGH_COVERAGE,
                 f"The board has covered {100 * coverage:.0f} % of the picture: hold it in the corners too, where the "
@@ -205,9 +205,6 @@ DOUBTFUL_RMS_PX = 1.0
 DOUBTFUL_SQUARE_ERROR = 0.005
 """Relative difference of the height and width of squares above which a calibration is doubtful."""
 
-_FINDING_SHARE = 0.95
-"""Share of the time that goes into finding the corners; the rest goes into the calibration."""
-
 
 def calibrate(
     pairs: Pairs | Iterable[tuple[npt.ArrayLike, npt.ArrayLike]],
@@ -247,7 +244,7 @@ def calibrate(
     ------
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
-        alike, left and right exchanged or not the same way up, cameras that stand aslant of each other, or anything
+        alike, left and right exchanged or not the same way up, cameras diagonal to each other, or anything
         :func:`find_boards` refuses.
 
     Examples
@@ -269,10 +266,11 @@ def calibrate(
     True
     """
     check_positive(square_m, "square_m")
-    report = None if progress is None else lambda fraction: progress(_FINDING_SHARE * fraction)
-    result = calibrate_boards(find_boards(pairs, board, progress=report), square_m)
-    if progress is not None:
-        progress(1.0)
+    report = progress or silent
+    # Most of the time goes into finding the corners.
+    views = find_boards(pairs, board, progress=lambda fraction: report(0.95 * fraction))
+    result = calibrate_boards(views, square_m)
+    report(1.0)
     return result.calibration
 
 
@@ -342,8 +340,8 @@ def _usable_pairs(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[
         if LeftOut.OTHER_SIZE in reasons:
             sizes = " and ".join(f"{width} × {height}" for width, height in sorted({*itertools.chain(*views.sizes)}))
             raise ValueError(
-                f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs are of the size of most, and "
-                f"at least {MIN_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
+                f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs have the most common size, "
+                f"and at least {MIN_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
             )
         board = f"{views.board.columns} × {views.board.rows} inner corners"
         raise ValueError(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_image
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -269,9 +270,6 @@ def _scaled_matrix(matrix: npt.NDArray[np.float64], factor: float) -> npt.NDArra
     return scaled
 
 
-Float32Array = npt.NDArray[np.float32]
-
-
 @dataclass(frozen=True)
 class Calibration:
     """Conversion of a rectified pair's disparity to metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
@@ -354,7 +352,7 @@ class Calibration:
             if value is not None and value < 1:
                 raise ValueError(f"{name} is {value}; allowed are whole numbers from 1.")
 
-    def depth(self, disparity: npt.ArrayLike) -> Float32Array:
+    def depth(self, disparity: npt.ArrayLike) -> FloatMap:
         """Return the depth along the optical axis.
 
         Parameters
@@ -370,7 +368,7 @@ class Calibration:
         """
         return _metres(self.focal_px * self.baseline_m, self._shift(disparity))
 
-    def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> Float32Array:
+    def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> FloatMap:
         """Return the depth error caused by an error of the disparity: ``Z² δd / (f B)``.
 
         Parameters
@@ -392,9 +390,7 @@ class Calibration:
         with np.errstate(over="ignore"):
             return _metres(self.focal_px * self.baseline_m * error, shift**2)
 
-    def point_cloud(
-        self, disparity: npt.ArrayLike, colour: npt.ArrayLike
-    ) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+    def point_cloud(self, disparity: npt.ArrayLike, colour: npt.ArrayLike) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
         """Return the points that have a depth, in the frame of the left camera.
 
         Parameters
@@ -522,7 +518,7 @@ class Calibration:
         return np.where((shift > 0) & np.isfinite(shift), shift, np.nan)
 
 
-def _metres(numerator: float | npt.NDArray[np.float64], denominator: npt.NDArray[np.float64]) -> Float32Array:
+def _metres(numerator: float | npt.NDArray[np.float64], denominator: npt.NDArray[np.float64]) -> FloatMap:
     """Return the quotient as float32, NaN where it overflows."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         metres = np.asarray(numerator / denominator, dtype=np.float32)

@@ -54,9 +54,6 @@ CONTRADICTION_MEDIAN_RATIO = 4.0
 MIN_CONTRADICTION_PX = 0.75
 """Error up to which no pair contradicts the others, px per 1000 px of the picture's width."""
 
-MAX_ROUNDS = 5
-"""Maximum number of fits to the pairs that agree with the previous fit."""
-
 FIT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-9)
 """Criteria to stop fitting a single camera. OpenCV's default, the last bit of a float64, takes all 30 iterations."""
 
@@ -304,7 +301,7 @@ def agreeing_fit(pairs: dict[int, ObservedPair], fits: SeparateFits, size: tuple
         : max(MIN_PAIRS, round(BEST_PAIRS_SHARE * len(used)))
     ]
     fit = fitted(sorted(best), fixed)
-    for _ in range(MAX_ROUNDS):
+    for _ in range(5):  # until the pairs that agree with the fit are those it was made from
         median_error = float(np.median([max(fit.errors[number]) for number in fit.used]))
         limit = max(MIN_CONTRADICTION_PX * size[0] / 1000, CONTRADICTION_MEDIAN_RATIO * median_error)
         used = tuple(number for number in pairs if max(fit.errors[number]) <= limit)

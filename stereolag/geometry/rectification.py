@@ -102,7 +102,7 @@ def rectify(
     calibration = mode_for(calibration, width, height)
     if calibration.rig is None:
         raise ValueError(
-            f"The calibration has no cameras for pictures of {width} × {height} pixels, rectified ones only."
+            f"The calibration has no raw cameras for pictures of {width} × {height} pixels, only rectified ones."
         )
     rig = _rig_at_size(calibration.rig, (width, height))
     if rig.turn:
@@ -139,15 +139,16 @@ def _check_retained(name: str, cols: FloatMap, rows: FloatMap, magnification: fl
     """Refuse a rectification that shows hardly anything of a picture, given the source of each of its pixels."""
     height, width = cols.shape
     inside = (cols >= 0) & (cols <= width - 1) & (rows >= 0) & (rows <= height - 1)
-    cell_rows = (rows[inside] * (SHARE_CELLS / height)).astype(int)
-    cell_cols = (cols[inside] * (SHARE_CELLS / width)).astype(int)
+    cell_rows, cell_cols = (
+        (source[inside] * (SHARE_CELLS / side)).astype(int) for source, side in ((rows, height), (cols, width))
+    )
     filled, shown = float(inside.mean()), np.unique(cell_rows * SHARE_CELLS + cell_cols).size / SHARE_CELLS**2
     if magnification > MAX_MAGNIFICATION or min(filled, shown) < MIN_RETAINED_SHARE:
         raise ValueError(
             f"The {name} picture cannot be rectified with this calibration: it would be magnified {magnification:.1f} "
             f"times, show {100 * shown:.0f} % of what was taken and fill {100 * filled:.0f} % of the frame; allowed "
             f"are up to {MAX_MAGNIFICATION:g} times and from {100 * MIN_RETAINED_SHARE:.0f} %. The cameras converge "
-            "too much, or the calibration is of others."
+            "too much, or the calibration is of other cameras."
         )
 
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, Mask
-from stereolag.geometry.calibration import Calibration, Float32Array
+from stereolag.core.arrays import FloatMap, Mask, median
+from stereolag.geometry.calibration import Calibration
 
 MAX_POINTS = 100_000
 """Default maximum number of points of a cloud."""
@@ -33,7 +33,7 @@ def clean_point_cloud(
     colour: npt.ArrayLike,
     *,
     max_points: int | None = MAX_POINTS,
-) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
     """Return :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` without flying pixels: points and colours.
 
     Above `max_points`, a uniform random sample is returned, always the same; None keeps all.
@@ -81,8 +81,8 @@ def flying_pixels(disparity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def subsampled(
-    points: Float32Array, colours: npt.NDArray[np.uint8], max_points: int = MAX_POINTS
-) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+    points: FloatMap, colours: npt.NDArray[np.uint8], max_points: int = MAX_POINTS
+) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
     """Return at most `max_points` of the points and their colours: a uniform random sample, always the same.
 
     Taking every n-th point instead would show the image rows as stripes.
@@ -195,11 +195,7 @@ def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> floa
     error = np.subtract(disparity, ground_truth, dtype=np.float64)
     np.abs(error, out=error)
     known = error[error < np.inf]
-    if not known.size:
-        return math.nan
-    middle = known.size // 2
-    known.partition(middle)  # np.median, which also looks for NaN and for both middle values, takes twice the time
-    return float(known[middle] if known.size % 2 else (known[:middle].max() + known[middle]) / 2)
+    return median(known) if known.size else math.nan
 
 
 def distance_between(
@@ -254,9 +250,6 @@ _COLUMN_STEP = 8
 _MIN_GROUND_ROWS = 16
 """Minimum number of rows with enough pixels."""
 
-_MIN_PIXELS_IN_ROW = 5
-"""Minimum number of valid pixels in such a row, besides a twentieth of its pixels."""
-
 _MAX_GROUND_ERROR_PX = 1.0
 """Maximum difference of a row's median disparity from the ground's line, px."""
 
@@ -291,7 +284,7 @@ def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
     valid = np.isfinite(lower) if known is None else known[first:, ::_COLUMN_STEP]
     lower = np.where(valid, lower, np.float32(np.nan))
     count = valid.sum(axis=1)
-    rows = np.flatnonzero(count >= max(_MIN_PIXELS_IN_ROW, lower.shape[1] / 20))
+    rows = np.flatnonzero(count >= max(5, lower.shape[1] / 20))  # with enough pixels for a median
     if rows.size < _MIN_GROUND_ROWS:
         return None
     # NaN is sorted last; NumPy's nanmedian takes ten times as long.

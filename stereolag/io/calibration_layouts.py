@@ -121,8 +121,8 @@ def _zed(entries: Entries) -> list[Parts]:
         parts = camera_parts(entries, "1", left, "LEFT_DISTO" if is_shared else left, lens_keys=keys)
         parts |= camera_parts(entries, "2", right, "RIGHT_DISTO" if is_shared else right, lens_keys=keys)
         parts |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if is_fisheye else {}
-        parts |= pose_parts("STEREO", rotation, -rotation @ position)
-        modes.append(parts | {"size0": numeric_entry(mode, size)})
+        pose = pose_parts("STEREO", rotation, -rotation @ position)
+        modes.append(parts | pose | {"size0": numeric_entry(mode, size)})
     return modes
 
 
@@ -160,7 +160,7 @@ def _depthai(entries: Entries) -> list[Parts]:
         camera_type = int(entries.number(f"{path}.cameraType") or 0)
         if camera_type > 1:
             raise ValueError(
-                f"The calibration (DepthAI) has a camera of type {camera_type}; read are perspective and fisheye."
+                f"The calibration (DepthAI) has a camera of type {camera_type}; allowed are perspective and fisheye."
             )
         lens = entries.required(f"{path}.distortionCoeff").numbers()
         parts |= {

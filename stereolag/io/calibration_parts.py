@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections import ChainMap
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -268,9 +269,7 @@ def parts_by_meaning(entries: Entries) -> list[Parts]:
         found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
         if body := files[n].find("T_BS"):
             poses[f"cam{int(side) - 1}.T_BS"] = body
-    parts: Parts = {}
-    for of_file in found:
-        parts = of_file | parts
+    parts = dict(ChainMap(*found))  # of two files with the same part, the first counts
     if "R" not in parts and (known := pose_from_common_frame(poses)) is not None:
         parts |= known
         in_metres = True

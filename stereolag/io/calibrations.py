@@ -90,7 +90,7 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     if problem is not None and not modes:
         raise problem
     if not modes:
-        raise ValueError(f"The calibration ({layout.name}) is of no size of pictures that is known here.")
+        raise ValueError(f"The calibration ({layout.name}) has no size of pictures that is known here.")
     if len(modes) == 1:
         return modes[0]
     default = max(modes, key=lambda mode: ((mode.width, mode.height) == DEFAULT_MODE_SIZE, mode.width or 0))
@@ -115,7 +115,7 @@ def _calibration(
         notes.append(f"The file does not state its unit of length: {_UNIT_NAMES[layout.unit]} are assumed.")
     if stated and length_unit_m not in (None, stated):
         unit_name = next(name for symbol, name in _UNIT_NAMES.items() if UNITS[symbol] == stated)
-        notes.append(f"The unit given is not used: by its format or its own words, the file is in {unit_name}.")
+        notes.append(f"The given unit is not used: by its format or its content, the file is in {unit_name}.")
     if unused:
         notes.append(f"Not used, since these names are unknown here: {names_found(unused)}.")
     if "baseline" in parts or "product" in parts:
@@ -246,7 +246,7 @@ def _check_lenses(parts: Parts, lens: str, unused: Sequence[str], notes: list[st
         notes.append("The file has no distortion coefficients: both lenses are taken to be free of distortion.")
     elif not lens and any(parts[part].numbers().size == 4 for part in ("D1", "D2")):
         notes.append(
-            "Four coefficients are read as k1, k2, p1, p2; of a fisheye, add camera_model: fisheye to the file."
+            "Four coefficients are read as k1, k2, p1, p2; for a fisheye, add camera_model: fisheye to the file."
         )
 
 
@@ -439,11 +439,16 @@ def _matrices(calibration: Calibration) -> tuple[tuple[int, int], dict[str, Matr
 
 def _q_matrix(left: Matrix, right: Matrix) -> Matrix:
     """Return the (4, 4) matrix Q of OpenCV's ``stereoRectify`` for two projections."""
-    focal, baseline = left[0, 0], -right[0, 3] / right[0, 0]
-    q = np.eye(4)
-    q[0, 3], q[1, 3], q[2, 3] = -left[0, 2], -left[1, 2], focal
-    q[2, 2], q[3, 2], q[3, 3] = 0, 1 / baseline, (right[0, 2] - left[0, 2]) / baseline
-    return q
+    (focal, _, cx, _), (_, _, cy, _), _ = left
+    baseline = -right[0, 3] / right[0, 0]
+    return np.array(
+        [
+            [1, 0, 0, -cx],
+            [0, 1, 0, -cy],
+            [0, 0, 0, focal],
+            [0, 0, 1 / baseline, (right[0, 2] - cx) / baseline],
+        ]
+    )
 
 
 def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, Matrix], fisheye: bool) -> str:

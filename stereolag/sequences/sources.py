@@ -21,11 +21,11 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
-from stereolag.io.disparities import read_disparity, read_stored_disparity
+from stereolag.io.disparities import DISPARITY_SUFFIXES, read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Door, guarded, unguarded
-from stereolag.io.images import read_image
-from stereolag.io.pairing import PICTURE_SUFFIXES, TRUTH_SUFFIXES, matched_pairs, natural_order, unpaired_left
+from stereolag.io.images import IMAGE_SUFFIXES, read_image
+from stereolag.io.pairing import matched_pairs, natural_order, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
@@ -301,8 +301,8 @@ def open_sequence(
     elif layout is not None:
         raise ValueError("A layout is that of one video with both views; these are two.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
-        lefts, rights = _pictures(left, PICTURE_SUFFIXES), _pictures(right, PICTURE_SUFFIXES)
-        truths = [] if truth is None else _pictures(truth, TRUTH_SUFFIXES)
+        lefts, rights = _pictures(left, IMAGE_SUFFIXES), _pictures(right, IMAGE_SUFFIXES)
+        truths = [] if truth is None else _pictures(truth, DISPARITY_SUFFIXES)
         partners = _partners(lefts, rights, "right pictures")
         known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
         sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
@@ -356,7 +356,7 @@ def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 
-def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
+def _pictures(source: Source, endings: Sequence[str]) -> list[str]:
     """Return the paths of the files in a folder or matching a pattern, in natural order."""
     if not isinstance(source, str | PathLike):
         raise ValueError("Pictures are named by a folder or a pattern; give a ZIP archive or videos as bytes.")

@@ -321,7 +321,7 @@ def test_a_bent_board_that_is_never_seen_as_a_whole_is_a_doubt(by: float, doubte
 
 def test_what_speaks_against_a_calibration_is_said(views: BoardViews, plain: StereoCalibration) -> None:
     few = calibrate_boards(replace(views, left=(*views.left[:4], *[None] * 4)), SQUARE_M)
-    assert few.doubts[0].startswith("4 pairs count") and "The board has covered" in few.doubts[1]
+    assert few.doubts[0].startswith("4 pairs are used") and "The board has covered" in few.doubts[1]
     fine = replace(plain, left_coverage=0.5, right_coverage=0.6)
     assert fine.doubts == ()
     for change, said in (

@@ -235,7 +235,7 @@ def test_the_map_among_the_arrays_of_an_npz_or_mat_is_read_and_of_two_alike_none
         saved_by(scipy.io.savemat, {"GT": disparity, "focal": 700.0, "name": "scene"}),
     ):
         np.testing.assert_array_equal(read_disparity(data), disparity.astype(np.float32))
-    with pytest.raises(ValueError, match=r"not the only one in its file, of “left” \(9, 11\), “right”"):
+    with pytest.raises(ValueError, match=r"not the only one in its file, which holds “left” \(9, 11\), “right”"):
         read_disparity(saved_by(np.savez, left=disparity, right=disparity))
 
 
