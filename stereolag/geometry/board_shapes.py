@@ -54,7 +54,7 @@ def seems_bent(board: Board, both: BothCorners, fits: SeparateFits) -> bool:
 def measured_shape(
     board: Board, both: BothCorners, size: tuple[int, int], fits: SeparateFits, *, bent: bool
 ) -> tuple[DoubleMap, BothCorners] | None:
-    """Return the shape of a board and its corners as if it were flat; None if it seems to be flat.
+    """Return the shape of a board and its corners as if it were flat; None if it seems flat or cannot be measured.
 
     Each camera measures the shape in its own pictures, together with its lens (Strobl, Hirzinger, *More accurate
     pinhole camera calibration with imperfect planar target*, ICCV workshops 2011, by OpenCV). The shape is accepted if

@@ -265,7 +265,7 @@ class JointFit:
     used
         The numbers of the used pairs.
     orders
-        The order of each pair's right corners that fits best, by its place in :attr:`ObservedPair.right`.
+        The order of each pair's right corners that fits best, by its index in :attr:`ObservedPair.right`.
     errors
         Reprojection error in the left and the right picture of every pair, px RMS.
     """
@@ -297,9 +297,8 @@ def agreeing_fit(pairs: dict[int, ObservedPair], fits: SeparateFits, size: tuple
     # until the agreeing pairs are known. The best of these are fitted first, so that no outlier bends the fit.
     fixed = fits.flags | cv2.CALIB_FIX_INTRINSIC
     fit = fitted(used, fixed)
-    best = sorted(used, key=lambda number: max(fit.errors[number]))[
-        : max(MIN_PAIRS, round(BEST_PAIRS_SHARE * len(used)))
-    ]
+    count = max(MIN_PAIRS, round(BEST_PAIRS_SHARE * len(used)))
+    best = sorted(used, key=lambda number: max(fit.errors[number]))[:count]
     fit = fitted(sorted(best), fixed)
     for _ in range(5):  # until the pairs that agree with the fit are those it was made from
         median_error = float(np.median([max(fit.errors[number]) for number in fit.used]))

@@ -122,11 +122,8 @@ class Entries(dict[str, Entry]):
 
     def find(self, names: str) -> Entry | None:
         """Return the entry with the first of some names, separated by ``|``, in any case; None if there is none."""
-        for name in names.split("|"):
-            found = self.match(re.escape(name))
-            if found is not None:
-                return found
-        return None
+        matches = (self.match(re.escape(name)) for name in names.split("|"))
+        return next((entry for entry in matches if entry is not None), None)
 
     def match(self, pattern: str) -> Entry | None:
         """Return the first entry whose whole name matches a pattern, in any case; None if there is none."""

@@ -246,8 +246,7 @@ def _meaning(name: str) -> tuple[str, str] | None:
 def parts_by_meaning(entries: Entries) -> list[Parts]:
     """Return the combined parts of files that belong together, by the meaning of their names, as the only item.
 
-    Of two files with one camera each, the left one is told by their projections (ROS), by their poses (EuRoC), by the
-    cameras' names, or by the given order. ROS and all who give poses as transforms write metres.
+    ROS and all who give poses as transforms write metres.
     """
     files = entries.files
     found = [_parts_of(file) | _single_numbers(file) for file in files]
@@ -255,16 +254,8 @@ def parts_by_meaning(entries: Entries) -> list[Parts]:
     if len(lone) > 2:
         raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
     in_metres = bool(lone) and all("P0" in found[n] for n in lone)
-    shifts = [found[n]["P0"].projection()[0, 3] for n in lone] if in_metres else []
-    camera_name = files[lone[0]].find("camera_name") if len(lone) == 2 else None
-    right_first = camera_name is not None and "right" in camera_name.text().lower()
-    if len(shifts) == 1 or len(set(shifts)) == 2:
-        right_first = shifts[0] < (0, *shifts[1:])[-1]
+    right_first = _is_right_first([files[n] for n in lone], [found[n] for n in lone])
     poses = Entries(*files)
-    bodies = [body.matrix(4, 4) for n in lone if (body := files[n].find("T_BS"))]
-    if len(bodies) == 2:
-        across, down, _ = relative_pose("", *map(inverse, bodies))["T"].numbers()
-        right_first = across > abs(down)
     for n, side in zip(lone, "21" if right_first else "12", strict=False):
         found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
         if body := files[n].find("T_BS"):
@@ -283,9 +274,26 @@ def parts_by_meaning(entries: Entries) -> list[Parts]:
         parts["R"] = numeric_entry(parts["R"].name, parts["R"].matrix(3, 3).T)
     if in_metres:
         parts["unit"] = Entry("unit", "m")
-    elif unit := entries.find("length_unit|world_units|unit|units"):
-        parts["unit"] = unit
+    else:
+        parts |= entries.select({"unit": "length_unit|world_units|unit|units"})
     return [parts | entries.select({"num_disparities": NUM_DISPARITIES_NAMES})]
+
+
+def _is_right_first(files: Sequence[Entries], parts: Sequence[Parts]) -> bool:
+    """Return whether the first of up to two files with one camera each has the right camera.
+
+    That is known from their poses (EuRoC), from their projections (ROS), or from the first camera's name.
+    """
+    camera_name = files[0].find("camera_name") if len(files) == 2 else None
+    right_first = camera_name is not None and "right" in camera_name.text().lower()
+    shifts = [one["P0"].projection()[0, 3] for one in parts] if all("P0" in one for one in parts) else []
+    if len(shifts) == 1 or len(set(shifts)) == 2:
+        right_first = bool(shifts[0] < (0, *shifts[1:])[-1])
+    bodies = [body.matrix(4, 4) for file in files if (body := file.find("T_BS"))]
+    if len(bodies) == 2:
+        across, down, _ = relative_pose("", *map(inverse, bodies))["T"].numbers()
+        right_first = bool(across > abs(down))
+    return right_first
 
 
 def _single_numbers(entries: Entries) -> Parts:

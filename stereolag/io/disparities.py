@@ -92,7 +92,7 @@ SINTEL_WEIGHTS_PX = (4.0, 1 / 64, 1 / 16384)
 """Disparity per level of red, green and blue in the files of MPI Sintel, px."""
 
 MIN_PHOTO_CORRELATION = 0.6
-"""Minimum correlation of red with green and with blue in a photograph."""
+"""Minimum magnitude of the correlation of red with green and with blue in a photograph."""
 
 OPENCV_SCALE = 16
 """OpenCV's matchers return int16, in units of 1/16 px."""
