@@ -26,9 +26,9 @@ from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import (
-    as_deep,
+    as_same_bit_depth,
     calibration_for,
-    cropped_alike,
+    cropped_to_common_size,
     preview_divisor,
     rectify,
     scaled_disparity,
@@ -377,7 +377,7 @@ def assemble_pair(
     ValueError
         The parts do not belong together.
     """
-    images = as_stereo_pair(*as_deep(*cropped_alike(left, right)))
+    images = as_stereo_pair(*as_same_bit_depth(*cropped_to_common_size(left, right)))
     rows, cols = images[0].shape[:2]
     sentences = [*notes]
     if left.dtype != right.dtype:

@@ -60,14 +60,14 @@ def held(
     taken = np.array([wide + 2, high]) * square + 2 * MARGIN * square
     centre = np.array([*((np.array([across, down]) - 0.5) * 0.9 * (SIZE - taken) / FOCAL_PX), 1]) * distance + [1, 0, 0]
     first = Pose(rotation, centre - rotation @ CHESSBOARD.points().mean(axis=0))
-    return first, BESIDE.beside(first)
+    return first, BESIDE.compose(first)
 
 
 def seen(poses: tuple[Pose, Pose], noise: np.random.Generator | None = None) -> tuple[Corners, Corners]:
     """Return the corners of a board in both pictures."""
     found = []
     for camera, pose in zip((LEFT, RIGHT), poses, strict=True):
-        places = camera.projected(CHESSBOARD.points(), pose)
+        places = camera.project(CHESSBOARD.points(), pose)
         places += 0 if noise is None else noise.normal(0, 0.05, places.shape)
         found.append(Corners(np.arange(CHESSBOARD.corners), places))
     return found[0], found[1]

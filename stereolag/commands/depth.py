@@ -29,7 +29,7 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.arrays import npy
 from stereolag.io.disparities import (
     DEPTH_FORMATS,
-    FARTHEST_M,
+    MAX_PNG_DEPTH_M,
     depth_png,
     depth_tiff,
     kitti_png,
@@ -127,8 +127,8 @@ def _add_files(parser: CommandParser) -> None:
         metavar="FILE",
         type=Path,
         help=f"write the depth to this file, for which --calibration is needed: .tif has metres as 32-bit floats, NaN "
-        f"where there is none; .png whole millimetres up to {FARTHEST_M} m in 16 bits, as ROS has it, 0 where there is "
-        "none. Of a raw pair it is that of the rectified left image",
+        f"where there is none; .png whole millimetres up to {MAX_PNG_DEPTH_M} m in 16 bits, as ROS has it, 0 where "
+        "there is none. Of a raw pair it is that of the rectified left image",
     )
     files.add_argument(
         "--out",
@@ -230,7 +230,7 @@ def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")
         lines += [f"{name} is left out: {why}" for name, why in figures["left_out"].items()]
     if figures.get("too_far_for_png") and ("files" in figures or figures.get("depth", "").lower().endswith(".png")):
-        lines.append(f"{figures['too_far_for_png']:,} pixels are beyond {FARTHEST_M} m: 0 in a PNG of depth")
+        lines.append(f"{figures['too_far_for_png']:,} pixels are beyond {MAX_PNG_DEPTH_M} m: 0 in a PNG of depth")
     return lines
 
 

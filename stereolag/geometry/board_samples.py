@@ -1,7 +1,8 @@
-"""Which pictures of a board a calibration still needs, judged by figures of its poses, as ROS's calibrator does.
+"""Pictures of a board that a calibration still needs, judged by the board's poses, as ROS's calibrator does.
 
-A picture is worth keeping if the board is held still, so that both eyes show it at one place and without blur, and if
-its pose differs from all kept before. What is missing is named, so that a person knows where to hold the board next.
+A picture is worth keeping if the board is held still, so that both cameras see it in one place and without blur, and if
+its pose differs from all those kept before. Missing poses are named, so that a person knows where to hold the board
+next.
 """
 
 from __future__ import annotations
@@ -17,40 +18,46 @@ from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.geometry.boards import Board, Corners
 from stereolag.geometry.calibrating import ENOUGH_COVERAGE, covered_cells
 
-STILL = 0.015
-"""Largest speed of the corners of a board held still, as a share of the width a second: 1 px of 640 in 0.1 s, which a
-hand manages and which the milliseconds between two webcams do not turn into an error."""
+MAX_STILL_SPEED = 0.015
+"""Maximum speed of the corners of a board held still, in image widths per second: 1 px of 640 in 0.1 s. A hand can be
+that steady, and in the milliseconds between the exposures of two webcams the board hardly moves."""
 
-APART_S, LONGEST_S = 0.08, 0.3
-"""Time between two frames from which on speed stands out from the noise of corners, and up to which they tell it."""
+MIN_FRAME_GAP_S = 0.08
+"""Minimum time between two compared frames: over less, the noise of the corners hides their speed."""
 
-LEAST_DIFFERENCE = 0.2
-"""Least sum of the differences of all figures to those of any other pose that is kept: ROS's value."""
+MAX_FRAME_GAP_S = 0.3
+"""Time over which the allowed movement grows with the time between two frames; it is the same for longer gaps."""
 
-EDGE = 0.25
-"""A board is at a border if its figure of place is within so much of it."""
+MIN_POSE_DIFFERENCE = 0.2
+"""Minimum distance between two kept poses, summed over the fields of :class:`BoardPose`: ROS's value."""
 
-NEAR = 0.4
-"""Size of a board that is near: ROS's value."""
+BORDER_ZONE = 0.25
+"""Width of the zones at the borders, as a share of the board's range of positions (`BoardPose.across`, `down`)."""
 
-TILTED = 0.34
-"""Sine of a tilt that counts: 20°. Without tilt, any focal length would fit."""
+MIN_NEAR_SIZE = 0.4
+"""Minimum size of a board that counts as near: ROS's value."""
 
-FEWEST_SAMPLES, MOST_SAMPLES = 10, 40
-"""Number of poses below which there are never enough, and from which there always are."""
+MIN_TILT_SINE = 0.34
+"""Sine of the minimum tilt that counts, 20°. Without tilt, any focal length would fit."""
+
+MIN_SAMPLES = 10
+"""Number of poses below which there are never enough."""
+
+MAX_SAMPLES = 40
+"""Number of poses from which there are always enough."""
 
 
 class BoardPose(NamedTuple):
-    """How a board is held before a stereo camera, without knowing its lenses.
+    """The approximate pose of a board in front of a stereo camera whose lenses are not known yet.
 
     Attributes
     ----------
     across, down
-        Its place, 0..1, within the room that both pictures leave it: at 0 it touches the left or upper border of one
-        of them, at 1 the right or lower one.
+        Its position, 0..1, within the range it can have in both pictures: at 0 it touches the left or upper border of
+        one of them, at 1 the right or lower one.
     size
         Square root of the share of the left picture that its corners enclose, 0..1.
-    to_right, to_bottom
+    tilt_across, tilt_down
         Sine of its tilt, -1..1, along the rows and columns of the left picture: positive if its right side, or its
         bottom, is nearer than the other.
     """
@@ -58,12 +65,12 @@ class BoardPose(NamedTuple):
     across: float
     down: float
     size: float
-    to_right: float
-    to_bottom: float
+    tilt_across: float
+    tilt_down: float
 
 
 class Missing(StrEnum):
-    """What the kept poses lack."""
+    """Kinds of poses that have not been kept yet."""
 
     UPPER_LEFT = "upper_left"
     TOP = "top"
@@ -83,71 +90,74 @@ class Missing(StrEnum):
 
 
 PARTS = tuple(Missing)[:9]
-"""The ninths of a picture, row by row."""
+"""The nine parts of a picture, row by row."""
 
 
 def board_pose(left: Corners, right: Corners, board: Board, size: tuple[int, int]) -> BoardPose:
-    """Return how a board is held, from its corners in both pictures of `size`: width and height, px."""
-    # The rooms left by the two pictures differ by the disparity: a near board cannot be at the left border of the left
-    # one, being outside the right one there.
-    places = np.concatenate((left.points, right.points))
-    before = np.maximum(places.min(axis=0), 0)
-    after = np.maximum(np.array(size) - 1 - places.max(axis=0), 0)
+    """Return the pose of a board, from its corners in both pictures of `size`: width and height, px."""
+    # The possible positions in the two pictures differ by the disparity: a near board cannot be at the left border of
+    # the left picture, because it would be outside the right one.
+    points = np.concatenate((left.points, right.points))
+    before = np.maximum(points.min(axis=0), 0)
+    after = np.maximum(np.array(size) - 1 - points.max(axis=0), 0)
     across, down = np.divide(before, before + after, out=np.full(2, 0.5), where=before + after > 0)
     enclosed = cv2.contourArea(cv2.convexHull(left.points.astype(np.float32)))
-    to_right, to_bottom = _tilt(board.points()[left.numbers, :2], left.points)
-    return BoardPose(float(across), float(down), float(np.sqrt(enclosed / np.prod(size))), to_right, to_bottom)
+    tilt_across, tilt_down = _tilt(board.points()[left.numbers, :2], left.points)
+    return BoardPose(float(across), float(down), float(np.sqrt(enclosed / np.prod(size))), tilt_across, tilt_down)
 
 
-def _tilt(squares: DoubleMap, places: DoubleMap) -> Vector:
-    """Return the sine of the tilt towards the viewer, along the rows and columns of the picture.
+def _tilt(board_points: DoubleMap, image_points: DoubleMap) -> Vector:
+    """Return the sine of a board's tilt towards the viewer, along the rows and columns of the picture.
 
-    It is foreshortened by the cosine along the direction of the tilt, whatever the focal length, and the side on which
-    it is magnified is the nearer one.
+    The board is foreshortened by the cosine along the direction of the tilt, whatever the focal length; the side that
+    appears magnified is the nearer one.
     """
-    centre = squares.mean(axis=0)
-    homography, _ = cv2.findHomography(squares - centre, places)
+    centre = board_points.mean(axis=0)
+    homography, _ = cv2.findHomography(board_points - centre, image_points)
     if homography is None:
         return np.zeros(2)
     homography = homography / homography[2, 2]
-    # How the picture moves with the board, there and in general, and how the inverse of its scale changes on the board.
-    moved = homography[:2, :2] - np.outer(homography[:2, 2], homography[2, :2])
-    directions, lengths, _ = np.linalg.svd(moved)
-    sine = np.sqrt(max(0.0, 1 - (lengths[1] / lengths[0]) ** 2))
-    farther = homography[2, :2] @ np.linalg.pinv(moved)
-    along = directions[:, 1]
-    return np.asarray(-np.copysign(sine, farther @ along) * along)
+    # The Jacobian of the image point with respect to the board point at the centre, and the gradient of the inverse
+    # scale, which grows with the distance, in the picture.
+    jacobian = homography[:2, :2] - np.outer(homography[:2, 2], homography[2, :2])
+    directions, stretches, _ = np.linalg.svd(jacobian)
+    sine = np.sqrt(max(0.0, 1 - (stretches[1] / stretches[0]) ** 2))
+    distance_gradient = homography[2, :2] @ np.linalg.pinv(jacobian)
+    direction = directions[:, 1]
+    return np.asarray(-np.copysign(sine, distance_gradient @ direction) * direction)
 
 
 def is_still(now: Corners, before: Corners, board: Board, width: int, seconds: float) -> bool:
-    """Return whether a board has hardly moved from one frame, of `width` px, to another so many seconds later."""
+    """Return whether a board has hardly moved between two frames, `width` px wide and `seconds` apart."""
     common = np.intersect1d(now.numbers, before.numbers)
     if not common.size:
         return False
     # A chessboard looks the same from two ends, and its corners may be counted from either.
-    here, there = now.of(common), before.of(common)
-    moved = min(float(np.linalg.norm(here - there[order], axis=1).max()) for order in board.orders(len(common)))
-    return moved <= STILL * width * min(seconds, LONGEST_S)
+    new_points, old_points = now.of(common), before.of(common)
+    shift = min(
+        float(np.linalg.norm(new_points - old_points[order], axis=1).max()) for order in board.orders(len(common))
+    )
+    return shift <= MAX_STILL_SPEED * width * min(seconds, MAX_FRAME_GAP_S)
 
 
 class Collected:
-    """The poses of the boards kept so far, and which parts of both pictures they cover.
+    """The poses kept so far, and the parts of both pictures that their boards cover.
 
     Attributes
     ----------
     poses
         The poses.
     cells
-        (2, n, n) shares of the left and the right picture, 1 where a board has been.
+        (2, n, n) cells of the left and the right picture, 1 where a board has been.
     """
 
     def __init__(self) -> None:
         self.poses: list[BoardPose] = []
         self.cells = np.stack([covered_cells([], (1, 1))] * 2)
 
-    def adds(self, pose: BoardPose) -> bool:
-        """Return whether a pose differs from all that are kept."""
-        return all(np.abs(np.subtract(pose, kept)).sum() >= LEAST_DIFFERENCE for kept in self.poses)
+    def is_new(self, pose: BoardPose) -> bool:
+        """Return whether a pose differs enough from all kept ones."""
+        return all(np.abs(np.subtract(pose, kept)).sum() >= MIN_POSE_DIFFERENCE for kept in self.poses)
 
     def keep(self, pose: BoardPose, left: Corners, right: Corners, size: tuple[int, int]) -> None:
         """Keep a pose, with the corners in both pictures of `size`: width and height, px."""
@@ -155,40 +165,40 @@ class Collected:
         self.cells |= np.stack([covered_cells([corners], size) for corners in (left, right)])
 
     def progress(self) -> dict[str, float]:
-        """Return how much there is of what is needed, 0..1: of the `picture`, of `size` and of `tilt`."""
+        """Return the share of the needed poses that are kept, 0..1, by `picture` (coverage), `size` and `tilt`."""
         if not self.poses:
             return dict.fromkeys(("picture", "size", "tilt"), 0.0)
-        least, most = np.min(self.poses, axis=0), np.max(self.poses, axis=0)
-        tilts = np.clip(np.concatenate((-least[3:], most[3:])) / TILTED, 0, 1)
+        lowest, highest = np.min(self.poses, axis=0), np.max(self.poses, axis=0)
+        tilts = np.clip(np.concatenate((-lowest[3:], highest[3:])) / MIN_TILT_SINE, 0, 1)
         return {
             "picture": min(1.0, max(self._covered() / ENOUGH_COVERAGE, 1 - self._empty_parts().size / len(PARTS))),
-            "size": min(1.0, float(most[2]) / NEAR),
+            "size": min(1.0, float(highest[2]) / MIN_NEAR_SIZE),
             "tilt": float(tilts.mean()),
         }
 
     def missing(self) -> list[Missing]:
-        """Return what there is too little of, what to do next first; nothing if there is enough."""
-        if len(self.poses) >= MOST_SAMPLES:
+        """Return the poses that are still missing, the most urgent first; an empty list if there are enough."""
+        if len(self.poses) >= MAX_SAMPLES:
             return []
         parts = self._empty_parts()
-        lacks = {
-            Missing.NEARER: not any(pose.size >= NEAR for pose in self.poses),
+        is_missing = {
+            Missing.NEARER: not any(pose.size >= MIN_NEAR_SIZE for pose in self.poses),
             **dict.fromkeys((PARTS[number] for number in parts), self._covered() < ENOUGH_COVERAGE),
-            Missing.LEFT_NEARER: not any(pose.to_right <= -TILTED for pose in self.poses),
-            Missing.RIGHT_NEARER: not any(pose.to_right >= TILTED for pose in self.poses),
-            Missing.TOP_NEARER: not any(pose.to_bottom <= -TILTED for pose in self.poses),
-            Missing.BOTTOM_NEARER: not any(pose.to_bottom >= TILTED for pose in self.poses),
-            Missing.MORE: len(self.poses) < FEWEST_SAMPLES,
+            Missing.LEFT_NEARER: not any(pose.tilt_across <= -MIN_TILT_SINE for pose in self.poses),
+            Missing.RIGHT_NEARER: not any(pose.tilt_across >= MIN_TILT_SINE for pose in self.poses),
+            Missing.TOP_NEARER: not any(pose.tilt_down <= -MIN_TILT_SINE for pose in self.poses),
+            Missing.BOTTOM_NEARER: not any(pose.tilt_down >= MIN_TILT_SINE for pose in self.poses),
+            Missing.MORE: len(self.poses) < MIN_SAMPLES,
         }
-        return [one for one, lacking in lacks.items() if lacking]
+        return [kind for kind, missing in is_missing.items() if missing]
 
     def _covered(self) -> float:
         return float(self.cells.mean(axis=(1, 2)).min())
 
     def _empty_parts(self) -> npt.NDArray[np.intp]:
         """Return the numbers of the parts in which no board has been held, the least covered one first."""
-        places = np.digitize([pose[:2] for pose in self.poses] or np.empty((0, 2)), (EDGE, 1 - EDGE))
+        zones = np.digitize([pose[:2] for pose in self.poses] or np.empty((0, 2)), (BORDER_ZONE, 1 - BORDER_ZONE))
         rows = np.array_split(self.cells.mean(axis=0), 3)
         covered = np.array([part.mean() for row in rows for part in np.array_split(row, 3, axis=1)])
         order = np.argsort(covered, kind="stable")
-        return order[~np.isin(order, 3 * places[:, 1] + places[:, 0])]
+        return order[~np.isin(order, 3 * zones[:, 1] + zones[:, 0])]

@@ -1,4 +1,4 @@
-"""The shape of a calibration board, measured in the pictures of it: paper on cardboard is neither flat nor even."""
+"""The shape of a calibration board, measured in its pictures: paper on cardboard is neither flat nor evenly printed."""
 
 from __future__ import annotations
 
@@ -12,51 +12,58 @@ import scipy  # scipy.spatial is loaded only on first use: the quick judgement o
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import Board, Corners
-from stereolag.geometry.camera_fits import CONVERGED, ENOUGH_TO_LEAVE_OUT, Camera, SeparateFits, Sight, fitted_camera
+from stereolag.geometry.camera_fits import (
+    FIT_CRITERIA,
+    MIN_PICTURES_TO_VALIDATE,
+    Camera,
+    Observation,
+    SeparateFits,
+    fit_camera,
+)
 
 BothCorners = Mapping[int, tuple[Corners, Corners]]
 """The corners in the left and the right picture of each pair, by its number."""
 
-ALIKE = 0.7
-"""Least correlation of the shapes that both cameras see in a board, each by itself: simulated boards have at most 0.3
-if flat, 0.6 if printed unevenly, and at least 0.9 if bent."""
+MIN_SHAPE_CORRELATION = 0.7
+"""Minimum correlation of the shapes that the two cameras measure independently: simulated boards have at most 0.3 if
+flat, 0.6 if printed unevenly, and at least 0.9 if bent."""
 
-UNEQUAL_SIDES = 0.003
-"""Difference of the focal lengths across and down, as a share: both cameras have it if squares are higher than wide."""
+MIN_STRETCH = 0.003
+"""Minimum relative difference of the focal lengths across and down that suggests squares higher than wide, or lower;
+both cameras must have it."""
 
-WORTHWHILE = 0.9
-"""The shape that one camera has measured must lower the error of the other one to this share."""
+MAX_ERROR_RATIO = 0.9
+"""The shape measured by one camera must lower the other one's error to this share of it."""
 
 
-def sights_of(both: BothCorners, board: Board) -> list[list[Sight]]:
-    """Return what each camera sees of a flat board, in the order of the pairs."""
+def observations_of(both: BothCorners, board: Board) -> list[list[Observation]]:
+    """Return the observations of each camera, of a board taken to be flat, in the order of the pairs."""
     points = board.points()
-    return [[Sight(points[pair[side].numbers], pair[side].points) for pair in both.values()] for side in (0, 1)]
+    return [[Observation(points[pair[side].numbers], pair[side].points) for pair in both.values()] for side in (0, 1)]
 
 
 def seems_bent(board: Board, both: BothCorners, fits: SeparateFits) -> bool:
-    """Return whether what cameras fitted to a flat board leave over may come from its shape: both see the same one."""
-    kept = _kept(both, board, fits)
-    first, second = (
-        _shape_left_over(board, sights, camera).ravel()
-        for sights, camera in zip(kept, (fits.left, fits.right), strict=True)
+    """Return whether the residuals of cameras fitted to a flat board suggest a bent one: both show the same shape."""
+    left, right = (
+        _residual_shape(board, observations, camera).ravel()
+        for observations, camera in zip(_inliers(both, board, fits), (fits.left, fits.right), strict=True)
     )
-    return float(np.corrcoef(first, second)[0, 1]) > ALIKE
+    return float(np.corrcoef(left, right)[0, 1]) > MIN_SHAPE_CORRELATION
 
 
 def measured_shape(
     board: Board, both: BothCorners, size: tuple[int, int], fits: SeparateFits, *, bent: bool
 ) -> tuple[DoubleMap, BothCorners] | None:
-    """Return where the corners of a board are, and where they would be seen if it were flat; None if it seems to be.
+    """Return the shape of a board and its corners as if it were flat; None if it seems flat or cannot be measured.
 
     Each camera measures the shape in its own pictures, together with its lens (Strobl, Hirzinger, *More accurate
-    pinhole camera calibration with imperfect planar target*, ICCV workshops 2011, by OpenCV). It counts if both find
-    the same: the shape of one must predict the pictures of the other.
+    pinhole camera calibration with imperfect planar target*, ICCV workshops 2011, by OpenCV). The shape is accepted if
+    both agree: the shape measured by one camera must predict the pictures of the other.
 
     Parameters
     ----------
     board
-        The board, of which the shape is in question.
+        The board.
     both
         Its corners in the pictures.
     size
@@ -69,77 +76,93 @@ def measured_shape(
     Returns
     -------
     points
-        (n, 3) places of the corners, in squares, laid over those of the flat board.
+        (n, 3) positions of the corners, in squares, aligned with those of the flat board.
     flattened
-        The corners in the pictures, moved to where a flat board has them: OpenCV's fits are sure for those alone.
+        The corners in the pictures, moved to where a flat board would have them: OpenCV's fits are reliable only for
+        flat boards.
     """
-    whole = [[sight for sight in sights if len(sight.places) == board.corners] for sights in _kept(both, board, fits)]
-    unequal = [float(camera.matrix[0, 0] / camera.matrix[1, 1] - 1) for camera in (fits.left, fits.right)]
-    stretched = max(min(unequal), -max(unequal)) > UNEQUAL_SIDES
-    if min(map(len, whole)) < ENOUGH_TO_LEAVE_OUT or not (stretched or bent):
+    whole = [
+        [observation for observation in observations if len(observation.image_points) == board.corners]
+        for observations in _inliers(both, board, fits)
+    ]
+    stretches = [float(camera.matrix[0, 0] / camera.matrix[1, 1] - 1) for camera in (fits.left, fits.right)]
+    stretched = max(min(stretches), -max(stretches)) > MIN_STRETCH
+    if min(map(len, whole)) < MIN_PICTURES_TO_VALIDATE or not (stretched or bent):
         return None
     try:
-        with ThreadPoolExecutor() as aside:
-            (left, first), (right, second) = aside.map(partial(_measured, board, size=size, flags=fits.flags), whole)
-        for sights, camera, shape in ((whole[0], first, right), (whole[1], second, left)):
-            moved = [Sight(points, _flat_places(camera, points, shape, places)) for points, places in sights]
+        with ThreadPoolExecutor() as threads:
+            measured = threads.map(partial(_measure_shape, board, size=size, flags=fits.flags), whole)
+            (left_shape, left_camera), (right_shape, right_camera) = measured
+        for observations, camera, shape in (
+            (whole[0], left_camera, right_shape),
+            (whole[1], right_camera, left_shape),
+        ):
+            flattened = [
+                Observation(flat, _flat_positions(camera, flat, shape, image_points))
+                for flat, image_points in observations
+            ]
             before, after = (
-                float(np.square(fitted_camera(one, size, fits.flags)[2]).mean()) for one in (sights, moved)
+                float(np.square(fit_camera(one, size, fits.flags)[2]).mean()) for one in (observations, flattened)
             )
-            if after > WORTHWHILE**2 * before:
+            if after > MAX_ERROR_RATIO**2 * before:
                 return None
-    except (cv2.error, ValueError):  # the pictures determine a camera, and no more than that
+    except (cv2.error, ValueError):  # the pictures determine a camera, but not the shape as well
         return None
-    points = np.asarray(np.mean((left, right), axis=0))
-    once = _kept(_flattened(both, board, points, (first, second)), board, fits)
-    refitted = [fitted_camera(sights, size, fits.flags)[0] for sights in once]
+    points = np.asarray(np.mean((left_shape, right_shape), axis=0))
+    once = _inliers(_flattened(both, board, points, (left_camera, right_camera)), board, fits)
+    refitted = [fit_camera(observations, size, fits.flags)[0] for observations in once]
     return points, _flattened(both, board, points, refitted)
 
 
-def _kept(both: BothCorners, board: Board, fits: SeparateFits) -> list[list[Sight]]:
-    """Return what each camera sees of a flat board, without the pictures that do not show it."""
+def _inliers(both: BothCorners, board: Board, fits: SeparateFits) -> list[list[Observation]]:
+    """Return the observations of each camera without the outliers."""
     return [
-        [sight for number, sight in enumerate(sights) if number not in out]
-        for sights, out in zip(sights_of(both, board), fits.outliers, strict=True)
+        [observation for number, observation in enumerate(observations) if number not in outliers]
+        for observations, outliers in zip(observations_of(both, board), fits.outliers, strict=True)
     ]
 
 
 def _flattened(both: BothCorners, board: Board, points: DoubleMap, cameras: Sequence[Camera]) -> BothCorners:
-    """Return where the cameras would see the corners of a board if it were flat."""
+    """Return where the cameras would see the corners of a board, whose shape is `points`, if it were flat."""
     flat = board.points()
 
-    def moved(corners: Corners, camera: Camera) -> Corners:
+    def flatten(corners: Corners, camera: Camera) -> Corners:
         numbers = corners.numbers
-        return Corners(numbers, _flat_places(camera, flat[numbers], points[numbers], corners.points))
+        return Corners(numbers, _flat_positions(camera, flat[numbers], points[numbers], corners.points))
 
-    return {number: (moved(left, cameras[0]), moved(right, cameras[1])) for number, (left, right) in both.items()}
-
-
-def _flat_places(camera: Camera, flat: DoubleMap, points: DoubleMap, places: DoubleMap) -> DoubleMap:
-    """Return where a camera that sees the points of a board at some places would see those of a flat one, (n, 2) px."""
-    pose = camera.pose(points, places)
-    return places + camera.projected(flat, pose) - camera.projected(points, pose)
+    return {number: (flatten(left, cameras[0]), flatten(right, cameras[1])) for number, (left, right) in both.items()}
 
 
-def _shape_left_over(board: Board, sights: Sequence[Sight], camera: Camera) -> DoubleMap:
-    """Return how far off its place each corner of a board is if the camera and its poses are right, (n, 3) squares."""
-    normal, against = np.zeros((board.corners, 3, 3)), np.zeros((board.corners, 3))
-    for points, places in sights:
+def _flat_positions(camera: Camera, flat: DoubleMap, points: DoubleMap, image_points: DoubleMap) -> DoubleMap:
+    """Return where a camera would see the points of a flat board, (n, 2) px, given where it sees the real ones."""
+    pose = camera.pose(points, image_points)
+    return image_points + camera.project(flat, pose) - camera.project(points, pose)
+
+
+def _residual_shape(board: Board, observations: Sequence[Observation], camera: Camera) -> DoubleMap:
+    """Return each corner's offset from its grid, (n, 3) squares, by least squares for the camera and its poses."""
+    normal, right_hand_side = np.zeros((board.corners, 3, 3)), np.zeros((board.corners, 3))
+    for points, image_points in observations:
         numbers = (points @ (1, board.columns, 0)).astype(np.intp)
-        pose = camera.pose(points, places)
-        seen, slopes = camera.projected(points, pose), camera.slopes(points, pose)
-        normal[numbers] += np.einsum("nij,nik->njk", slopes, slopes)
-        against[numbers] += np.einsum("nij,ni->nj", slopes, places - seen)
-    return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(normal, hermitian=True), against))
+        pose = camera.pose(points, image_points)
+        residual, jacobian = image_points - camera.project(points, pose), camera.jacobian(points, pose)
+        normal[numbers] += np.einsum("nij,nik->njk", jacobian, jacobian)
+        right_hand_side[numbers] += np.einsum("nij,ni->nj", jacobian, residual)
+    return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(normal, hermitian=True), right_hand_side))
 
 
-def _measured(board: Board, sights: Sequence[Sight], *, size: tuple[int, int], flags: int) -> tuple[DoubleMap, Camera]:
-    """Return the shape of a board that one camera measures, laid over the flat one and as large on average, and it."""
-    points = [sight.points.astype(np.float32) for sight in sights]
-    places = [sight.places.astype(np.float32) for sight in sights]
+def _measure_shape(
+    board: Board, observations: Sequence[Observation], *, size: tuple[int, int], flags: int
+) -> tuple[DoubleMap, Camera]:
+    """Return the shape of a board that one camera measures, and the camera.
+
+    The shape is aligned with the flat board by rotation, translation and scale.
+    """
+    points = [observation.points.astype(np.float32) for observation in observations]
+    image_points = [observation.image_points.astype(np.float32) for observation in observations]
     fixed = board.columns - 1
     _, matrix, distortion, _, _, found = cv2.calibrateCameraRO(
-        points, places, size, fixed, np.eye(3), np.zeros(14), flags=flags, criteria=CONVERGED
+        points, image_points, size, fixed, np.eye(3), np.zeros(14), flags=flags, criteria=FIT_CRITERIA
     )
     flat = board.points()
     middle = flat.mean(axis=0)

@@ -20,11 +20,11 @@ from stereolag.geometry.rectification import scaled_image
 Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""
 
-FEWEST_CORNERS, MOST_CORNERS = 2, 50
-"""Allowed number of inner corners in a row or a column of a board."""
+MIN_CORNERS, MAX_CORNERS = 2, 50
+"""Limits of the number of inner corners in a row or a column of a board."""
 
 MARGIN_SQUARES = 1
-"""White border around a drawn board; without it the outermost squares are not found."""
+"""Width of the white border around a drawn board, in squares: without it the outermost squares are not found."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class Markers:
     Attributes
     ----------
     dictionary
-        Name of OpenCV's predefined dictionary, ``"DICT_5X5_1000"``; a smaller one of the same kind is its first part.
+        Name of one of OpenCV's predefined dictionaries, such as ``"DICT_5X5_1000"``; the smaller ones of the same kind
+        are its first part.
     share
         Side of a marker as a share of the side of a square.
     legacy
@@ -53,7 +54,7 @@ class Board:
     Attributes
     ----------
     columns, rows
-        Number of inner corners, where four squares meet, in a row and in a column: one fewer than squares.
+        Number of inner corners, where four squares meet, in a row and in a column: one fewer than the squares.
     markers
         Markers of a ChArUco board; None for a plain chessboard.
 
@@ -70,9 +71,9 @@ class Board:
     def __post_init__(self) -> None:
         for name in ("columns", "rows"):
             count = getattr(self, name)
-            if not FEWEST_CORNERS <= count <= MOST_CORNERS:
+            if not MIN_CORNERS <= count <= MAX_CORNERS:
                 raise ValueError(
-                    f"{name} of the board is {count}; allowed are {FEWEST_CORNERS} to {MOST_CORNERS} inner corners."
+                    f"{name} of the board is {count}; allowed are {MIN_CORNERS} to {MAX_CORNERS} inner corners."
                 )
 
     @property
@@ -90,14 +91,14 @@ class Board:
         rows, cols = np.divmod(numbers, self.columns)
         return bool(np.ptp(rows) == 0 or np.ptp(cols) == 0)
 
-    def orders(self, seen: int) -> tuple[npt.NDArray[np.intp], ...]:
-        """Return the orders in which a detector may list so many corners of the same board, the plain one first.
+    def orders(self, count: int) -> tuple[npt.NDArray[np.intp], ...]:
+        """Return the orders in which a detector may list `count` corners of this board, the plain one first.
 
-        A chessboard looks the same upside down, and a square one when rotated by a right angle; markers settle it, and
-        so do corners that are not seen.
+        A chessboard looks the same upside down, and a square one when rotated by a right angle. Markers settle it, and
+        so do corners that were not found.
         """
-        if self.markers is not None or seen < self.corners:
-            return (np.arange(seen),)
+        if self.markers is not None or count < self.corners:
+            return (np.arange(count),)
         plain = np.arange(self.corners).reshape(self.rows, self.columns)
         turns = (0, 2, 1, 3) if self.rows == self.columns else (0, 2)
         return tuple(np.rot90(plain, turn).ravel() for turn in turns)
@@ -127,13 +128,13 @@ class Corners:
 
 
 def first_markers(dictionary: str, count: int) -> Any:
-    """Return the first markers of one of OpenCV's dictionaries: searching for all of a large one takes far longer."""
+    """Return a dictionary of OpenCV's, cut to its first markers: searching for all of a large one takes far longer."""
     whole = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     return cv2.aruco.Dictionary(whole.bytesList[:count], whole.markerSize, whole.maxCorrectionBits)
 
 
 def charuco_board(board: Board) -> Any:
-    """Return OpenCV's own description of a ChArUco board with squares of side 1."""
+    """Return OpenCV's object for a ChArUco board with squares of side 1."""
     assert board.markers is not None
     size = (board.columns + 1, board.rows + 1)
     dictionary = first_markers(board.markers.dictionary, (size[0] * size[1] + 1) // 2)
@@ -143,7 +144,7 @@ def charuco_board(board: Board) -> Any:
 
 
 def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
-    """Return the board as printed, squares of so many px, with a white margin of one square around it.
+    """Return the board as printed, with squares of `square_px` px and a white margin of one square around it.
 
     The first inner corner is between the pixels at ``2 * square_px``.
     """
@@ -162,120 +163,123 @@ def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
     return np.pad(picture, margin, constant_values=255)
 
 
-LARGEST_SIDE = 1200
-"""Largest side of the picture first searched for corners, px: larger ones are reduced, then refined at full size."""
+MAX_SEARCH_SIDE_PX = 1200
+"""Maximum side of the pictures searched for corners, px: larger ones are reduced, and the corners refined at full
+size."""
 
-WINDOW_SHARE = 0.3
-"""Half the window for refining a corner, as a share of the distance to the next: beyond, others interfere."""
+HALF_WINDOW_SHARE = 0.3
+"""Half the side of the window for refining a corner, as a share of the distance to the next corner: in a larger window
+other corners interfere."""
 
-LEAST_WINDOW, LARGEST_WINDOW = 2, 20
-"""Limits of that half, px: within a larger window a distorted lens bends the edges."""
+HALF_WINDOW_LIMITS_PX = (2, 20)
+"""Limits of half that side, px: within a larger window a distorted lens bends the edges."""
 
-FARTHEST_MOVE = 0.5
-"""Largest move of a corner by refining, as a share of the distance to the next one."""
+MAX_CORNER_SHIFT = 0.5
+"""Maximum shift of a corner by refinement, as a share of the distance to the next corner."""
 
-MOST_UNEVEN = 1.6
-"""Largest ratio of a distance between corners to the next one's: a row left out makes it about 2."""
+MAX_SPACING_RATIO = 1.6
+"""Maximum ratio of neighbouring distances between corners: where a row was skipped it is about 2."""
 
 ENOUGH_VOTES = 5
-"""Number of pictures with the same size of the board that settles it."""
+"""Number of pictures with a board of the same size that settles it."""
 
-SMALLEST_GUESS = (3, 3)
+MIN_GUESSED_SIZE = (3, 3)
+"""Minimum columns and rows of inner corners of a chessboard whose size is guessed."""
 
-_QUICK = cv2.CALIB_CB_NORMALIZE_IMAGE
-_THOROUGH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-_QUADS = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+_QUICK_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE
+_THOROUGH_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 
 Detector = tuple[Callable[..., Any], int]
-"""One of OpenCV's, with its flags."""
+"""A chessboard detector of OpenCV and its flags."""
 
-BY_CORNERS: Detector = cv2.findChessboardCornersSB, _QUICK
-BY_SQUARES: Detector = cv2.findChessboardCorners, _QUADS
-AT_LEISURE: Detector = cv2.findChessboardCornersSB, _THOROUGH
+QUICK_DETECTOR: Detector = cv2.findChessboardCornersSB, _QUICK_FLAGS
+SQUARES_DETECTOR: Detector = (
+    cv2.findChessboardCorners,
+    cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK,
+)
+THOROUGH_DETECTOR: Detector = cv2.findChessboardCornersSB, _THOROUGH_FLAGS
 
 
 def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
-    """Return all corners of a chessboard in a picture, None if it is not seen as a whole.
+    """Return all corners of a chessboard in a picture; None if it is not found as a whole.
 
     Corners are found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one
     by the squares' outlines), then refined in the full picture by ``cv2.cornerSubPix``, each in a window that fits
     between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
     """
-    picture, factor = reduced(grey, LARGEST_SIDE)
-    found = _detected(picture, (board.columns, board.rows), (BY_CORNERS, BY_SQUARES, AT_LEISURE))
+    picture, factor = reduced(grey, MAX_SEARCH_SIDE_PX)
+    found = _detect_corners(picture, (board.columns, board.rows), (QUICK_DETECTOR, SQUARES_DETECTOR, THOROUGH_DETECTOR))
     if found is None:
         return None
     points = (found + 0.5) / factor - 0.5
     spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
-    moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
-    too_far = (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any()
-    return None if too_far else Corners(np.arange(board.corners), moved)
+    refined = refined_in_windows(grey, points, HALF_WINDOW_SHARE * spacing)
+    too_far = (np.linalg.norm(refined - points, axis=1) > MAX_CORNER_SHIFT * spacing).any()
+    return None if too_far else Corners(np.arange(board.corners), refined)
 
 
-RUNNING_SIDE = 480
-"""Largest side of a running picture that is searched for a chessboard, px."""
+MAX_LIVE_SIDE_PX = 480
+"""Maximum side of the frames of a live camera that are searched for a chessboard, px."""
 
 
-def find_in_running_picture(grey: Grey8, board: Board) -> Corners | None:
-    """Return the corners of a board to a fraction of a pixel, None if it is not found at once.
+def find_in_live_frame(grey: Grey8, board: Board) -> Corners | None:
+    """Return the corners of a board to a fraction of a pixel; None if the quickest detector does not find them.
 
-    It takes a tenth of the time of :func:`find_chessboard`, and less for a picture without a board.
+    This takes a tenth of the time of :func:`find_chessboard`, and less for a picture without a board.
     """
     if board.markers is not None:
         return find_charuco(grey, board)
-    picture, factor = reduced(grey, RUNNING_SIDE)
-    found = _detected(picture, (board.columns, board.rows), (BY_SQUARES,))
+    picture, factor = reduced(grey, MAX_LIVE_SIDE_PX)
+    found = _detect_corners(picture, (board.columns, board.rows), (SQUARES_DETECTOR,))
     return None if found is None else Corners(np.arange(board.corners), (found + 0.5) / factor - 0.5)
 
 
-def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
-    """Return a picture of at most `largest` px a side, and its size as a share of the original."""
-    factor = min(1.0, largest / max(grey.shape))
+def reduced(grey: Grey8, max_side: int) -> tuple[Grey8, float]:
+    """Return a picture with sides of at most `max_side` px, and its scale relative to the original."""
+    factor = min(1.0, max_side / max(grey.shape))
     small = np.asarray(scaled_image(grey, factor), dtype=np.uint8)
     return small, small.shape[1] / grey.shape[1]
 
 
-def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return (n, 2) corners, each refined in a window of its own with half sides `halves`, px."""
-    windows = np.clip(halves, LEAST_WINDOW, LARGEST_WINDOW).astype(int)
+def refined_in_windows(grey: Grey8, points: DoubleMap, half_sides: npt.NDArray[np.float64]) -> DoubleMap:
+    """Return (n, 2) corners, each refined in a window with its own half side, px."""
+    half_sides = np.clip(half_sides, *HALF_WINDOW_LIMITS_PX).astype(int)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    result = points.astype(np.float64)
-    for half in np.unique(windows):
-        here = windows == half
-        some = np.array(points[here].reshape(-1, 1, 2), dtype=np.float32, order="C")
-        result[here] = cv2.cornerSubPix(grey, some, (int(half), int(half)), (-1, -1), criteria).reshape(-1, 2)
-    return result
+    refined = points.astype(np.float64)
+    for half in np.unique(half_sides):
+        group = half_sides == half
+        corners = np.array(points[group].reshape(-1, 1, 2), dtype=np.float32, order="C")
+        refined[group] = cv2.cornerSubPix(grey, corners, (int(half), int(half)), (-1, -1), criteria).reshape(-1, 2)
+    return refined
 
 
-def guess_chessboard(pictures: Iterable[Grey8], *, at_leisure: bool = True) -> Board | None:
+def guess_chessboard(pictures: Iterable[Grey8], *, thorough: bool = True) -> Board | None:
     """Return the chessboard that most of the pictures show; None if none shows one. No more are read than needed.
 
-    In each, the largest full grid is detected. A grid with a row too many, formed by something beside the board, or
-    too few, where the board is cut off, occurs by chance, but the right one again and again.
+    The largest complete grid is detected in each picture. A grid with an extra row, formed by something beside the
+    board, or with one missing, where the board is cut off, occurs by chance, but the right one again and again.
     """
     votes: Counter[tuple[int, int]] = Counter()
-    seen: list[Grey8] = []
+    searched: list[Grey8] = []
     for grey in pictures:
-        seen.append(reduced(grey, LARGEST_SIDE)[0])
-        votes.update(_grid(seen[-1], _QUICK))
+        searched.append(reduced(grey, MAX_SEARCH_SIDE_PX)[0])
+        votes.update(_largest_grid(searched[-1], _QUICK_FLAGS))
         if votes and max(votes.values()) >= ENOUGH_VOTES:
             break
-    if not votes and at_leisure:
-        votes.update(size for picture in seen for size in _grid(picture, _THOROUGH))
-    if not votes:
-        return None
-    return Board(*max(votes, key=lambda one: (votes[one], one[0] * one[1])))
+    if not votes and thorough:
+        votes.update(size for picture in searched for size in _largest_grid(picture, _THOROUGH_FLAGS))
+    return Board(*max(votes, key=lambda size: (votes[size], size[0] * size[1]))) if votes else None
 
 
-def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
-    """Return the size of the largest grid in a picture, the longer side first; empty if there is none."""
-    found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, SMALLEST_GUESS, flags | cv2.CALIB_CB_LARGER)
-    if not found or min(grid.shape) < min(SMALLEST_GUESS):
+def _largest_grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
+    """Return the size of the largest grid in a picture, the longer side first, as one item; none if there is none."""
+    found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, MIN_GUESSED_SIZE, flags | cv2.CALIB_CB_LARGER)
+    if not found or min(grid.shape) < min(MIN_GUESSED_SIZE):
         return ()
     return ((max(grid.shape), min(grid.shape)),)
 
 
-def _detected(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
+def _detect_corners(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
     """Return (n, 2) corners from the first detector that finds them all.
 
     If the ends of the board differ in colour, the first corner is at the white end, whichever detector found it.
@@ -283,33 +287,33 @@ def _detected(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detecto
     for detector in detectors:
         detect, flags = detector
         found, points = detect(picture, size, flags=flags)
-        # Of small boards they may leave out a row within, and end on the board's edge instead.
+        # On small boards they may skip an inner row and end at the board's edge instead.
         if found and _is_even(np.reshape(points, (size[1], size[0], 2))):
             corners = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-            return corners[::-1] if detector is BY_SQUARES and sum(size) % 2 else corners
+            return corners[::-1] if detector is SQUARES_DETECTOR and sum(size) % 2 else corners
     return None
 
 
 def _is_even(grid: npt.NDArray[np.floating[Any]]) -> bool:
-    """Return whether no distance between neighbours in (rows, columns, 2) corners is far from the next one's."""
-    gaps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (0, 1)]
-    steps = [np.diff(np.log(np.maximum(one, 1e-9)), axis=axis) for axis, one in enumerate(gaps)]
-    return all(np.abs(one).max(initial=0.0) < math.log(MOST_UNEVEN) for one in steps)
+    """Return whether the distances between (rows, columns, 2) corners change little from each to the next."""
+    distances = [np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (0, 1)]
+    log_ratios = [np.diff(np.log(np.maximum(one, 1e-9)), axis=axis) for axis, one in enumerate(distances)]
+    return all(np.abs(one).max(initial=0.0) < math.log(MAX_SPACING_RATIO) for one in log_ratios)
 
 
 def _spacing(grid: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return the distance of each of (rows, columns, 2) corners to the nearest of its neighbours, px."""
+    """Return the distance of each of (rows, columns, 2) corners to its nearest neighbour, px."""
     down, across = (np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (0, 1))
     down = np.pad(down, ((1, 1), (0, 0)), constant_values=np.inf)
     across = np.pad(across, ((0, 0), (1, 1)), constant_values=np.inf)
     return np.asarray(np.minimum.reduce([down[:-1], down[1:], across[:, :-1], across[:, 1:]]))
 
 
-LARGEST_MARKERS_SIDE = 2400
-"""Largest side of the picture searched for markers, px."""
+MAX_MARKER_SEARCH_SIDE_PX = 2400
+"""Maximum side of the pictures searched for the markers of a known board, px."""
 
-FEWEST_FOUND = 6
-"""Fewest corners for a part of a board to count."""
+MIN_CHARUCO_CORNERS = 6
+"""Minimum number of corners for a partly visible board to count."""
 
 DICTIONARIES = (
     "DICT_4X4_1000",
@@ -324,89 +328,94 @@ DICTIONARIES = (
 )
 """The largest dictionary of each kind: the smaller ones are its first part."""
 
-FIRST_LOOK = 60
-MOST_MARKERS = 250
-"""Number of a dictionary's markers searched for: to identify the dictionary, and then to locate each marker."""
+MARKERS_TO_IDENTIFY = 60
+"""Number of each dictionary's markers searched for to identify the dictionary."""
 
-FIRST_PICTURES = 4
+MARKERS_TO_LOCATE = 250
+"""Number of that dictionary's markers then searched for in all pictures."""
+
+PICTURES_TO_IDENTIFY = 4
+"""Number of pictures from which the dictionary is identified."""
 
 ENOUGH_MARKERS = 8
-"""Average number in each of these pictures at which no other dictionary is tried."""
+"""Average number of markers in each of these pictures at which no other dictionary is tried."""
 
-GUESSED_SIDE = 1200
-"""Largest side of the pictures from which the board is guessed, px."""
+MAX_GUESS_SIDE_PX = 1200
+"""Maximum side of the pictures from which the board is guessed, px."""
 
-MOST_FITTED = 3
+MAX_FITTED_PICTURES = 3
 """Number of pictures, those with the most markers, used to count the squares of the board."""
 
-MOST_DRAWS = 60
+MAX_RANSAC_DRAWS = 60
 """Random draws of four markers: on the right board nearly any four will do, and on a wrong one none."""
 
-FEWEST_MARKERS = 4
-"""Fewest markers in one picture for it to show a ChArUco board."""
+MIN_MARKERS = 4
+"""Minimum number of markers in a picture of a ChArUco board."""
 
-AGREEMENT = 0.7
-"""Least share of the markers that must be where the board has them."""
+MIN_AGREEING_SHARE = 0.7
+"""Minimum share of the markers that must be in their positions on the board."""
 
 
-class SeenMarkers(NamedTuple):
-    """Markers of one dictionary: (n,) numbers and (n, 4, 2) corners, px in a picture or squares of the board."""
+class DetectedMarkers(NamedTuple):
+    """Markers of one dictionary: (n,) numbers and (n, 4, 2) corners, in px of a picture or squares of the board."""
 
     numbers: npt.NDArray[np.intp]
     corners: DoubleMap
 
 
 def find_charuco(grey: Grey8, board: Board) -> Corners | None:
-    """Return the corners of a ChArUco board in a picture, None if it shows fewer than six or a single row."""
+    """Return the corners of a ChArUco board in a picture; None if fewer than six, or only one row, are found."""
     assert board.markers is not None
-    picture, factor = reduced(grey, LARGEST_MARKERS_SIDE)
+    picture, factor = reduced(grey, MAX_MARKER_SEARCH_SIDE_PX)
     points, numbers, _, _ = _detector(board).detectBoard(picture)
-    if numbers is None or len(numbers) < FEWEST_FOUND:
+    if numbers is None or len(numbers) < MIN_CHARUCO_CORNERS:
         return None
     order = np.argsort(numbers.ravel())
     found = numbers.ravel()[order].astype(np.intp)
     if board.in_a_row(found):
         return None
-    places = (points.reshape(-1, 2)[order].astype(np.float64) + 0.5) / factor - 0.5
+    corners = (points.reshape(-1, 2)[order].astype(np.float64) + 0.5) / factor - 0.5
     if factor < 1:
         # The markers are this far from the corners; a window must not reach them.
-        gap = (1 - board.markers.share) / 2 * _square_px(board, found, places)
-        places = refined_in_windows(grey, places, np.full(len(places), gap))
-    return Corners(found, places)
+        gap = (1 - board.markers.share) / 2 * _smallest_square_px(board, found, corners)
+        corners = refined_in_windows(grey, corners, np.full(len(corners), gap))
+    return Corners(found, corners)
 
 
 def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None) -> Board | None:
     """Return the ChArUco board that the pictures show; None if they show none.
 
-    Its columns and rows of inner corners, in either order, help if they are known.
+    `size` is its columns and rows of inner corners, in either order, if they are known.
     """
-    small = [reduced(grey, GUESSED_SIDE)[0] for grey in pictures]
-    dictionary = _likeliest(small[:FIRST_PICTURES])
+    small = [reduced(grey, MAX_GUESS_SIDE_PX)[0] for grey in pictures]
+    dictionary = _likeliest_dictionary(small[:PICTURES_TO_IDENTIFY])
     if dictionary is None:
         return None
-    seen = [markers for markers in _seen(dictionary, small, MOST_MARKERS) if len(markers.numbers) >= FEWEST_MARKERS]
-    seen = sorted(seen, key=lambda markers: -len(markers.numbers))[:MOST_FITTED]
-    highest = max(int(markers.numbers.max()) for markers in seen)
-    widths = range(3, min(MOST_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
+    enough = [one for one in _detect_markers(dictionary, small, MARKERS_TO_LOCATE) if len(one.numbers) >= MIN_MARKERS]
+    fitted = sorted(enough, key=lambda markers: -len(markers.numbers))[:MAX_FITTED_PICTURES]
+    highest = max(int(markers.numbers.max()) for markers in fitted)
+    widths = range(3, min(MAX_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
     fits = {
-        (width, shift): [_agreeing(markers, width, shift) for markers in seen] for width in widths for shift in (1, 0)
+        (width, shift): [_consistent_markers(markers, width, shift) for markers in fitted]
+        for width in widths
+        for shift in (1, 0)
     }
     (width, shift), agreeing = max(fits.items(), key=lambda fit: sum(one.numbers.size for one in fit[1]))
     numbers = np.concatenate([markers.numbers for markers in agreeing])
-    if numbers.size < AGREEMENT * sum(markers.numbers.size for markers in seen):
+    if numbers.size < MIN_AGREEING_SHARE * sum(markers.numbers.size for markers in fitted):
         return None
     if size is not None:
         height = size[0] + size[1] + 2 - width
     else:
-        height = int(_square_of(numbers.max(keepdims=True), width, shift)[0, 1]) + 1
+        height = int(_marker_squares(numbers.max(keepdims=True), width, shift)[0, 1]) + 1
         # A legacy board that starts with a white square has an even number of rows.
         height = max(3, height + (height % 2 if shift == 0 else 0))
-    sides = _sides(np.concatenate([markers.corners for markers in agreeing]))
+    sides = _side_lengths(np.concatenate([markers.corners for markers in agreeing]))
     share = round(float(np.clip(np.median(sides), 0.2, 0.95)), 2)
     return Board(width - 1, height - 1, Markers(dictionary, share, legacy=shift == 0))
 
 
-def _sides(corners: DoubleMap) -> DoubleMap:
+def _side_lengths(corners: DoubleMap) -> DoubleMap:
     """Return the lengths of the sides of markers with (n, 4, 2) corners."""
     return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
 
@@ -419,43 +428,43 @@ def _detector(board: Board) -> Any:
     return cv2.aruco.CharucoDetector(charuco_board(board), parameters, markers)
 
 
-def _square_px(board: Board, numbers: npt.NDArray[np.intp], places: DoubleMap) -> float:
-    """Return the side of the smallest square between the corners found, px."""
+def _smallest_square_px(board: Board, numbers: npt.NDArray[np.intp], corners: DoubleMap) -> float:
+    """Return the length of the shortest side of a square between the corners found, px; 0 if there is none."""
     rows, cols = np.divmod(numbers, board.columns)
-    apart = np.abs(rows[:, None] - rows) + np.abs(cols[:, None] - cols) == 1
-    lengths = np.linalg.norm(places[:, None] - places, axis=2)[apart]
+    are_neighbours = np.abs(rows[:, None] - rows) + np.abs(cols[:, None] - cols) == 1
+    lengths = np.linalg.norm(corners[:, None] - corners, axis=2)[are_neighbours]
     return float(lengths.min()) if lengths.size else 0.0
 
 
-def _likeliest(pictures: Sequence[Grey8]) -> str | None:
-    """Return the dictionary whose first markers are seen most often; None if hardly any are."""
-    best, most = None, 0
+def _likeliest_dictionary(pictures: Sequence[Grey8]) -> str | None:
+    """Return the dictionary whose first markers are found most often; None if there are hardly any."""
+    best, best_count = None, 0
     for name in DICTIONARIES:
-        seen = [len(one.numbers) for one in _seen(name, pictures, FIRST_LOOK)]
-        count = sum(number for number in seen if number >= FEWEST_MARKERS)
-        if count > most:
-            best, most = name, count
-        if most >= ENOUGH_MARKERS * len(pictures):
+        counts = [len(markers.numbers) for markers in _detect_markers(name, pictures, MARKERS_TO_IDENTIFY)]
+        count = sum(one for one in counts if one >= MIN_MARKERS)
+        if count > best_count:
+            best, best_count = name, count
+        if best_count >= ENOUGH_MARKERS * len(pictures):
             break
     return best
 
 
-def _seen(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[SeenMarkers]:
-    """Return which of the first markers of a dictionary each picture shows."""
+def _detect_markers(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[DetectedMarkers]:
+    """Return those of the first `count` markers of a dictionary that are found in each picture."""
     detector = cv2.aruco.ArucoDetector(first_markers(dictionary, count))
-    seen = []
+    detected = []
     for picture in pictures:
         corners, found, _ = detector.detectMarkers(picture)
         numbers, first = np.unique([] if found is None else found, return_index=True)
-        places = np.array([corners[one] for one in first], np.float64).reshape(-1, 4, 2)
-        seen.append(SeenMarkers(numbers.astype(np.intp), places))
-    return seen
+        unique_corners = np.array([corners[one] for one in first], np.float64).reshape(-1, 4, 2)
+        detected.append(DetectedMarkers(numbers.astype(np.intp), unique_corners))
+    return detected
 
 
-def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleMap:
-    """Return column and row of each marker's square, (n, 2), on a board of `width` squares across.
+def _marker_squares(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleMap:
+    """Return the column and row of each marker's square, (n, 2), on a board that is `width` squares wide.
 
-    Markers count along the rows of white squares; `shift` is the column of the first white square.
+    Markers are numbered row by row along the white squares; `shift` is the column of the first white square.
     """
     rows = int(numbers.max()) * 2 // (width - 1) + 2
     row, col = np.indices((rows, width))
@@ -464,21 +473,21 @@ def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleM
     return np.stack([col, row], axis=1).astype(np.float64)
 
 
-def _agreeing(markers: SeenMarkers, width: int, shift: int) -> SeenMarkers:
-    """Return the markers that are where a plane board of `width` squares across has them, with corners in squares."""
-    limit = 0.5 * float(np.median(_sides(markers.corners)))
-    squares, centres = _square_of(markers.numbers, width, shift) + 0.5, markers.corners.mean(axis=1)
-    found, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=MOST_DRAWS)
-    if found is None:
-        return SeenMarkers(markers.numbers[:0], markers.corners[:0])
-    placed = cv2.perspectiveTransform(squares[:, None], found)[:, 0]
-    agreeing = np.linalg.norm(placed - centres, axis=1) < limit
-    flat = cv2.perspectiveTransform(markers.corners.reshape(-1, 1, 2), cv2.invert(found)[1]).reshape(-1, 4, 2)
-    return SeenMarkers(markers.numbers[agreeing], np.asarray(flat[agreeing], dtype=np.float64))
+def _consistent_markers(markers: DetectedMarkers, width: int, shift: int) -> DetectedMarkers:
+    """Return the markers consistent with a plane board that is `width` squares wide, with their corners in squares."""
+    limit = 0.5 * float(np.median(_side_lengths(markers.corners)))
+    squares, centres = _marker_squares(markers.numbers, width, shift) + 0.5, markers.corners.mean(axis=1)
+    homography, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=MAX_RANSAC_DRAWS)
+    if homography is None:
+        return DetectedMarkers(markers.numbers[:0], markers.corners[:0])
+    expected = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
+    agreeing = np.linalg.norm(expected - centres, axis=1) < limit
+    flat = cv2.perspectiveTransform(markers.corners.reshape(-1, 1, 2), cv2.invert(homography)[1]).reshape(-1, 4, 2)
+    return DetectedMarkers(markers.numbers[agreeing], np.asarray(flat[agreeing], dtype=np.float64))
 
 
 class Pairs(Protocol):
-    """Left and right pictures; each is requested when needed, and not kept."""
+    """Left and right pictures; each pair is requested when needed, and not kept."""
 
     def __len__(self) -> int:
         """Return the number of pairs."""
@@ -487,10 +496,11 @@ class Pairs(Protocol):
         """Return one pair."""
 
 
-GUESSED_FROM = 8
-"""Number of pairs from which the board is guessed, spread over all."""
+MAX_GUESS_PAIRS = 8
+"""Maximum number of pairs from which the board is guessed, spread over all."""
 
-MOST_PAIRS = 100
+MAX_PAIRS = 100
+"""Maximum number of pairs in one calibration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -548,8 +558,8 @@ def find_boards(
         No pairs or more than 100, a picture that is not an image, or a board of unknown size that no picture shows.
     """
     pairs = list(pairs) if isinstance(pairs, Iterable) else pairs
-    if not 1 <= len(pairs) <= MOST_PAIRS:
-        raise ValueError(f"pairs holds {len(pairs)}; allowed are 1 to {MOST_PAIRS} pairs of pictures.")
+    if not 1 <= len(pairs) <= MAX_PAIRS:
+        raise ValueError(f"pairs holds {len(pairs)}; allowed are 1 to {MAX_PAIRS} pairs of pictures.")
     report = progress or silent
     if not isinstance(board, Board):
         board = guess_board(pairs, board)
@@ -557,41 +567,35 @@ def find_boards(
     corners, sizes = [], []
     for number in range(len(pairs)):
         report(number / len(pairs))
-        first, second = grey_pair(*pairs[number])
-        corners.append((find(first, board), find(second, board)))
-        sizes.append((first.shape[::-1], second.shape[::-1]))
+        left, right = grey_pair(*pairs[number])
+        corners.append((find(left, board), find(right, board)))
+        sizes.append((left.shape[::-1], right.shape[::-1]))
     report(1.0)
-    size = Counter(size for both in sizes for size in both).most_common(1)[0][0]
-    left, right = zip(*corners, strict=True)
-    return BoardViews(board, size, left, right, tuple(sizes))
+    most_common_size = Counter(size for pair in sizes for size in pair).most_common(1)[0][0]
+    left_corners, right_corners = zip(*corners, strict=True)
+    return BoardViews(board, most_common_size, left_corners, right_corners, tuple(sizes))
 
 
 def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
-    """Return the board that the pictures show, of which only a few are examined.
+    """Return the board in the pictures, of which only a few are examined.
 
-    If its columns and rows of inner corners are known, only the kind of board is guessed.
+    If `size`, its columns and rows of inner corners, is known, only the kind of board is guessed.
 
     Raises
     ------
     ValueError
         A size out of bounds, or no board in the pictures.
     """
-    if size is not None:
-        size = Board(*size).columns, Board(*size).rows
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), GUESSED_FROM)).astype(int))
+    known = None if size is None else Board(*size)
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MAX_GUESS_PAIRS)).astype(int))
     pictures = [picture for number in chosen for picture in grey_pair(*pairs[int(number)])]
-    charuco = guess_charuco(pictures, size)
-    if charuco is not None:
-        return charuco
-    if size is not None:
-        return Board(*size)
-    chessboard = guess_chessboard(pictures)
-    if chessboard is None:
+    board = guess_charuco(pictures, size) or known or guess_chessboard(pictures)
+    if board is None:
         raise ValueError(
             f"No chessboard or ChArUco board is seen in {len(pictures)} pictures; give board as (columns, rows) of "
             "inner corners, or pictures that show the whole board with a white border."
         )
-    return chessboard
+    return board
 
 
 def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Grey8, Grey8]:

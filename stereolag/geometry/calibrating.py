@@ -12,26 +12,26 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
-from stereolag.core.jobs import Progress
-from stereolag.geometry.board_shapes import BothCorners, measured_shape, seems_bent, sights_of
+from stereolag.core.jobs import Progress, silent
+from stereolag.geometry.board_shapes import BothCorners, measured_shape, observations_of, seems_bent
 from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
 from stereolag.geometry.camera_fits import (
-    ENOUGH_TO_LEAVE_OUT,
-    FEWEST_PAIRS,
+    MIN_PAIRS,
+    MIN_PICTURES_TO_VALIDATE,
     JointFit,
-    SeenPair,
+    ObservedPair,
     agreeing_fit,
     rig_of,
     separate_fits,
 )
-from stereolag.geometry.rectification import rectification, rectified_calibration
+from stereolag.geometry.rectification import rectification_for, rectified_calibration
 
-UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
+UNDISTORTION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """Criteria to stop inverting the distortion; after OpenCV's five rounds a wide lens is off by a fifth of a px."""
 
 COVERAGE_CELLS = 100
-"""Cells each way in which the coverage by boards is counted."""
+"""Number of cells, across and down, in which the coverage of a picture by boards is counted."""
 
 
 class LeftOut(StrEnum):
@@ -57,13 +57,13 @@ class PairReport:
     left, right
         Corners found, those of the right picture in the order of the left one; None if there are none.
     left_out
-        Why the pair is left out; None if it counts.
+        Why the pair is left out; None if it is used.
     turned
         Whether the corners in the right picture had been counted from another end of the board, and were reordered.
     left_rms, right_rms
-        Distance of the corners from where the calibration puts them, px RMS; NaN if unknown.
+        Reprojection error of the corners, px RMS; NaN if unknown.
     row_error
-        Row difference of matching corners after rectification, px, on average; NaN if unknown.
+        Mean row difference of matching corners after rectification, px; NaN if unknown.
     """
 
     left: Corners | None
@@ -90,19 +90,19 @@ class StereoCalibration:
     pairs
         The outcome for each pair.
     rms
-        Distance of the corners from where the calibration puts them, px RMS over both cameras and all pairs that count,
-        as returned by ``cv2.stereoCalibrate``.
+        Reprojection error of the corners, px RMS over both cameras and all used pairs, as returned by
+        ``cv2.stereoCalibrate``.
     row_error
-        Row difference of matching corners after rectification, px, on average over these pairs.
+        Mean row difference of matching corners after rectification, px, over these pairs.
     left_coverage, right_coverage
-        Share of each picture that has been covered by a board, 0..1.
+        Share of each picture that a board has covered, 0..1.
     focal_error
-        Standard error of the focal lengths, as a share of them; the larger one of the two cameras.
+        Relative standard error of the focal lengths; the larger one of the two cameras.
     points
-        (n, 3) where the corners of the board are, in squares: off their grid if the pictures show that it is bent, or
+        (n, 3) positions of the board's corners, in squares: off their grid if the pictures show that it is bent, or
         printed unevenly.
     unmeasured
-        Whether the board seems to be bent or printed unevenly, and too few pictures show all of it to measure that.
+        Whether the board seems to be bent or printed unevenly, but too few pictures show all of it to measure that.
     """
 
     calibration: Calibration
@@ -119,84 +119,91 @@ class StereoCalibration:
 
     @property
     def off_grid_m(self) -> float:
-        """Return how far the corner of the board that is farthest off its place is from it, metres."""
+        """Return the largest distance of a corner of the board from its position on the grid, metres."""
         return self.square_m * float(np.linalg.norm(self.points - self.board.points(), axis=1).max())
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Return what speaks against the calibration, in sentences that say how to mend it."""
-        used, least = len(self.used), min(self.left_coverage, self.right_coverage)
+        """Return the problems of the calibration as sentences, with their remedies."""
+        used, coverage = len(self.used), min(self.left_coverage, self.right_coverage)
         squares = self.points.reshape(self.board.rows, self.board.columns, 3)
         width, height = (np.linalg.norm(np.diff(squares, axis=axis), axis=2).mean() for axis in (1, 0))
-        judged = (
-            (used < ENOUGH_PAIRS, f"{used} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result."),
+        checks = (
+            (used < ENOUGH_PAIRS, f"{used} pairs are used: take {ENOUGH_PAIRS} to 40 for a reliable result."),
             (
-                least < ENOUGH_COVERAGE,
-                f"The board has covered {100 * least:.0f} % of the picture: hold it in the corners too, where the lens "
-                "distorts most.",
+                coverage < ENOUGH_COVERAGE,
+                f"The board has covered {100 * coverage:.0f} % of the picture: hold it in the corners too, where the "
+                "lens distorts most.",
             ),
             (
-                self.focal_error > SURE_FOCAL,
+                self.focal_error > DOUBTFUL_FOCAL_ERROR,
                 f"The focal length is uncertain by {100 * self.focal_error:.1f} %: tilt the board more, to all sides.",
             ),
             (
-                self.row_error > GOOD_ROWS_PX,
+                self.row_error > DOUBTFUL_ROW_ERROR_PX,
                 f"Rows are {self.row_error:.2f} px apart on average, enough to disturb matching: are the pictures "
                 "sharp, and both taken at the same moment?",
             ),
             (
-                self.rms > GOOD_RMS_PX,
+                self.rms > DOUBTFUL_RMS_PX,
                 f"Corners are {self.rms:.2f} px off their places: is the board stiff, and were all pictures taken with "
                 "one focus and zoom, while it was still?",
             ),
             (
                 self.unmeasured,
                 "The board seems to be bent, or printed unevenly: glue it to something flat, or show all of it to each "
-                f"camera in {ENOUGH_TO_LEAVE_OUT} pictures or more, and its shape is measured.",
+                f"camera in {MIN_PICTURES_TO_VALIDATE} pictures or more, and its shape is measured.",
             ),
             (
-                abs(height / width - 1) > SQUARE_ENOUGH,
+                abs(height / width - 1) > DOUBTFUL_SQUARE_ERROR,
                 f"The squares are {100 * abs(height / width - 1):.1f} % {'higher' if height > width else 'lower'} than "
                 "they are wide, so no length is surer than that: measure a square both ways, and give the mean.",
             ),
         )
-        return tuple(said for is_doubtful, said in judged if is_doubtful)
+        return tuple(sentence for is_doubtful, sentence in checks if is_doubtful)
 
     @property
     def used(self) -> tuple[int, ...]:
-        """Return the numbers of the pairs that count."""
+        """Return the numbers of the pairs that are used."""
         return tuple(number for number, pair in enumerate(self.pairs) if pair.left_out is None)
 
 
 def covered_cells(corners: Sequence[Corners], size: tuple[int, int]) -> Grey8:
-    """Return which cells of a picture, 1 or 0, the board covered in at least one of the pictures."""
+    """Return a grid of cells over a picture: 1 where the board was in at least one of the pictures, 0 elsewhere."""
     cells = np.zeros((COVERAGE_CELLS, COVERAGE_CELLS), np.uint8)
     for one in corners:
-        places = np.floor(one.points * COVERAGE_CELLS / size).astype(np.int32)
-        cv2.fillConvexPoly(cells, cv2.convexHull(places), 1)
+        in_cells = np.floor(one.points * COVERAGE_CELLS / size).astype(np.int32)
+        cv2.fillConvexPoly(cells, cv2.convexHull(in_cells), 1)
     return cells
 
 
-FEWEST_IN_COMMON = 6
-"""Fewest corners of a ChArUco board that both pictures of a pair must show."""
+MIN_COMMON_CORNERS = 6
+"""Minimum number of corners of a ChArUco board that both pictures of a pair must show."""
 
-SAME_PX = 0.02
-"""Corners closer together than this on average, px, belong to one and the same picture."""
+MAX_SAME_VIEW_PX = 0.02
+"""Corners that differ by less than this on average, px, come from the same picture."""
 
-MOST_FOCAL_ERROR = 0.1
-"""Largest standard error of a focal length, as a share of it; above it the calibration is refused."""
+MAX_FOCAL_ERROR = 0.1
+"""Maximum relative standard error of a focal length; above it the calibration is refused."""
 
 ENOUGH_PAIRS = 8
+"""Number of used pairs below which a calibration is doubtful."""
 
 ENOUGH_COVERAGE = 0.5
 """Share of each picture that boards should have covered, for its lens to be known everywhere. A board that has been in
 all nine parts of the pictures is enough: its own border keeps its corners away from those of the pictures."""
 
-SURE_FOCAL, GOOD_ROWS_PX, GOOD_RMS_PX, SQUARE_ENOUGH = 0.01, 0.5, 1.0, 0.005
-"""A calibration with a larger focal, row or reprojection error, or squares that are less square, is doubtful."""
+DOUBTFUL_FOCAL_ERROR = 0.01
+"""Relative standard error of a focal length above which a calibration is doubtful."""
 
-_FINDING_SHARE = 0.95
-"""Share of the time for finding the corners; the rest is for the calibration."""
+DOUBTFUL_ROW_ERROR_PX = 0.5
+"""Mean row difference above which a calibration is doubtful, px."""
+
+DOUBTFUL_RMS_PX = 1.0
+"""Reprojection error above which a calibration is doubtful, px."""
+
+DOUBTFUL_SQUARE_ERROR = 0.005
+"""Relative difference of the height and width of squares above which a calibration is doubtful."""
 
 
 def calibrate(
@@ -231,13 +238,13 @@ def calibrate(
     -------
     calibration
         Calibration with its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px. Its
-        ``notes`` say what speaks against it.
+        ``notes`` name its problems.
 
     Raises
     ------
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
-        alike, left and right exchanged or not the same way up, cameras that stand aslant of each other, or anything
+        alike, left and right exchanged or not the same way up, cameras diagonal to each other, or anything
         :func:`find_boards` refuses.
 
     Examples
@@ -259,10 +266,11 @@ def calibrate(
     True
     """
     check_positive(square_m, "square_m")
-    report = None if progress is None else lambda fraction: progress(_FINDING_SHARE * fraction)
-    result = calibrate_boards(find_boards(pairs, board, progress=report), square_m)
-    if progress is not None:
-        progress(1.0)
+    report = progress or silent
+    # Most of the time goes into finding the corners.
+    views = find_boards(pairs, board, progress=lambda fraction: report(0.95 * fraction))
+    result = calibrate_boards(views, square_m)
+    report(1.0)
     return result.calibration
 
 
@@ -272,28 +280,28 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     `leave_out` are the numbers of pairs to leave out.
     """
     check_positive(square_m, "square_m")
-    reasons = _unusable(views, leave_out)
-    usable, points = _usable(reasons, views), views.board.points()
+    reasons = _exclusion_reasons(views, leave_out)
+    usable, points = _usable_pairs(reasons, views), views.board.points()
     both: BothCorners = {number: views.both[number] for number in usable}
-    fits = separate_fits(sights_of(both, views.board), views.size)
+    fits = separate_fits(observations_of(both, views.board), views.size)
     bent = seems_bent(views.board, both, fits)
     measured = measured_shape(views.board, both, views.size, fits, bent=bent)
     if measured is not None:
         points, both = measured
-        fits = separate_fits(sights_of(both, views.board), views.size)
-    for place in set.union(*fits.outliers):
-        reasons[usable[place]] = LeftOut.NOT_FLAT
-    seen = {number: _seen_pair(*both[number], views.board) for number in _usable(reasons, views)}
-    fit = agreeing_fit(seen, fits, views.size)
-    for number in set(seen) - set(fit.used):
+        fits = separate_fits(observations_of(both, views.board), views.size)
+    for index in set.union(*fits.outliers):
+        reasons[usable[index]] = LeftOut.NOT_FLAT
+    pairs = {number: _observed_pair(*both[number], views.board) for number in _usable_pairs(reasons, views)}
+    fit = agreeing_fit(pairs, fits, views.size)
+    for number in set(pairs) - set(fit.used):
         reasons[number] = LeftOut.CONTRADICTS
-    result = _report(views, square_m, seen, fit, reasons, fits.focal_error, points)
+    result = _report(views, square_m, pairs, fit, reasons, fits.focal_error, points)
     result = replace(result, unmeasured=bent and measured is None)
     return replace(result, calibration=replace(result.calibration, notes=result.doubts))
 
 
-def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
-    """Return why each pair cannot be used; None if it can."""
+def _exclusion_reasons(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
+    """Return the reason for leaving out each pair; None for the pairs that can be used."""
     reasons: list[LeftOut | None] = []
     kept: list[tuple[Corners, Corners]] = []
     for number, (left, right) in enumerate(zip(views.left, views.right, strict=True)):
@@ -301,13 +309,12 @@ def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | N
         if set(views.sizes[number]) != {views.size}:
             reason = LeftOut.OTHER_SIZE
         elif left is None or right is None:
-            both = left is None and right is None
-            reason = LeftOut.NOT_FOUND if both else LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
-        elif len(common := np.intersect1d(left.numbers, right.numbers)) < FEWEST_IN_COMMON or views.board.in_a_row(
-            common
-        ):
+            neither = left is None and right is None
+            one_missing = LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
+            reason = LeftOut.NOT_FOUND if neither else one_missing
+        elif not _share_enough(left, right, views.board):
             reason = LeftOut.FEW_IN_COMMON
-        elif any(_same(left, others[0]) and _same(right, others[1]) for others in kept):
+        elif any(_same_view(left, kept_left) and _same_view(right, kept_right) for kept_left, kept_right in kept):
             reason = LeftOut.SAME_VIEW
         else:
             kept.append((left, right))
@@ -315,49 +322,55 @@ def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | N
     return reasons
 
 
-def _same(corners: Corners, others: Corners) -> bool:
+def _share_enough(left: Corners, right: Corners, board: Board) -> bool:
+    """Return whether enough corners are in both pictures, not all of them in one row or column."""
+    common = np.intersect1d(left.numbers, right.numbers)
+    return len(common) >= MIN_COMMON_CORNERS and not board.in_a_row(common)
+
+
+def _same_view(corners: Corners, others: Corners) -> bool:
     same = np.array_equal(corners.numbers, others.numbers)
-    return same and float(np.abs(corners.points - others.points).mean()) < SAME_PX
+    return same and float(np.abs(corners.points - others.points).mean()) < MAX_SAME_VIEW_PX
 
 
-def _usable(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[int]:
-    """Return the numbers of the pairs that can be used, of which there must be enough."""
+def _usable_pairs(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[int]:
+    """Return the numbers of the pairs that can be used; ValueError if there are too few."""
     usable = [number for number, reason in enumerate(reasons) if reason is None]
-    if len(usable) < FEWEST_PAIRS:
+    if len(usable) < MIN_PAIRS:
         if LeftOut.OTHER_SIZE in reasons:
             sizes = " and ".join(f"{width} × {height}" for width, height in sorted({*itertools.chain(*views.sizes)}))
             raise ValueError(
-                f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs are of the size of most, and "
-                f"at least {FEWEST_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
+                f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs have the most common size, "
+                f"and at least {MIN_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
             )
         board = f"{views.board.columns} × {views.board.rows} inner corners"
         raise ValueError(
-            f"{len(usable)} of {len(views)} pairs can be used, and at least {FEWEST_PAIRS} are needed, 8 or more for a "
+            f"{len(usable)} of {len(views)} pairs can be used, and at least {MIN_PAIRS} are needed, 8 or more for a "
             f"good calibration. A board of {board} was found in both pictures of {len(views.both)}: is that its size?"
         )
     return usable
 
 
-def _seen_pair(left: Corners, right: Corners, board: Board) -> SeenPair:
+def _observed_pair(left: Corners, right: Corners, board: Board) -> ObservedPair:
     common = np.intersect1d(left.numbers, right.numbers)
-    places = right.of(common)
-    rights = tuple(places[order] for order in board.orders(len(common)))
-    return SeenPair(board.points()[common], left.of(common), rights)
+    right_points = right.of(common)
+    orders = board.orders(len(common))
+    return ObservedPair(board.points()[common], left.of(common), tuple(right_points[order] for order in orders))
 
 
 def _report(
     views: BoardViews,
     square_m: float,
-    seen: dict[int, SeenPair],
+    observed: dict[int, ObservedPair],
     fit: JointFit,
     reasons: Sequence[LeftOut | None],
     focal_error: float,
     points: DoubleMap,
 ) -> StereoCalibration:
     """Return the calibration in metres, with the outcome for each pair."""
-    if focal_error > MOST_FOCAL_ERROR:
+    if focal_error > MAX_FOCAL_ERROR:
         raise ValueError(
-            f"The focal length is uncertain by {100 * focal_error:.0f} %; at most {100 * MOST_FOCAL_ERROR:.0f} % is "
+            f"The focal length is uncertain by {100 * focal_error:.0f} %; at most {100 * MAX_FOCAL_ERROR:.0f} % is "
             f"allowed. The board was held too similarly in {len(fit.used)} pairs: tilt it by 30° or more, up and down "
             "and to both sides, and show it in every part of the picture."
         )
@@ -365,13 +378,13 @@ def _report(
     pairs = []
     for number, reason in enumerate(reasons):
         left, right, turned, row_error = views.left[number], views.right[number], False, np.nan
-        if number in seen:
+        if number in observed:
             order = fit.orders[number]
-            given = _seen_pair(*views.both[number], views.board)
-            places = given.right[order]
+            # From the corners as found: `observed` has those of a bent board moved to where a flat one has them.
+            found = _observed_pair(*views.both[number], views.board)
             turned = order > 0 and reason is None
-            right = Corners(views.both[number][1].numbers, places) if turned else right
-            rows = _rows(rig, views.size, given.left, places)
+            right = Corners(views.both[number][1].numbers, found.right[order]) if turned else right
+            rows = _rectified_rows(rig, views.size, found.left, found.right[order])
             row_error = float(np.abs(rows[0] - rows[1]).mean())
         errors = fit.errors.get(number, (np.nan, np.nan))
         pairs.append(PairReport(left, right, reason, turned, *errors, row_error))
@@ -387,7 +400,7 @@ def _report(
         float(
             np.average(
                 [pairs[number].row_error for number in fit.used],
-                weights=[len(seen[number].points) for number in fit.used],
+                weights=[len(observed[number].points) for number in fit.used],
             )
         ),
         covered[0],
@@ -397,21 +410,21 @@ def _report(
     )
 
 
-def _rows(rig: StereoRig, size: tuple[int, int], left: DoubleMap, right: DoubleMap) -> DoubleMap:
+def _rectified_rows(rig: StereoRig, size: tuple[int, int], left: DoubleMap, right: DoubleMap) -> DoubleMap:
     """Return the rows of matching corners after rectification, px, (2, n)."""
     (width, height), turn = size, rig.turn
     if turn:
         rig, size = rig.turned(turn, size), (height, width)
-    how = rectification(rig, size)
+    rectification = rectification_for(rig, size)
     cameras = (
-        (left, rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
-        (right, rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
+        (left, rig.left_matrix, rig.left_distortion, rectification.left_rotation, rectification.left_projection),
+        (right, rig.right_matrix, rig.right_distortion, rectification.right_rotation, rectification.right_projection),
     )
     rows = []
-    for places, matrix, lens, rotation, projection in cameras:
-        x, y = places.T
+    for points, matrix, lens, rotation, projection in cameras:
+        x, y = points.T
         turned = {0: (x, y), 1: (y, width - 1 - x), -1: (height - 1 - y, x)}
-        seen = np.column_stack(turned[turn])
-        straight = cv2.undistortPoints(seen[:, None], matrix, lens, R=rotation, P=projection, criteria=UNTIL)
-        rows.append(straight[:, 0, 1])
+        points = np.column_stack(turned[turn])[:, None]
+        rectified = cv2.undistortPoints(points, matrix, lens, R=rotation, P=projection, criteria=UNDISTORTION_CRITERIA)
+        rows.append(rectified[:, 0, 1])
     return np.asarray(rows)

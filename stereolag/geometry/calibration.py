@@ -9,26 +9,38 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_image
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units of length, in metres."""
 
-FOCAL_PX = (1e-3, 1e7)
-BASELINE_M = (1e-9, 1e9)
+FOCAL_LIMITS_PX = (1e-3, 1e7)
+"""Limits of focal lengths, px; beyond these limits and those below, products overflow or lose all meaning."""
+
+BASELINE_LIMITS_M = (1e-9, 1e9)
+"""Limits of baselines, m: from the cameras of a microscope to those of two satellites."""
+
 MAX_CENTRE_PX = 1e7
+"""Maximum magnitude of the coordinates of a principal point, px."""
+
 MAX_DISTORTION = 1e9
-"""From the cameras of a microscope to those of two satellites; beyond that, products overflow or lose all meaning."""
+"""Maximum magnitude of a distortion coefficient."""
 
+MAX_ROW_DIFFERENCE_PX = 0.1
+"""Maximum difference of the rows of two rectified projections, px: rows farther apart do not match."""
 
-LARGEST_ROW_DIFFERENCE_PX = 0.1
-LARGEST_TURN_LEFT = 0.02
-"""Limits after rectification: rows farther apart, px, or cameras turned more against each other, radians, do not
-match."""
+MAX_RESIDUAL_ROTATION = 0.02
+"""Maximum rotation between two rectified cameras, radians."""
 
-USUAL_DISPARITIES = 64
-SMALLEST_BASELINE_M, LARGEST_BASELINE_M, FARTHEST_NEAREST_M = 0.001, 5.0, 100.0
-"""Outside these, a baseline and the nearest distance of a usual search are hardly those of a stereo camera."""
+TYPICAL_DISPARITIES = 64
+"""Number of disparities of a typical search."""
+
+PLAUSIBLE_BASELINES_M = (0.001, 5.0)
+"""Range of the baselines of stereo cameras, m."""
+
+MAX_NEAREST_M = 100.0
+"""Maximum nearest distance that a typical search of a stereo camera covers, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +65,10 @@ class Rectification:
             set_array(self, name, (3, 3), 10.0)
             check_rotation(getattr(self, name), name)
         for name in ("left_projection", "right_projection"):
-            set_array(self, name, (3, 4), FOCAL_PX[1] * BASELINE_M[1])
-            check_range(float(getattr(self, name)[0, 0]), f"The focal length in {name}", FOCAL_PX)
+            set_array(self, name, (3, 4), FOCAL_LIMITS_PX[1] * BASELINE_LIMITS_M[1])
+            check_range(float(getattr(self, name)[0, 0]), f"The focal length in {name}", FOCAL_LIMITS_PX)
         rows = self.left_projection[1] - self.right_projection[1]
-        if np.abs(rows).max() > LARGEST_ROW_DIFFERENCE_PX:
+        if np.abs(rows).max() > MAX_ROW_DIFFERENCE_PX:
             raise ValueError(
                 f"left_projection and right_projection differ in their second row by {np.abs(rows).max():g}; the rows "
                 "of such a pair do not match."
@@ -87,7 +99,8 @@ class StereoRig:
     left_matrix, right_matrix
         (3, 3) camera matrices, px.
     left_distortion, right_distortion
-        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; (4,) k1, k2, k3, k4 of a fisheye; none at all for none.
+        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; (4,) k1, k2, k3, k4 of a fisheye; empty if the lens has
+        no distortion.
     rotation, translation
         (3, 3) and (3,), metres: a point at ``x`` in the left camera's frame is at ``rotation @ x + translation`` in the
         right one's, so ``translation[0]`` is negative; of cameras one above the other ``translation[1]`` is the
@@ -95,7 +108,7 @@ class StereoRig:
     width, height
         Size of the images that the matrices are for, px; None if unknown.
     rectification
-        How its maker rectified the pair; None if unknown.
+        The rectification by the maker of the calibration; None if unknown.
     fisheye
         Whether the lenses are fisheyes (Kannala and Brandt, PAMI 2006; ``cv2.fisheye``, Kalibr's "equidistant").
     """
@@ -115,7 +128,7 @@ class StereoRig:
         set_array(self, "left_matrix", (3, 3))
         set_array(self, "right_matrix", (3, 3))
         set_array(self, "rotation", (3, 3), 10.0)
-        set_array(self, "translation", (3,), BASELINE_M[1])
+        set_array(self, "translation", (3,), BASELINE_LIMITS_M[1])
         for name in ("left_distortion", "right_distortion"):
             size = np.size(getattr(self, name))
             allowed = (0, 4) if self.fisheye else (0, 4, 5, 8, 12, 14)
@@ -131,7 +144,7 @@ class StereoRig:
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
                 raise ValueError(f"{name} is not [[f, 0, cx], [0, f, cy], [0, 0, 1]] with focal lengths above 0.")
             for focal in (matrix[0, 0], matrix[1, 1]):
-                check_range(float(focal), f"The focal length in {name}", FOCAL_PX)
+                check_range(float(focal), f"The focal length in {name}", FOCAL_LIMITS_PX)
         check_rotation(self.rotation, "rotation")
         across, down, _ = self.translation
         if not (-across > abs(down) or abs(down) > abs(across)):
@@ -139,27 +152,26 @@ class StereoRig:
                 f"translation is {self.translation.tolist()} m; its first number must be negative and outweigh "
                 "the second: the second camera stands to the right of the first (or else above or below it)."
             )
-
         given = self.rectification
         if given is None:
             return
-        left_over = given.right_rotation @ self.rotation @ given.left_rotation.T - np.eye(3)
-        if np.abs(left_over).max() > LARGEST_TURN_LEFT:
+        residual = float(np.abs(given.right_rotation @ self.rotation @ given.left_rotation.T - np.eye(3)).max())
+        if residual > MAX_RESIDUAL_ROTATION:
             raise ValueError(
                 "The rectification (R1, R2) does not fit the rotation (R) between the cameras: it leaves them turned "
-                f"by {math.degrees(np.abs(left_over).max()):.1f}° relative to each other; leave one of them out."
+                f"by {math.degrees(residual):.1f}° relative to each other; leave one of them out."
             )
 
     @property
     def turn(self) -> int:
-        """Return by how many quarters, counter-clockwise, both pictures are to be turned so that rows can match."""
+        """Return the quarter turns, counter-clockwise, that both pictures need so that rows can match."""
         across, down, _ = self.translation
         return 0 if -across > abs(down) else int(-np.sign(down))
 
     def turned(self, quarters: int, size: tuple[int, int]) -> StereoRig:
         """Return the rig for pictures of `size` (width, height), turned by quarters counter-clockwise.
 
-        How its maker rectified the pair no longer applies.
+        The maker's rectification no longer applies and is dropped.
 
         Raises
         ------
@@ -173,7 +185,7 @@ class StereoRig:
                 (_turned_matrix(matrix, size[0]), lens if self.fisheye else _turned_distortion(lens))
                 for matrix, lens in (left, right)
             )
-            rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
+            rotation, translation = _QUARTER_TURN @ rotation @ _QUARTER_TURN.T, _QUARTER_TURN @ translation
             size = size[::-1]
         width, height = (None, None) if self.width is None or self.height is None else size
         return StereoRig(*left, *right, rotation, translation, width, height, fisheye=self.fisheye)
@@ -191,14 +203,14 @@ class StereoRig:
         )
 
 
-def set_array(owner: Any, name: str, shape: tuple[int, ...], most: float = MAX_CENTRE_PX) -> None:
-    """Convert a named attribute of a frozen owner to an array of `shape`; ValueError if that is not possible."""
+def set_array(owner: Any, name: str, shape: tuple[int, ...], limit: float = MAX_CENTRE_PX) -> None:
+    """Convert an attribute of a frozen dataclass to an array of `shape`; refuse numbers beyond ±`limit`."""
     array = np.array(getattr(owner, name), dtype=np.float64)
     if array.size != math.prod(shape) or not np.isfinite(array).all():
         raise ValueError(f"{name} has shape {array.shape}; allowed are {math.prod(shape)} finite numbers, {shape}.")
     largest = max(array.flat, key=abs, default=0.0)
-    if abs(largest) > most:
-        raise ValueError(f"{name} holds {largest:g}; allowed are numbers from -{most:g} to {most:g}.")
+    if abs(largest) > limit:
+        raise ValueError(f"{name} holds {largest:g}; allowed are numbers from -{limit:g} to {limit:g}.")
     object.__setattr__(owner, name, array.reshape(shape))
 
 
@@ -222,7 +234,7 @@ def check_range(value: float, name: str, bounds: tuple[float, float]) -> None:
 
 
 def scaled_centre(centre: float, factor: float) -> float:
-    """Return a principal point (px, pixel centres at whole numbers) in an image resized by `factor`."""
+    """Return a coordinate of a principal point in an image resized by `factor`, px (pixel centres at whole numbers)."""
     return (centre + 0.5) * factor - 0.5
 
 
@@ -231,12 +243,12 @@ def scaled_size(size: int | None, factor: float) -> int | None:
     return None if size is None else max(1, round(size * factor))
 
 
-_QUARTER = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-"""From the frame of a camera to that of the same one whose picture is turned by a quarter, counter-clockwise."""
+_QUARTER_TURN = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+"""Rotation from a camera's frame to that of the camera whose picture is turned by a quarter, counter-clockwise."""
 
 
 def _turned_matrix(matrix: npt.NDArray[np.float64], width: int) -> npt.NDArray[np.float64]:
-    """Return the matrix of a camera whose picture, so wide, is turned by a quarter, counter-clockwise."""
+    """Return the matrix of a camera whose picture, `width` px wide, is turned by a quarter, counter-clockwise."""
     return np.array([[matrix[1, 1], 0, matrix[1, 2]], [0, matrix[0, 0], width - 1 - matrix[0, 2]], [0, 0, 1]])
 
 
@@ -258,9 +270,6 @@ def _scaled_matrix(matrix: npt.NDArray[np.float64], factor: float) -> npt.NDArra
     return scaled
 
 
-Float32Array = npt.NDArray[np.float32]
-
-
 @dataclass(frozen=True)
 class Calibration:
     """Conversion of a rectified pair's disparity to metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
@@ -278,21 +287,22 @@ class Calibration:
     width, height
         Size of the images it was made for, px; None if unknown.
     num_disparities
-        Number of disparities its maker states as sufficient, px; None if unknown.
+        Number of disparities that its maker states as sufficient, px; None if unknown.
     rig
         The cameras before rectification, if known: the pair is then not rectified yet, the numbers above are a
         prediction, and :func:`stereolag.rectify` returns the rectified pair with its final calibration.
     rms
         Reprojection error of the calibration, px; None if unknown.
     turn
-        Quarters, counter-clockwise, by which both pictures are yet to be turned, since the cameras stand one above the
-        other; :meth:`turned` returns the calibration for turned pictures.
+        Quarter turns, counter-clockwise, that both pictures still need because the cameras stand one above the other;
+        :meth:`turned` returns the calibration for turned pictures.
     notes
-        Sentences about its file: what was assumed, and which names have no effect.
+        Sentences about its file, on assumptions and on names without effect, or about its problems.
     unit_stated
-        Whether the unit of lengths is known: stated by the file, or that of its format.
+        Whether the unit of lengths is known: stated by the file, or fixed by its format.
     modes
-        The calibrations of the same camera for other sizes of pictures, this one among them; none if there is one size.
+        The calibrations of the same camera for each size of its pictures, this one among them; empty if there is only
+        one size.
 
     Raises
     ------
@@ -327,8 +337,8 @@ class Calibration:
     modes: tuple[Calibration, ...] = field(default=(), kw_only=True, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_range(self.focal_px, "focal_px", FOCAL_PX)
-        check_range(self.baseline_m, "baseline_m", BASELINE_M)
+        check_range(self.focal_px, "focal_px", FOCAL_LIMITS_PX)
+        check_range(self.baseline_m, "baseline_m", BASELINE_LIMITS_M)
         for name in ("doffs_px", "cx", "cy"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -342,7 +352,7 @@ class Calibration:
             if value is not None and value < 1:
                 raise ValueError(f"{name} is {value}; allowed are whole numbers from 1.")
 
-    def depth(self, disparity: npt.ArrayLike) -> Float32Array:
+    def depth(self, disparity: npt.ArrayLike) -> FloatMap:
         """Return the depth along the optical axis.
 
         Parameters
@@ -358,7 +368,7 @@ class Calibration:
         """
         return _metres(self.focal_px * self.baseline_m, self._shift(disparity))
 
-    def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> Float32Array:
+    def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> FloatMap:
         """Return the depth error caused by an error of the disparity: ``Z² δd / (f B)``.
 
         Parameters
@@ -380,9 +390,7 @@ class Calibration:
         with np.errstate(over="ignore"):
             return _metres(self.focal_px * self.baseline_m * error, shift**2)
 
-    def point_cloud(
-        self, disparity: npt.ArrayLike, colour: npt.ArrayLike
-    ) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+    def point_cloud(self, disparity: npt.ArrayLike, colour: npt.ArrayLike) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
         """Return the points that have a depth, in the frame of the left camera.
 
         Parameters
@@ -416,8 +424,8 @@ class Calibration:
         with np.errstate(over="ignore"):
             points = np.column_stack(((cols - cx) * z / self.focal_px, (rows - cy) * z / self.focal_px, z))
             points = points.astype(np.float32)
-        near = np.isfinite(points).all(axis=1)
-        return points[near], image[rows, cols][near]
+        finite = np.isfinite(points).all(axis=1)
+        return points[finite], image[rows, cols][finite]
 
     def centre(self, width: int, height: int) -> tuple[float, float]:
         """Return the principal point of an image of this size, px: column, row; the middle where it is unknown."""
@@ -451,32 +459,29 @@ class Calibration:
 
     @property
     def plausible(self) -> bool:
-        """Return whether baseline and reach are those of a stereo camera, not of lengths in another unit."""
-        usual = SMALLEST_BASELINE_M <= self.baseline_m <= LARGEST_BASELINE_M
-        return usual and self.nearest(USUAL_DISPARITIES) <= FARTHEST_NEAREST_M
+        """Return whether baseline and range are those of a stereo camera, not of lengths in another unit."""
+        shortest, longest = PLAUSIBLE_BASELINES_M
+        return shortest <= self.baseline_m <= longest and self.nearest(TYPICAL_DISPARITIES) <= MAX_NEAREST_M
 
     def in_words(self) -> str:
-        """Return what the calibration means in metres, so that a wrong unit or focal length is seen at once."""
-        count = self.num_disparities or USUAL_DISPARITIES
-        said = (
+        """Return the calibration in words, with its range in metres: a wrong unit or focal length is obvious there."""
+        count = self.num_disparities or TYPICAL_DISPARITIES
+        summary = (
             f"Calibration: focal length {self.focal_px:.4g} px, baseline {self.baseline_m:.3g} m, {count} disparities "
             f"reach from {self.nearest(count):.2g} m."
         )
         if self.plausible:
-            return said
-        other, factor = ("if its lengths are in millimetres", 1e-3)
-        if self.baseline_m < SMALLEST_BASELINE_M:
-            other, factor = "if its unit is a thousand times as long", 1e3
+            return summary
+        condition, factor = "if its lengths are in millimetres", 1e-3
+        if self.baseline_m < PLAUSIBLE_BASELINES_M[0]:
+            condition, factor = "if its unit is a thousand times as long", 1e3
         return (
-            f"{said} No stereo camera is like that: {other}, the baseline is {factor * self.baseline_m:.3g} m; "
+            f"{summary} No stereo camera is like that: {condition}, the baseline is {factor * self.baseline_m:.3g} m; "
             "state the unit of its lengths."
         )
 
     def turned(self, width: int, height: int) -> Calibration:
-        """Return the calibration for pictures of this size turned by ``turn`` quarters, counter-clockwise.
-
-        It is the same if none are needed.
-        """
+        """Return the calibration for pictures of this size turned by ``turn`` quarters, counter-clockwise."""
         if not self.turn:
             return self
         cx, cy = self.centre(width, height)
@@ -487,7 +492,7 @@ class Calibration:
             else self.rig.turned(self.turn, (self.rig.width or width, self.rig.height or height))
         )
         if rig is not None and self.cx is not None and self.cy is not None:
-            centre = self.cx, self.cy  # of the prediction, which is for turned pictures already
+            centre = self.cx, self.cy  # predicted for turned pictures already
         return replace(
             self, turn=0, cx=centre[0], cy=centre[1], width=self.height, height=self.width, rig=rig, modes=()
         )
@@ -508,13 +513,13 @@ class Calibration:
         return replace(self, baseline_m=distance_m * (disparity + self.doffs_px) / self.focal_px, rig=None)
 
     def _shift(self, disparity: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Return disparity + doffs, NaN where that is not in front of infinity."""
+        """Return disparity + doffs, px; NaN where that is not in front of infinity."""
         shift = np.asarray(disparity, dtype=np.float64) + self.doffs_px
         return np.where((shift > 0) & np.isfinite(shift), shift, np.nan)
 
 
-def _metres(numerator: float | npt.NDArray[np.float64], denominator: npt.NDArray[np.float64]) -> Float32Array:
-    """Return the quotient, NaN where it overflows float32."""
+def _metres(numerator: float | npt.NDArray[np.float64], denominator: npt.NDArray[np.float64]) -> FloatMap:
+    """Return the quotient as float32, NaN where it overflows."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         metres = np.asarray(numerator / denominator, dtype=np.float32)
     return np.where(np.isfinite(metres), metres, np.float32(np.nan))

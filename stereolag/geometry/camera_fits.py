@@ -1,4 +1,4 @@
-"""Cameras fitted to corners seen in several pictures: each alone, then both together, without those that contradict."""
+"""Cameras fitted to the corners of a board in several pictures: each alone, then both together, without outliers."""
 
 from __future__ import annotations
 
@@ -21,42 +21,51 @@ LENSES = {
 }
 """Models of lens distortion, each in addition to the tangential p1, p2, with OpenCV's flags, simplest first."""
 
-WORTHWHILE = 0.97
-"""A richer model must lower the error on left-out pictures to this share: it is wrong where there were no corners."""
+MAX_ERROR_RATIO = 0.97
+"""A richer lens model must lower the error on left-out pictures to this share of it: a model with too many
+coefficients is wrong where there were no corners."""
 
 FOLDS = 3
-ENOUGH_TO_LEAVE_OUT = 6
-WORTHWHILE_ON_ITS_OWN = 0.7
-"""With fewer pictures none can be left out; on the pictures it is fitted to, a richer model is always a bit better."""
+"""Number of folds of the cross-validation of lens models."""
 
-FARTHEST_OUTLIER = 5.0
-LEAST_OUTLIER_PX = 1.5
-"""A picture whose error exceeds this multiple of the median, and this many px, does not show a flat board."""
+MIN_PICTURES_TO_VALIDATE = 6
+"""Minimum number of pictures of each camera of which some can be left out."""
 
-COARSE_SHARE = 0.02
-"""Largest distance of another pair's corners from where one pair's pose puts them, as a share of the picture's width.
-One pair determines the tilt of its board, and so of the right camera, only to a fraction of a degree."""
+MAX_TRAINING_ERROR_RATIO = 0.7
+"""The same as `MAX_ERROR_RATIO` for fewer pictures, where none is left out: on the pictures it is fitted to, a richer
+model is always a bit better."""
 
-FEWEST_PAIRS = 3
+OUTLIER_MEDIAN_RATIO = 5.0
+"""A picture does not show a flat board if its error exceeds this multiple of the median and `MIN_OUTLIER_PX`."""
 
-MOST_TIMES_USUAL = 4.0
-LEAST_ERROR_PX = 0.75
-"""A pair contradicts the others if its error exceeds this multiple of the median and this many px per 1000 of width."""
+MIN_OUTLIER_PX = 1.5
+"""Error up to which no picture is an outlier, px RMS."""
 
-MOST_ROUNDS = 5
+COARSE_TOLERANCE = 0.02
+"""Maximum error of another pair's corners for the right camera's pose from a single pair, as a share of the picture's
+width. One pair determines the tilt of its board, and so of the right camera, only to a fraction of a degree."""
 
-CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-9)
-"""Where a camera alone is fitted well enough. OpenCV's own choice, the last bit of a float64, takes all 30 steps."""
+MIN_PAIRS = 3
+"""Minimum number of pairs that determine a stereo camera."""
 
-BEST_SHARE = 0.6
-"""Share of the pairs, those that agree best, from which the errors of the others are judged."""
+CONTRADICTION_MEDIAN_RATIO = 4.0
+"""A pair contradicts the others if its error exceeds this multiple of the median and `MIN_CONTRADICTION_PX`."""
+
+MIN_CONTRADICTION_PX = 0.75
+"""Error up to which no pair contradicts the others, px per 1000 px of the picture's width."""
+
+FIT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-9)
+"""Criteria to stop fitting a single camera. OpenCV's default, the last bit of a float64, takes all 30 iterations."""
+
+BEST_PAIRS_SHARE = 0.6
+"""Share of the agreeing pairs, those with the smallest errors, that the first fit uses."""
 
 
-class Sight(NamedTuple):
+class Observation(NamedTuple):
     """The corners of a board in one picture: (n, 3) on the board, in squares, and (n, 2) in the picture, px."""
 
     points: DoubleMap
-    places: DoubleMap
+    image_points: DoubleMap
 
 
 class Pose(NamedTuple):
@@ -65,19 +74,23 @@ class Pose(NamedTuple):
     rotation: DoubleMap
     translation: Vector
 
-    def beside(self, first: Pose) -> Pose:
-        """Return the pose of a board in the right camera's frame, this pose being the camera's, `first` in the left."""
+    def compose(self, first: Pose) -> Pose:
+        """Return the transform that applies `first` and then this one.
+
+        The pose of the right camera, applied to that of a board in the left camera's frame, gives the board's pose in
+        the right camera's frame.
+        """
         return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPair:
+class ObservedPair:
     """A board seen in both pictures of a pair.
 
     Attributes
     ----------
     points
-        (n, 3) corners of the board that both show, in squares.
+        (n, 3) corners of the board that both pictures show, in squares.
     left
         (n, 2) their positions in the left picture, px.
     right
@@ -91,33 +104,38 @@ class SeenPair:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera matrix (3, 3) and its distortion coefficients."""
+    """A camera: its (3, 3) matrix and its distortion coefficients."""
 
     matrix: DoubleMap
     distortion: Vector
 
-    def pose(self, points: DoubleMap, places: DoubleMap) -> Pose:
-        """Return the pose of a board whose points are seen at these places, px."""
+    def pose(self, points: DoubleMap, image_points: DoubleMap) -> Pose:
+        """Return the pose of a board from its points and their positions in a picture, px."""
         flat = points * (1, 1, 0)  # a bent board is all but flat
-        found, turn, place = cv2.solvePnP(flat, places, self.matrix, self.distortion, flags=cv2.SOLVEPNP_IPPE)
+        found, vector, translation = cv2.solvePnP(
+            flat, image_points, self.matrix, self.distortion, flags=cv2.SOLVEPNP_IPPE
+        )
         if found:
-            turn, place = cv2.solvePnPRefineLM(points, places, self.matrix, self.distortion, turn, place)
+            vector, translation = cv2.solvePnPRefineLM(
+                points, image_points, self.matrix, self.distortion, vector, translation
+            )
         else:
-            _, turn, place = cv2.solvePnP(points, places, self.matrix, self.distortion)
-        return Pose(np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64), np.asarray(place, dtype=np.float64).ravel())
+            _, vector, translation = cv2.solvePnP(points, image_points, self.matrix, self.distortion)
+        rotation = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
+        return Pose(rotation, np.asarray(translation, dtype=np.float64).ravel())
 
-    def projected(self, points: DoubleMap, pose: Pose) -> DoubleMap:
+    def project(self, points: DoubleMap, pose: Pose) -> DoubleMap:
         """Return where the camera sees the points of a board at this pose, (n, 2) px."""
-        return np.asarray(self._seen(points, pose)[0][:, 0])
+        return np.asarray(self._project_points(points, pose)[0][:, 0])
 
-    def slopes(self, points: DoubleMap, pose: Pose) -> DoubleMap:
-        """Return how far each point seen moves with its place on the board, (n, 2, 3) px a square."""
-        of_places = np.asarray(self._seen(points, pose)[1])[:, 3:6]
-        return np.asarray(of_places.reshape(-1, 2, 3) @ pose.rotation)
+    def jacobian(self, points: DoubleMap, pose: Pose) -> DoubleMap:
+        """Return the derivative of each image point by its point on the board, (n, 2, 3) px per square."""
+        by_translation = np.asarray(self._project_points(points, pose)[1])[:, 3:6]
+        return np.asarray(by_translation.reshape(-1, 2, 3) @ pose.rotation)
 
-    def _seen(self, points: DoubleMap, pose: Pose) -> Any:
-        turn = cv2.Rodrigues(pose.rotation)[0]
-        return cv2.projectPoints(points, turn, pose.translation, self.matrix, self.distortion)
+    def _project_points(self, points: DoubleMap, pose: Pose) -> Any:
+        vector = cv2.Rodrigues(pose.rotation)[0]
+        return cv2.projectPoints(points, vector, pose.translation, self.matrix, self.distortion)
 
 
 class SeparateFits(NamedTuple):
@@ -126,13 +144,13 @@ class SeparateFits(NamedTuple):
     Attributes
     ----------
     flags
-        The model of both lenses.
+        OpenCV's flags for the model of both lenses.
     left, right
         The cameras.
     focal_error
-        The larger standard error of the focal lengths, as a share of them.
+        Relative standard error of the focal lengths; the larger one of the two cameras.
     outliers
-        Of each camera, the numbers of the pictures that do not show the board.
+        For each camera, the numbers of the pictures that do not show a flat board.
     """
 
     flags: int
@@ -142,65 +160,69 @@ class SeparateFits(NamedTuple):
     outliers: tuple[set[int], set[int]]
 
 
-def separate_fits(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> SeparateFits:
-    """Return both cameras, each calibrated on its own, with the simplest lens that suits both.
+def separate_fits(both: Sequence[Sequence[Observation]], size: tuple[int, int]) -> SeparateFits:
+    """Return both cameras, each calibrated on its own from its observations, with the simplest lens that suits both.
 
     Raises
     ------
     ValueError
-        Corners that do not determine a camera, for which three pictures are the least.
+        Corners that do not determine a camera, which takes at least three pictures.
     """
-    flags = suitable_lens(cameras, size)
-    (left, right), focal_errors, outliers = zip(*(calibrated_camera(one, size, flags) for one in cameras), strict=True)
+    flags = suitable_lens(both, size)
+    fits = (camera_without_outliers(observations, size, flags) for observations in both)
+    (left, right), focal_errors, outliers = zip(*fits, strict=True)
     return SeparateFits(flags, left, right, max(focal_errors), outliers)
 
 
-def calibrated_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, set[int]]:
-    """Return the camera that took these pictures of a board, and which of them do not show a flat board.
+def camera_without_outliers(
+    observations: Sequence[Observation], size: tuple[int, int], flags: int
+) -> tuple[Camera, float, set[int]]:
+    """Return a camera, the relative standard error of its focal length, and the pictures left out.
 
-    Between the two stands the standard error of the focal length, as a share of it.
+    Pictures are left out if they do not show a flat board.
 
     Raises
     ------
     ValueError
-        Corners that do not determine a camera, for which three pictures are the least.
+        Corners that do not determine a camera, which takes at least three pictures.
     """
-    camera, focal_error, errors = fitted_camera(sights, size, flags)
-    limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
+    camera, focal_error, errors = fit_camera(observations, size, flags)
+    limit = max(MIN_OUTLIER_PX, OUTLIER_MEDIAN_RATIO * float(np.median(errors)))
     outliers = set(np.flatnonzero(errors > limit).tolist())
-    if outliers and len(sights) - len(outliers) >= 3:
-        kept = [sight for number, sight in enumerate(sights) if number not in outliers]
-        camera, focal_error, _ = fitted_camera(kept, size, flags)
+    if outliers and len(observations) - len(outliers) >= 3:
+        kept = [observation for number, observation in enumerate(observations) if number not in outliers]
+        camera, focal_error, _ = fit_camera(kept, size, flags)
     return camera, focal_error, outliers
 
 
-def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> int:
+def suitable_lens(both: Sequence[Sequence[Observation]], size: tuple[int, int]) -> int:
     """Return the flags of the simplest model of :data:`LENSES` that predicts pictures it was not fitted to as well.
 
-    In turn, every third picture of each camera is left out and predicted from the others, if there are enough.
+    If there are enough pictures, the models are cross-validated: every third picture of each camera, in turn, is left
+    out and predicted from the others.
     """
-    enough = min(len(sights) for sights in cameras) >= ENOUGH_TO_LEAVE_OUT
-    folds, worthwhile = (FOLDS, WORTHWHILE) if enough else (1, WORTHWHILE_ON_ITS_OWN)
-    best, least = 0, np.inf
+    enough = min(map(len, both)) >= MIN_PICTURES_TO_VALIDATE
+    folds, max_ratio = (FOLDS, MAX_ERROR_RATIO) if enough else (1, MAX_TRAINING_ERROR_RATIO)
+    best, best_error = 0, np.inf
     for number, flags in enumerate(LENSES.values()):
-        error = _left_out_error(cameras, size, flags, folds)
-        if number == 0 or error < worthwhile * least:
-            best, least = flags, error
+        error = _validation_error(both, size, flags, folds)
+        if number == 0 or error < max_ratio * best_error:
+            best, best_error = flags, error
     return best
 
 
-def _left_out_error(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], flags: int, folds: int) -> float:
+def _validation_error(both: Sequence[Sequence[Observation]], size: tuple[int, int], flags: int, folds: int) -> float:
     """Return the median error on pictures left out, px RMS; with a single fold none is left out."""
     errors = []
-    for sights in cameras:
+    for observations in both:
         for fold in range(folds):
-            given = [sight for number, sight in enumerate(sights) if folds == 1 or number % folds != fold]
+            training = [one for number, one in enumerate(observations) if folds == 1 or number % folds != fold]
             try:
-                camera, _, _ = fitted_camera(given, size, flags)
+                camera, _, _ = fit_camera(training, size, flags)
             except ValueError:
                 return np.inf
-            for points, places in sights[fold::folds]:
-                errors.append(_rms(camera.projected(points, camera.pose(points, places)) - places))
+            for points, image_points in observations[fold::folds]:
+                errors.append(_rms(camera.project(points, camera.pose(points, image_points)) - image_points))
     return float(np.median(errors))
 
 
@@ -208,16 +230,16 @@ def _rms(differences: DoubleMap) -> float:
     return float(np.sqrt(np.square(differences).sum(axis=1).mean()))
 
 
-def fitted_camera(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, Vector]:
-    """Return the camera, the error of its focal length as a share of it, and that of each picture, px RMS."""
-    points = [sight.points.astype(np.float32) for sight in sights]
-    places = [sight.places.astype(np.float32) for sight in sights]
+def fit_camera(observations: Sequence[Observation], size: tuple[int, int], flags: int) -> tuple[Camera, float, Vector]:
+    """Return a camera, the relative standard error of its focal length, and the error of each picture, px RMS."""
+    points = [observation.points.astype(np.float32) for observation in observations]
+    image_points = [observation.image_points.astype(np.float32) for observation in observations]
     undetermined = ValueError(
-        f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
+        f"{len(points)} pictures of the board do not determine the camera: show it at more places and tilted more."
     )
     try:
         _, matrix, distortion, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
-            points, places, size, np.eye(3), np.zeros(14), flags=flags, criteria=CONVERGED
+            points, image_points, size, np.eye(3), np.zeros(14), flags=flags, criteria=FIT_CRITERIA
         )
     except cv2.error as error:
         raise undetermined from error
@@ -234,12 +256,18 @@ class JointFit:
 
     Attributes
     ----------
+    left, right
+        The cameras.
+    pose
+        The pose of the right camera.
     rms
-        Distance of the corners from where the fit puts them, px, over both cameras and all pairs used.
+        Reprojection error of the corners, px RMS over both cameras and all used pairs.
+    used
+        The numbers of the used pairs.
     orders
-        The order of each pair's right corners that fits best.
+        The order of each pair's right corners that fits best, by its index in :attr:`ObservedPair.right`.
     errors
-        The same distance in the left and the right picture of every pair.
+        Reprojection error in the left and the right picture of every pair, px RMS.
     """
 
     left: Camera
@@ -251,81 +279,82 @@ class JointFit:
     errors: dict[int, tuple[float, float]]
 
 
-def agreeing_fit(seen: dict[int, SeenPair], fits: SeparateFits, size: tuple[int, int]) -> JointFit:
-    """Return both cameras, each calibrated on its own before, fitted together to the pairs that agree.
+def agreeing_fit(pairs: dict[int, ObservedPair], fits: SeparateFits, size: tuple[int, int]) -> JointFit:
+    """Return both cameras, already calibrated separately, fitted together to the pairs that agree.
 
     Raises
     ------
     ValueError
         No majority of pairs that agree on the pose of the right camera.
     """
-    _, left, right, _, _ = fits
-    used, orders = _agreement(seen, left, right, size[0])
-    _check_majority(used, seen)
+    used, orders = _largest_consensus(pairs, fits.left, fits.right, size[0])
+    _check_majority(used, pairs)
 
     def fitted(used: Sequence[int], flags: int) -> JointFit:
-        return _fit(seen, tuple(used), orders, left, right, size, flags)
+        return _joint_fit(pairs, tuple(used), orders, fits.left, fits.right, size, flags)
 
     # The cameras were calibrated separately, which no contradiction between left and right can spoil: they stay fixed
-    # until the agreeing pairs are known. The best of these are fitted first, or a fit would bend to one that does not.
+    # until the agreeing pairs are known. The best of these are fitted first, so that no outlier bends the fit.
     fixed = fits.flags | cv2.CALIB_FIX_INTRINSIC
     fit = fitted(used, fixed)
-    best = sorted(used, key=lambda number: max(fit.errors[number]))[: max(FEWEST_PAIRS, round(BEST_SHARE * len(used)))]
+    count = max(MIN_PAIRS, round(BEST_PAIRS_SHARE * len(used)))
+    best = sorted(used, key=lambda number: max(fit.errors[number]))[:count]
     fit = fitted(sorted(best), fixed)
-    for _ in range(MOST_ROUNDS):
-        usual = float(np.median([max(fit.errors[number]) for number in fit.used]))
-        limit = max(LEAST_ERROR_PX * size[0] / 1000, MOST_TIMES_USUAL * usual)
-        used = tuple(number for number in seen if max(fit.errors[number]) <= limit)
-        _check_majority(used, seen)
+    for _ in range(5):  # until the pairs that agree with the fit are those it was made from
+        median_error = float(np.median([max(fit.errors[number]) for number in fit.used]))
+        limit = max(MIN_CONTRADICTION_PX * size[0] / 1000, CONTRADICTION_MEDIAN_RATIO * median_error)
+        used = tuple(number for number in pairs if max(fit.errors[number]) <= limit)
+        _check_majority(used, pairs)
         if used == fit.used:
             break
         fit = fitted(used, fixed)
     return fitted(fit.used, fits.flags)
 
 
-def _check_majority(used: Sequence[int], seen: dict[int, SeenPair]) -> None:
-    if len(used) < FEWEST_PAIRS or 2 * len(used) <= len(seen):
+def _check_majority(used: Sequence[int], pairs: dict[int, ObservedPair]) -> None:
+    if len(used) < MIN_PAIRS or 2 * len(used) <= len(pairs):
         raise ValueError(
-            f"The pairs contradict each other: no more than {len(used)} of {len(seen)} agree on where the right "
+            f"The pairs contradict each other: no more than {len(used)} of {len(pairs)} agree on where the right "
             "camera stands. Both pictures of a pair must be taken at the same moment, and neither camera may be moved "
             "or refocused in between."
         )
 
 
-def _agreement(
-    seen: dict[int, SeenPair], left: Camera, right: Camera, width: int
+def _largest_consensus(
+    pairs: dict[int, ObservedPair], left: Camera, right: Camera, width: int
 ) -> tuple[tuple[int, ...], dict[int, int]]:
     """Return the largest set of pairs that agree on the pose of the right camera, and the orders of all right corners.
 
-    The pose from each pair is tried on all others: with the right camera there, the board seen by the left camera must
-    appear in the right picture where it does. Pictures not taken at the same moment, of another board or turned round
-    agree with no others.
+    The right camera's pose from each pair is tried on all others: it must predict where the board seen by the left
+    camera appears in the right picture. Pairs not taken at the same moment, of another board or with one picture turned
+    round agree with no others.
     """
-    boards = {number: left.pose(pair.points, pair.left) for number, pair in seen.items()}
+    boards = {number: left.pose(pair.points, pair.left) for number, pair in pairs.items()}
     agreeing: tuple[int, ...] = ()
     orders: dict[int, int] = {}
-    rank: tuple[float, ...] = ()
-    for number, pair in seen.items():
-        for places in pair.right:
-            board = right.pose(pair.points, places)
-            turn = board.rotation @ boards[number].rotation.T
+    best_rank: tuple[float, ...] = ()
+    for number, pair in pairs.items():
+        for image_points in pair.right:
+            board = right.pose(pair.points, image_points)
+            camera_rotation = board.rotation @ boards[number].rotation.T
             errors: dict[int, list[float]] = {}
             for other, (rotation, translation) in boards.items():
-                moved = turn @ translation + board.translation - turn @ boards[number].translation
-                placed = right.projected(seen[other].points, Pose(turn @ rotation, moved))
-                errors[other] = [_rms(placed - found) for found in seen[other].right]
-            near = {other: min(one) for other, one in errors.items() if min(one) <= COARSE_SHARE * width}
-            # If a board looks the same from two ends, all pairs turned round would agree too; the camera is not.
-            upright = float(np.trace(turn)) > 1  # rotated by less than a right angle
-            now = (float(len(near)), float(upright), -float(np.median([*near.values()])) if near else -np.inf)
-            if now > rank:
-                agreeing, rank = tuple(near), now
+                moved = camera_rotation @ translation + board.translation - camera_rotation @ boards[number].translation
+                predicted = right.project(pairs[other].points, Pose(camera_rotation @ rotation, moved))
+                errors[other] = [_rms(predicted - found) for found in pairs[other].right]
+            near = {other: min(one) for other, one in errors.items() if min(one) <= COARSE_TOLERANCE * width}
+            # If a board looks the same from two ends, a camera upside down would agree with all pairs too.
+            is_upright = float(np.trace(camera_rotation)) > 1  # rotated by less than a right angle
+            median_error = float(np.median([*near.values()])) if near else np.inf
+            rank = (float(len(near)), float(is_upright), -median_error)
+            if rank > best_rank:
+                agreeing, best_rank = tuple(near), rank
                 orders = {other: int(np.argmin(one)) for other, one in errors.items()}
     return agreeing, orders
 
 
-def _fit(
-    seen: dict[int, SeenPair],
+def _joint_fit(
+    pairs: dict[int, ObservedPair],
     used: tuple[int, ...],
     orders: dict[int, int],
     left: Camera,
@@ -333,12 +362,12 @@ def _fit(
     size: tuple[int, int],
     flags: int,
 ) -> JointFit:
-    """Return both cameras fitted to these pairs, and the errors of all pairs."""
+    """Return both cameras fitted together to the used pairs, with the errors of all pairs."""
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
     rms, *cameras, rotation, translation, _, _, _, _, errors = cv2.stereoCalibrateExtended(
-        [seen[number].points.astype(np.float32) for number in used],
-        [seen[number].left.astype(np.float32) for number in used],
-        [seen[number].right[orders[number]].astype(np.float32) for number in used],
+        [pairs[number].points.astype(np.float32) for number in used],
+        [pairs[number].left.astype(np.float32) for number in used],
+        [pairs[number].right[orders[number]].astype(np.float32) for number in used],
         left.matrix.copy(),
         left.distortion.copy(),
         right.matrix.copy(),
@@ -349,45 +378,46 @@ def _fit(
         flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
         criteria=criteria,
     )
-    numbers = [np.asarray(one, dtype=np.float64) for one in (*cameras, rotation, translation)]
-    both = Camera(numbers[0], numbers[1].ravel()), Camera(numbers[2], numbers[3].ravel())
-    pose = Pose(numbers[4], numbers[5].ravel())
-    found = {number: (float(one[0]), float(one[1])) for number, one in zip(used, errors, strict=True)}
-    for number in set(seen) - set(used):
-        found[number] = _pair_errors(seen[number], orders[number], *both, pose)
-    return JointFit(*both, pose, float(rms), used, orders, found)
+    arrays = [np.asarray(one, dtype=np.float64) for one in (*cameras, rotation, translation)]
+    both = Camera(arrays[0], arrays[1].ravel()), Camera(arrays[2], arrays[3].ravel())
+    pose = Pose(arrays[4], arrays[5].ravel())
+    all_errors = {number: (float(one[0]), float(one[1])) for number, one in zip(used, errors, strict=True)}
+    for number in set(pairs) - set(used):
+        all_errors[number] = _pair_errors(pairs[number], orders[number], *both, pose)
+    return JointFit(*both, pose, float(rms), used, orders, all_errors)
 
 
-def _pair_errors(pair: SeenPair, order: int, left: Camera, right: Camera, pose: Pose) -> tuple[float, float]:
-    """Return how far the corners are from where a rig puts them, left and right, px RMS, at the board's best pose."""
+def _pair_errors(pair: ObservedPair, order: int, left: Camera, right: Camera, pose: Pose) -> tuple[float, float]:
+    """Return the left and right reprojection error of a pair, px RMS, at the board's best pose."""
 
-    def residuals(numbers: Vector) -> Vector:
-        board = Pose(np.asarray(cv2.Rodrigues(numbers[:3])[0], dtype=np.float64), numbers[3:])
-        first = left.projected(pair.points, board) - pair.left
-        second = right.projected(pair.points, pose.beside(board)) - pair.right[order]
-        return np.concatenate((first, second)).ravel()
+    def residuals(parameters: Vector) -> Vector:
+        board = Pose(np.asarray(cv2.Rodrigues(parameters[:3])[0], dtype=np.float64), parameters[3:])
+        left_residuals = left.project(pair.points, board) - pair.left
+        right_residuals = right.project(pair.points, pose.compose(board)) - pair.right[order]
+        return np.concatenate((left_residuals, right_residuals)).ravel()
 
-    start = left.pose(pair.points, pair.left)
-    begin = np.concatenate((cv2.Rodrigues(start.rotation)[0].ravel(), start.translation))
-    fitted = scipy.optimize.least_squares(residuals, begin, method="lm", max_nfev=400)
-    first, second = np.sqrt(2 * np.square(residuals(fitted.x)).reshape(2, -1).mean(axis=1))
-    return float(first), float(second)
+    board = left.pose(pair.points, pair.left)
+    start = np.concatenate((cv2.Rodrigues(board.rotation)[0].ravel(), board.translation))
+    fitted = scipy.optimize.least_squares(residuals, start, method="lm", max_nfev=400)
+    left_rms, right_rms = np.sqrt(2 * np.square(residuals(fitted.x)).reshape(2, -1).mean(axis=1))
+    return float(left_rms), float(right_rms)
 
 
-MOST_TURNED = 45.0
-"""Degrees about the view axis up to which one camera may be turned against the other: beyond, it is upside down."""
+MAX_ROLL_DEG = 45.0
+"""Maximum rotation of one camera against the other about the view axis, degrees: beyond, its pictures are sideways or
+upside down."""
 
-ASLANT = 0.7
-"""Share of the longer one of the distances across and down up to which the shorter one may go: rows can be made to
-match by turning the pictures a little."""
+MAX_DIAGONAL_RATIO = 0.7
+"""Maximum ratio of the shorter to the longer one of the distances across and down between the cameras: within it rows
+can be made to match by turning the pictures a little."""
 
 
 def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
-    """Return the cameras with lengths in metres, if they are side by side and in order, or one above the other."""
-    turned = math.degrees(math.atan2(fit.pose.rotation[1, 0], fit.pose.rotation[0, 0]))
-    if abs(turned) > MOST_TURNED:
+    """Return the cameras, with lengths in metres; ValueError if they are swapped, rotated or diagonal to each other."""
+    roll = math.degrees(math.atan2(fit.pose.rotation[1, 0], fit.pose.rotation[0, 0]))
+    if abs(roll) > MAX_ROLL_DEG:
         raise ValueError(
-            f"The pictures of one camera are turned by {abs(turned):.0f}° against those of the other: give both the "
+            f"The pictures of one camera are turned by {abs(roll):.0f}° against those of the other: give both the "
             "same way up."
         )
     across, up, _ = fit.pose.translation
@@ -396,7 +426,7 @@ def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
             "Left and right are exchanged: the camera of the pictures given as right stands to the left of the other "
             f"by {across * square_m:.3g} m. Swap them."
         )
-    if min(abs(across), abs(up)) > ASLANT * max(abs(across), abs(up)):
+    if min(abs(across), abs(up)) > MAX_DIAGONAL_RATIO * max(abs(across), abs(up)):
         raise ValueError(
             f"The right camera stands {abs(up) * square_m:.3g} m above or below the left one and "
             f"{abs(across) * square_m:.3g} m beside it; allowed are cameras side by side, or one above the other."
@@ -404,7 +434,7 @@ def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
     lenses = []
     for distortion in (fit.left.distortion, fit.right.distortion):
         # Without the trailing zeros of richer models.
-        last = int(np.flatnonzero(distortion).max(initial=0)) + 1
-        lenses.append(distortion[: next(count for count in (5, 8, 12, 14) if count >= last)])
+        used = int(np.flatnonzero(distortion).max(initial=0)) + 1
+        lenses.append(distortion[: next(count for count in (5, 8, 12, 14) if count >= used)])
     translation = fit.pose.translation * square_m
     return StereoRig(fit.left.matrix, lenses[0], fit.right.matrix, lenses[1], fit.pose.rotation, translation, *size)

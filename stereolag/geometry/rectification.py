@@ -17,7 +17,7 @@ from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 Picture = TypeVar("Picture", bound=npt.NDArray[Any])
 
 MAX_ASPECT_ERROR_PX = 1.0
-"""Largest difference in height from the calibrated images resized to the same width."""
+"""Maximum difference in height from the calibrated images resized to the same width, px."""
 
 
 class Rectified(NamedTuple):
@@ -58,9 +58,9 @@ def rectify(
     calibration
         Calibration with a ``rig``, the two cameras before rectification.
     alpha
-        Content of the frame: 0 only pixels that the cameras took, 1 all of them, with black around, which matchers
-        leave out: no pixel that was taken is exactly 0 then. None rectifies as the calibration's maker did (R1, R2, P1,
-        P2), or as 0 if that is unknown.
+        Content of the frame: 0 shows only pixels that the cameras took, 1 all of them, surrounded by black, which
+        matchers leave out: no pixel that was taken is exactly 0 then. None rectifies as the calibration's maker did
+        (R1, R2, P1, P2), or as 0 if that is unknown.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def rectify(
     ------
     ValueError
         A calibration without a rig, images of different sizes or of another aspect ratio than they were calibrated at,
-        or an alpha outside 0 to 1; cameras that converge so much that hardly anything of the pictures would be left.
+        or an alpha outside 0 to 1; cameras that converge so much that hardly anything of the pictures would remain.
 
     Examples
     --------
@@ -102,72 +102,78 @@ def rectify(
     calibration = mode_for(calibration, width, height)
     if calibration.rig is None:
         raise ValueError(
-            f"The calibration has no cameras for pictures of {width} × {height} pixels, rectified ones only."
+            f"The calibration has no raw cameras for pictures of {width} × {height} pixels, only rectified ones."
         )
-    rig = _fitted(calibration.rig, (width, height))
+    rig = _rig_at_size(calibration.rig, (width, height))
     if rig.turn:
         images = turned(images[0], rig.turn), turned(images[1], rig.turn)
         rig = rig.turned(rig.turn, (width, height))
         width, height = height, width
     size = width, height
-    how = rectification(rig, size, alpha)
+    rectification = rectification_for(rig, size, alpha)
     cameras = (
-        (rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
-        (rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
+        (rig.left_matrix, rig.left_distortion, rectification.left_rotation, rectification.left_projection),
+        (rig.right_matrix, rig.right_distortion, rectification.right_rotation, rectification.right_projection),
     )
     rectified = []
     to_maps = cv2.fisheye.initUndistortRectifyMap if rig.fisheye else cv2.initUndistortRectifyMap
     for name, image, camera in zip(("left", "right"), images, cameras, strict=True):
         maps: Any = to_maps(*camera, size, cv2.CV_32FC1)
-        _check_what_is_left(name, maps[0], maps[1], float(camera[3][0, 0] / camera[0][0, 0]))
-        rectified.append(_fetched(image, maps))
-    known = replace(_calibration(how, size), notes=calibration.notes, unit_stated=calibration.unit_stated)
+        _check_retained(name, maps[0], maps[1], float(camera[3][0, 0] / camera[0][0, 0]))
+        rectified.append(_resampled(image, maps))
+    known = replace(_calibration(rectification, size), notes=calibration.notes, unit_stated=calibration.unit_stated)
     return Rectified(rectified[0], rectified[1], known)
 
 
-MOST_MAGNIFIED, LEAST_LEFT = 3.0, 0.3
-"""Limits of a rectification: the magnification, and the shares of the frame filled and of the picture shown."""
-CELLS = 24
-"""Cells each way in which the share of the picture is counted."""
+MAX_MAGNIFICATION = 3.0
+"""Maximum magnification of a picture by its rectification."""
+
+MIN_RETAINED_SHARE = 0.3
+"""Minimum share of the rectified frame that is filled, and of the picture that is shown."""
+
+SHARE_CELLS = 24
+"""Number of cells, across and down, in which the share of the picture that is shown is counted."""
 
 
-def _check_what_is_left(name: str, cols: FloatMap, rows: FloatMap, magnified: float) -> None:
-    """Refuse a rectification that shows hardly anything of a picture, given where each of its pixels comes from."""
+def _check_retained(name: str, cols: FloatMap, rows: FloatMap, magnification: float) -> None:
+    """Refuse a rectification that shows hardly anything of a picture, given the source of each of its pixels."""
     height, width = cols.shape
     inside = (cols >= 0) & (cols <= width - 1) & (rows >= 0) & (rows <= height - 1)
-    places = (rows[inside] * (CELLS / height)).astype(int) * CELLS + (cols[inside] * (CELLS / width)).astype(int)
-    filled, shown = float(inside.mean()), np.unique(places).size / CELLS**2
-    if magnified > MOST_MAGNIFIED or min(filled, shown) < LEAST_LEFT:
+    cell_rows, cell_cols = (
+        (source[inside] * (SHARE_CELLS / side)).astype(int) for source, side in ((rows, height), (cols, width))
+    )
+    filled, shown = float(inside.mean()), np.unique(cell_rows * SHARE_CELLS + cell_cols).size / SHARE_CELLS**2
+    if magnification > MAX_MAGNIFICATION or min(filled, shown) < MIN_RETAINED_SHARE:
         raise ValueError(
-            f"The {name} picture cannot be rectified with this calibration: it would be magnified {magnified:.1f} "
+            f"The {name} picture cannot be rectified with this calibration: it would be magnified {magnification:.1f} "
             f"times, show {100 * shown:.0f} % of what was taken and fill {100 * filled:.0f} % of the frame; allowed "
-            f"are up to {MOST_MAGNIFIED:g} times and from {100 * LEAST_LEFT:.0f} %. The cameras converge too much, or "
-            "the calibration is of others."
+            f"are up to {MAX_MAGNIFICATION:g} times and from {100 * MIN_RETAINED_SHARE:.0f} %. The cameras converge "
+            "too much, or the calibration is of other cameras."
         )
 
 
-def _fetched(image: Image, maps: tuple[Image, Image]) -> Image:
-    """Return the pixels of an image at places (x, y): black where the camera took nothing, and nowhere else."""
-    taken = np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR))
+def _resampled(image: Image, maps: tuple[Image, Image]) -> Image:
+    """Return an image resampled at positions (x, y): black outside the image, and nowhere else."""
+    resampled = np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR))
     (x, y), (height, width) = maps, image.shape[:2]
     inside = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
     if not inside.all():
-        colours = taken if taken.ndim == 2 else taken[:, :, :3]
+        colours = resampled if resampled.ndim == 2 else resampled[:, :, :3]
         black = (colours if colours.ndim == 2 else colours.max(axis=2)) == 0
         colours[black & inside] = 1 if image.dtype.kind == "u" else np.finfo(image.dtype).tiny
-    return taken
+    return resampled
 
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
     """Return the calibration of the pair that :func:`rectify` makes from images of `size` (width, height)."""
-    rig = _fitted(rig, size)
+    rig = _rig_at_size(rig, size)
     if not rig.turn:
-        return _calibration(rectification(rig, size, alpha), size)
-    straight = rectified_calibration(rig.turned(rig.turn, size), size[::-1], alpha=alpha)
-    return replace(straight, turn=rig.turn, width=size[0], height=size[1])
+        return _calibration(rectification_for(rig, size, alpha), size)
+    of_turned = rectified_calibration(rig.turned(rig.turn, size), size[::-1], alpha=alpha)
+    return replace(of_turned, turn=rig.turn, width=size[0], height=size[1])
 
 
-def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
+def _rig_at_size(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
     """Return the rig for images of `size`, which must have the aspect ratio it was calibrated for."""
     width, height = size
     if rig.width is None or rig.height is None or (rig.width, rig.height) == size:
@@ -181,10 +187,10 @@ def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
     return rig.scaled(factor)
 
 
-def rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None = None) -> Rectification:
+def rectification_for(rig: StereoRig, size: tuple[int, int], alpha: float | None = None) -> Rectification:
     """Return the rectification for images of `size` (width, height): the rig maker's, or one by Bouguet's method.
 
-    Pictures of cameras one above the other must be turned before, and the rig with them.
+    If the cameras stand one above the other, the rig must be that of turned pictures (:meth:`StereoRig.turned`).
     """
     if alpha is None and rig.rectification is not None:
         return rig.rectification
@@ -204,11 +210,11 @@ def rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None = N
         ) from error
 
 
-def _calibration(how: Rectification, size: tuple[int, int]) -> Calibration:
-    left, right = how.left_projection, how.right_projection
+def _calibration(rectification: Rectification, size: tuple[int, int]) -> Calibration:
+    left, right = rectification.left_projection, rectification.right_projection
     return Calibration(
         focal_px=float(left[0, 0]),
-        baseline_m=how.baseline_m,
+        baseline_m=rectification.baseline_m,
         doffs_px=float(right[0, 2] - left[0, 2]),
         cx=float(left[0, 2]),
         cy=float(left[1, 2]),
@@ -270,20 +276,23 @@ def turned(picture: Picture, quarters: int) -> Picture:
     return np.ascontiguousarray(np.rot90(picture, quarters))  # type: ignore[return-value]
 
 
-LARGEST_DIFFERENCE = 0.03
-"""Share of the larger size; images that differ by more are not the same size with a few pixels cropped."""
+MAX_SIZE_DIFFERENCE = 0.03
+"""Maximum relative difference of the sizes of images that count as one size with a few pixels cropped."""
 
-LARGEST_ASPECT_DIFFERENCE = 0.01
+MAX_ASPECT_DIFFERENCE = 0.01
+"""Maximum relative difference of the aspect ratios of a calibration and its images."""
 
-OFF_CENTRE = 1.4
-"""Ratio of a principal point to the middle of the images, in columns and in rows alike, that says they were resized."""
-ALIKE = 1.15
-"""Largest ratio of those two ratios."""
+MIN_RESIZED_RATIO = 1.4
+"""Ratio of the principal point to the middle of the images from which they seem resized, in columns and in rows."""
 
-MOST_PREVIEW_PIXELS = 1_000_000
+MAX_AXES_RATIO = 1.15
+"""Maximum ratio between those two ratios in resized images."""
+
+MAX_PREVIEW_PIXELS = 1_000_000
+"""Maximum number of pixels of a preview."""
 
 
-def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
+def cropped_to_common_size(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images cropped to the rows and columns they share, from the top left.
 
     Raises
@@ -292,7 +301,7 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
         Sizes that differ by more than 3 %.
     """
     sizes = list(zip(left.shape[:2], right.shape[:2], strict=True))
-    if any(abs(one - other) > LARGEST_DIFFERENCE * max(one, other) for one, other in sizes):
+    if any(abs(one - other) > MAX_SIZE_DIFFERENCE * max(one, other) for one, other in sizes):
         (height, width), (rows, cols) = left.shape[:2], right.shape[:2]
         raise ValueError(
             f"left is {width} × {height} and right is {cols} × {rows} pixels; both images must have the same size, "
@@ -302,26 +311,26 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
     return left[:rows, :cols], right[:rows, :cols]
 
 
-DEPTHS = (8, 10, 12, 14, 16)
-"""Bits used by cameras whose images are stored in 16."""
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+"""Bit depths of cameras whose images are stored in 16 bits."""
 
 
-def as_deep(left: Image, right: Image) -> tuple[Image, Image]:
+def as_same_bit_depth(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images in 16 bits if one has 8 and the other 16; otherwise unchanged.
 
-    Cameras of 10, 12 or 14 bits often leave the upper ones of 16 empty. Both images show one scene, so the full range
-    is taken to be the number of bits that brings their means closest.
+    Cameras of 10, 12 or 14 bits often leave the upper ones of 16 unused. Both images show the same scene, so the depth
+    is taken to be the one that brings their means closest.
     """
     if {left.dtype, right.dtype} != {np.dtype(np.uint8), np.dtype(np.uint16)}:
         return left, right
     deep, shallow = (left, right) if left.dtype == np.uint16 else (right, left)
-    brightest, mean, wanted = int(deep.max()), _mean(deep), _mean(shallow) / 255
+    brightest, mean, target = int(deep.max()), _mean(deep), _mean(shallow) / 255
     bits = min(
-        (bits for bits in DEPTHS if brightest < 2**bits),
-        key=lambda bits: abs(math.log((mean / (2**bits - 1) + 1e-6) / (wanted + 1e-6))),
+        (bits for bits in BIT_DEPTHS if brightest < 2**bits),
+        key=lambda bits: abs(math.log((mean / (2**bits - 1) + 1e-6) / (target + 1e-6))),
     )
-    spread = np.minimum(np.rint(np.arange(2**16) * (65535 / (2**bits - 1))), 65535).astype(np.uint16)
-    deep, shallow = spread[deep], shallow.astype(np.uint16) * 257
+    stretched = np.minimum(np.rint(np.arange(2**16) * (65535 / (2**bits - 1))), 65535).astype(np.uint16)
+    deep, shallow = stretched[deep], shallow.astype(np.uint16) * 257
     return (deep, shallow) if left.dtype == np.uint16 else (shallow, deep)
 
 
@@ -335,18 +344,18 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
     Raises
     ------
     ValueError
-        Images of another aspect ratio; or, where the size is unknown, a principal point that is as far beyond or before
-        the middle of the images in columns as in rows.
+        Images of another aspect ratio; or, where the size is unknown, a principal point that is off the middle of the
+        images by the same large factor in columns and in rows.
     """
     calibration = mode_for(calibration, width, height)
     if calibration.width is None or calibration.height is None:
         _check_centre(calibration, width, height)
         return calibration
     differences = abs(calibration.width - width) / width, abs(calibration.height - height) / height
-    if max(differences) <= LARGEST_DIFFERENCE:
+    if max(differences) <= MAX_SIZE_DIFFERENCE:
         return calibration
     factor = width / calibration.width
-    if abs(calibration.height * factor / height - 1) > LARGEST_ASPECT_DIFFERENCE:
+    if abs(calibration.height * factor / height - 1) > MAX_ASPECT_DIFFERENCE:
         raise ValueError(
             f"The calibration is for {calibration.width} × {calibration.height} pixels and the images are "
             f"{width} × {height}: give those it was made for, or the same resized without cropping."
@@ -355,14 +364,14 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
 
 
 def _check_centre(calibration: Calibration, width: int, height: int) -> None:
-    """Refuse a calibration without a size that was plainly made for larger or smaller images: metres would be wrong."""
+    """Refuse a calibration without a size that was clearly made for larger or smaller images: depths would be wrong."""
     rig = calibration.rig
     cx, cy = (calibration.cx, calibration.cy) if rig is None else rig.left_matrix[:2, 2].tolist()
     if cx is None or cy is None or min(cx, cy) <= 0:
         return
     ratios = (2 * cx + 1) / width, (2 * cy + 1) / height
-    resized = min(ratios) > OFF_CENTRE or max(ratios) < 1 / OFF_CENTRE
-    if resized and max(ratios) < ALIKE * min(ratios):
+    resized = min(ratios) > MIN_RESIZED_RATIO or max(ratios) < 1 / MIN_RESIZED_RATIO
+    if resized and max(ratios) < MAX_AXES_RATIO * min(ratios):
         raise ValueError(
             f"The principal point of the calibration, column {cx:.0f} and row {cy:.0f}, is that of images of about "
             f"{2 * cx + 1:.0f} × {2 * cy + 1:.0f} pixels, and these are {width} × {height}: give images of the size it "
@@ -371,20 +380,23 @@ def _check_centre(calibration: Calibration, width: int, height: int) -> None:
 
 
 def mode_for(calibration: Calibration, width: int, height: int) -> Calibration:
-    """Return the calibration's mode for pictures of this size, or the nearest of the same shape; itself without."""
+    """Return the calibration's mode for pictures of this size, or the nearest one, the same aspect ratio preferred.
+
+    A calibration without modes is returned unchanged.
+    """
 
     def distance(one: Calibration) -> tuple[bool, float]:
         if one.width is None or one.height is None:
             return True, math.inf
-        other_shape = abs(one.height / one.width / (height / width) - 1) > LARGEST_ASPECT_DIFFERENCE
+        other_shape = abs(one.height / one.width / (height / width) - 1) > MAX_ASPECT_DIFFERENCE
         return other_shape, abs(math.log(one.width / width)) + abs(math.log(one.height / height))
 
     return min(calibration.modes, key=distance) if calibration.modes else calibration
 
 
 def preview_divisor(width: int, height: int) -> int:
-    """Return the integer by which to divide both sides so that at most a megapixel is left.
+    """Return the integer by which to divide both sides of a picture so that it has at most a megapixel.
 
-    A matcher's time grows with the number of pixels times the disparities: a third of the size takes a 27th.
+    A matcher's time grows with the number of pixels times the disparities: a third of the size takes a 27th of it.
     """
-    return math.ceil(math.sqrt(width * height / MOST_PREVIEW_PIXELS))
+    return math.ceil(math.sqrt(width * height / MAX_PREVIEW_PIXELS))

@@ -10,15 +10,21 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, Mask
-from stereolag.geometry.calibration import Calibration, Float32Array
+from stereolag.core.arrays import FloatMap, Mask, median
+from stereolag.geometry.calibration import Calibration
 
-MOST_POINTS = 100_000
-REACH, SAME_SURFACE_PX = 2, 1.0
-"""Neighbours are counted in the square of ±2 px, if their disparities differ by no more than this."""
+MAX_POINTS = 100_000
+"""Default maximum number of points of a cloud."""
 
-FEWEST_NEIGHBOURS = 9
-"""Of the 25 pixels in that square: the convex corner of a surface has 9, a straight edge 15, a line of 1 px only 5."""
+NEIGHBOUR_RADIUS_PX = 2
+"""Half the side of the square in which a pixel's neighbours on the same surface are counted."""
+
+MAX_SURFACE_STEP_PX = 1.0
+"""Maximum difference of the disparities of neighbours on one surface, px."""
+
+MIN_NEIGHBOURS = 9
+"""Of the 25 pixels in that square, itself included, the minimum on the same surface: the convex corner of a surface has
+9, a straight edge 15, a line of 1 px only 5."""
 
 
 def clean_point_cloud(
@@ -26,11 +32,11 @@ def clean_point_cloud(
     disparity: npt.ArrayLike,
     colour: npt.ArrayLike,
     *,
-    max_points: int | None = MOST_POINTS,
-) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
-    """Return the points and colours of :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`, none flying.
+    max_points: int | None = MAX_POINTS,
+) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
+    """Return :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` without flying pixels: points and colours.
 
-    Above `max_points`, an even random choice is returned, always the same; None keeps all.
+    Above `max_points`, a uniform random sample is returned, always the same; None keeps all.
     """
     measured = np.asarray(disparity, dtype=np.float32)
     points, colours = calibration.point_cloud(np.where(flying_pixels(measured), np.float32(np.nan), measured), colour)
@@ -38,11 +44,12 @@ def clean_point_cloud(
 
 
 def flying_pixels(disparity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return where a disparity is on no surface: alone, or between a near and a far one.
+    """Return the pixels whose disparity is not on a surface: isolated, or between a near and a far surface.
 
     Matchers smear the edges of objects over a few pixels with disparities between those of the two sides; as points
     they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, including itself,
-    have the same disparity to within 1 px: its error, unlike the depth's, does not grow with the distance.
+    have the same disparity to within 1 px: the error of disparities, unlike that of depths, does not grow with
+    distance.
 
     Parameters
     ----------
@@ -65,25 +72,25 @@ def flying_pixels(disparity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     known = np.isfinite(values)
     values = np.where(known, values, np.float32(np.nan))
     rows, cols = values.shape
-    around = np.pad(values, REACH, mode="reflect")  # the border of the image is not an edge of a surface
+    around = np.pad(values, NEIGHBOUR_RADIUS_PX, mode="reflect")  # the border of the image is not an edge of a surface
     neighbours = np.zeros(values.shape, dtype=np.uint8)
-    for row in range(2 * REACH + 1):
-        for col in range(2 * REACH + 1):
-            neighbours += np.abs(around[row : row + rows, col : col + cols] - values) <= SAME_SURFACE_PX
-    return known & (neighbours < FEWEST_NEIGHBOURS)
+    for row in range(2 * NEIGHBOUR_RADIUS_PX + 1):
+        for col in range(2 * NEIGHBOUR_RADIUS_PX + 1):
+            neighbours += np.abs(around[row : row + rows, col : col + cols] - values) <= MAX_SURFACE_STEP_PX
+    return known & (neighbours < MIN_NEIGHBOURS)
 
 
 def subsampled(
-    points: Float32Array, colours: npt.NDArray[np.uint8], max_points: int = MOST_POINTS
-) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
-    """Return at most `max_points` of the points and their colours: an even random choice, always the same.
+    points: FloatMap, colours: npt.NDArray[np.uint8], max_points: int = MAX_POINTS
+) -> tuple[FloatMap, npt.NDArray[np.uint8]]:
+    """Return at most `max_points` of the points and their colours: a uniform random sample, always the same.
 
     Taking every n-th point instead would show the image rows as stripes.
 
     Raises
     ------
     ValueError
-        Fewer than one point requested.
+        `max_points` below 1.
     """
     if max_points < 1:
         raise ValueError(f"max_points is {max_points}; allowed are whole numbers from 1.")
@@ -93,10 +100,10 @@ def subsampled(
     return points[chosen], colours[chosen]
 
 
-FAINTEST = 0.35
+MIN_OPACITY = 0.35
 """Opacity of a cell with a single point."""
 
-FULL_AT = 12
+OPAQUE_POINTS = 12
 """Number of points from which a cell is opaque."""
 
 
@@ -107,8 +114,8 @@ class BirdsEyeView:
     Attributes
     ----------
     picture
-        (rows, cols, 4) uint8 RGBA: the mean colour of the points in each cell, more opaque the more points there are.
-        The first row is the *nearest*.
+        (rows, cols, 4) uint8 RGBA: the mean colour of the points in each cell, the more opaque the more points there
+        are. The first row is the *nearest*.
     left, near
         X and Z of the corner of the first cell, metres.
     cell
@@ -121,30 +128,32 @@ class BirdsEyeView:
     cell: float
 
 
-def seen_from_above(points: npt.ArrayLike, colours: npt.ArrayLike, *, cells: int = 400) -> BirdsEyeView:
-    """Sort (n, 3) points, metres, and their colours into a grid on the ground, `cells` along its longer side.
+def birds_eye_view(points: npt.ArrayLike, colours: npt.ArrayLike, *, cells: int = 400) -> BirdsEyeView:
+    """Return (n, 3) points, metres, and their colours seen from above, on a grid with `cells` along its longer side.
 
     Raises
     ------
     ValueError
         No points, arrays of other shapes, or fewer than one cell.
     """
-    places, shades = np.asarray(points, dtype=np.float64), np.asarray(colours)
-    if places.ndim != 2 or places.shape[1] != 3 or places.shape != shades.shape or not len(places):
+    positions, rgb = np.asarray(points, dtype=np.float64), np.asarray(colours)
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != rgb.shape or not len(positions):
         raise ValueError(
-            f"points has shape {places.shape} and colours {shades.shape}; both must be (n, 3), n at least 1."
+            f"points has shape {positions.shape} and colours {rgb.shape}; both must be (n, 3), n at least 1."
         )
     if cells < 1:
         raise ValueError(f"cells is {cells}; allowed are whole numbers from 1.")
-    ground = places[:, [2, 0]]
+    ground = positions[:, [2, 0]]
     first, last = ground.min(axis=0), ground.max(axis=0)
     cell = float((last - first).max() / cells) or 1.0
     rows, cols = ((ground - first) / cell).astype(np.intp).clip(max=cells - 1).T
     shape = int(rows.max()) + 1, int(cols.max()) + 1
     index = rows * shape[1] + cols
     count = np.bincount(index, minlength=shape[0] * shape[1])
-    sums = [np.bincount(index, weights=shades[:, band], minlength=count.size) for band in range(3)]
-    opacity = np.where(count, FAINTEST + (1 - FAINTEST) * np.minimum(1, np.log(count.clip(1)) / np.log(FULL_AT)), 0)
+    sums = [np.bincount(index, weights=rgb[:, channel], minlength=count.size) for channel in range(3)]
+    opacity = np.where(
+        count, MIN_OPACITY + (1 - MIN_OPACITY) * np.minimum(1, np.log(count.clip(1)) / np.log(OPAQUE_POINTS)), 0
+    )
     picture = np.column_stack([*(total / count.clip(1) for total in sums), 255 * opacity])
     return BirdsEyeView(
         picture=np.rint(picture).astype(np.uint8).reshape(*shape, 4),
@@ -154,16 +163,16 @@ def seen_from_above(points: npt.ArrayLike, colours: npt.ArrayLike, *, cells: int
     )
 
 
-DISPARITY_ERROR = 0.25
-"""Typical error of a disparity without ground truth, px, for a good subpixel match of well-textured windows."""
+TYPICAL_DISPARITY_ERROR_PX = 0.25
+"""Error of a disparity assumed without ground truth, px: that of a good subpixel match of well-textured windows."""
 
-FIELD_OF_VIEW = 60.0
+ASSUMED_FIELD_OF_VIEW_DEG = 60.0
 """Horizontal field of view assumed for an unknown camera, degrees; phones and webcams have 55 to 75."""
 
 
 @dataclass(frozen=True)
-class SeenPoint:
-    """A pixel of the left image with its disparity, both px."""
+class ImagePoint:
+    """A point of the left image with its disparity, all px."""
 
     row: float
     col: float
@@ -179,37 +188,33 @@ class Distance:
 
 
 def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> float:
-    """Return the median error of the disparities with ground truth, px; NaN if there are none.
+    """Return the median absolute error of the disparities with ground truth, px; NaN if there are none.
 
     The median, because a few gross mismatches say nothing about the accuracy of a good match.
     """
     error = np.subtract(disparity, ground_truth, dtype=np.float64)
     np.abs(error, out=error)
     known = error[error < np.inf]
-    if not known.size:
-        return math.nan
-    middle = known.size // 2
-    known.partition(middle)  # np.median looks for NaN and for two places: twice the time
-    return float(known[middle] if known.size % 2 else (known[:middle].max() + known[middle]) / 2)
+    return median(known) if known.size else math.nan
 
 
 def distance_between(
     calibration: Calibration,
-    first: SeenPoint,
-    second: SeenPoint,
+    first: ImagePoint,
+    second: ImagePoint,
     *,
     width: int,
     height: int,
-    disparity_error: float = DISPARITY_ERROR,
+    disparity_error: float = TYPICAL_DISPARITY_ERROR_PX,
 ) -> Distance:
-    """Return the distance between two points of the scene, in a left image of this size, px.
+    """Return the distance between two points of the scene, seen in a left image of `width` × `height` px.
 
-    The error is the component of the depth errors along the line between the points; `disparity_error` is the typical
-    error of either disparity, px, and the two are assumed to be independent.
+    Its error is the component of the depth errors along the line between the points; `disparity_error` is the typical
+    error of each disparity, px, and the two are assumed to be independent.
     """
     cx, cy = calibration.centre(width, height)
     rays = np.array([(point.col - cx, point.row - cy, calibration.focal_px) for point in (first, second)])
-    rays /= calibration.focal_px  # at a depth of 1
+    rays /= calibration.focal_px  # to a depth of 1
     disparities = np.array([first.disparity, second.disparity])
     depths = calibration.depth(disparities).astype(np.float64)
     between = depths[1] * rays[1] - depths[0] * rays[0]
@@ -221,10 +226,12 @@ def distance_between(
     return Distance(metres, float(np.linalg.norm(errors)))
 
 
-def calibrated_by(known: Calibration | None, disparity: float, distance_m: float, *, width: int) -> Calibration:
-    """Return the calibration of an image `width` px wide that puts a point of `disparity` px at `distance_m` metres.
+def calibration_from_distance(
+    known: Calibration | None, disparity: float, distance_m: float, *, width: int
+) -> Calibration:
+    """Return the calibration of images `width` px wide that puts a point of `disparity` px at `distance_m` metres.
 
-    One known distance determines only the product of focal length and baseline, and depth needs no more. The focal
+    One known distance determines only the product of focal length and baseline, which is enough for depths. The focal
     length, on which widths and heights depend, is kept from the `known` calibration; without one the camera is assumed
     to have a horizontal field of view of 60°.
 
@@ -233,19 +240,24 @@ def calibrated_by(known: Calibration | None, disparity: float, distance_m: float
     ValueError
         A disparity that is not in front of infinity, or a distance that is not above 0.
     """
-    start = known or Calibration(width / (2 * math.tan(math.radians(FIELD_OF_VIEW / 2))), baseline_m=1.0)
+    start = known or Calibration(width / (2 * math.tan(math.radians(ASSUMED_FIELD_OF_VIEW_DEG / 2))), baseline_m=1.0)
     return replace(start, rig=None).with_known_distance(disparity, distance_m)
 
 
-_COLUMNS = 8
-"""One in this many columns is enough to find the ground."""
-_LEAST_ROWS, _FEWEST_IN_ROW = 16, 5
-_NEAR_GROUND = 1.0
-"""Largest difference of a row's disparity from the ground's line, px."""
-_LEAST_AGREEMENT = 0.4
-"""Least share of the rows below the middle that the ground must explain."""
-_LEAST_RISE = 4.0
-"""Least growth of the ground's disparity from there to the lowest row, px: a wall's does not grow."""
+_COLUMN_STEP = 8
+"""Every n-th column is enough to find the ground."""
+
+_MIN_GROUND_ROWS = 16
+"""Minimum number of rows with enough pixels."""
+
+_MAX_GROUND_ERROR_PX = 1.0
+"""Maximum difference of a row's median disparity from the ground's line, px."""
+
+_MIN_GROUND_SHARE = 0.4
+"""Minimum share of the rows below the middle that the ground must explain."""
+
+_MIN_GROUND_RISE_PX = 4.0
+"""Minimum increase of the ground's disparity from the middle row to the lowest, px: a wall's does not increase."""
 
 
 class Ground(NamedTuple):
@@ -256,70 +268,70 @@ class Ground(NamedTuple):
 
     def disparities(self, rows: int) -> FloatMap:
         """Return the (rows, 1) disparity of the ground in each row of a picture, px: negative above the horizon."""
-        below = np.arange(rows, dtype=np.float32)[:, None] - np.float32(self.horizon)
-        return np.float32(self.slope) * below
+        below_horizon = np.arange(rows, dtype=np.float32)[:, None] - np.float32(self.horizon)
+        return np.float32(self.slope) * below_horizon
 
 
 def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
-    """Return the ground shown by the rows of the lower half; None if they do not agree on one.
+    """Return the ground in the lower half of a disparity map; None if its rows do not agree on one.
 
-    Of their pixels, those with a disparity count, or those that are `known`.
-
-    It is the line with which most of the rows' median disparities agree (the "v-disparity" of Labayrade, Aubert &
-    Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002).
+    The ground is the line with which most of the rows' median disparities agree (the "v-disparity" of Labayrade, Aubert
+    & Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002). `known` are the valid
+    pixels; None for all with a disparity.
     """
     first = disparity.shape[0] // 2
-    lower = disparity[first:, ::_COLUMNS]
-    counted = np.isfinite(lower) if known is None else known[first:, ::_COLUMNS]
-    lower = np.where(counted, lower, np.float32(np.nan))
-    count = counted.sum(axis=1)
-    rows = np.flatnonzero(count >= max(_FEWEST_IN_ROW, lower.shape[1] / 20))
-    if rows.size < _LEAST_ROWS:
+    lower = disparity[first:, ::_COLUMN_STEP]
+    valid = np.isfinite(lower) if known is None else known[first:, ::_COLUMN_STEP]
+    lower = np.where(valid, lower, np.float32(np.nan))
+    count = valid.sum(axis=1)
+    rows = np.flatnonzero(count >= max(5, lower.shape[1] / 20))  # with enough pixels for a median
+    if rows.size < _MIN_GROUND_ROWS:
         return None
     # NaN is sorted last; NumPy's nanmedian takes ten times as long.
-    ordered, place = np.sort(lower[rows], axis=1), np.arange(rows.size)
-    medians = (ordered[place, (count[rows] - 1) // 2] + ordered[place, count[rows] // 2]).astype(np.float64) / 2
+    ordered, index = np.sort(lower[rows], axis=1), np.arange(rows.size)
+    medians = (ordered[index, (count[rows] - 1) // 2] + ordered[index, count[rows] // 2]).astype(np.float64) / 2
     rows = rows + first
-    # Every pair of rows that are well apart proposes a line.
-    one, two = np.triu_indices(rows.size, k=rows.size // 4)
-    thinned = slice(None, None, max(1, one.size // 512))
-    one, two = one[thinned], two[thinned]
-    slopes = (medians[two] - medians[one]) / (rows[two] - rows[one])
-    offsets = medians[one] - slopes * rows[one]
-    agreeing = np.abs(slopes[:, None] * rows + offsets[:, None] - medians) <= _NEAR_GROUND
+    # Every pair of rows that are well apart, or some 512 of them, proposes a line.
+    above, below = np.triu_indices(rows.size, k=rows.size // 4)
+    thinned = slice(None, None, max(1, above.size // 512))
+    above, below = above[thinned], below[thinned]
+    slopes = (medians[below] - medians[above]) / (rows[below] - rows[above])
+    offsets = medians[above] - slopes * rows[above]
+    agreeing = np.abs(slopes[:, None] * rows + offsets[:, None] - medians) <= _MAX_GROUND_ERROR_PX
     best = int(np.argmax(agreeing.sum(axis=1)))
-    if agreeing[best].sum() < _LEAST_AGREEMENT * (disparity.shape[0] - first):
+    if agreeing[best].sum() < _MIN_GROUND_SHARE * (disparity.shape[0] - first):
         return None
     slope, offset = np.polyfit(rows[agreeing[best]], medians[agreeing[best]], 1)
-    rises = slope * (disparity.shape[0] - first) >= _LEAST_RISE
+    rises = slope * (disparity.shape[0] - first) >= _MIN_GROUND_RISE_PX
     return Ground(float(slope), float(-offset / slope)) if rises else None
 
 
-LEAST_OBSTACLE = 0.001
-"""Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
+MIN_OBSTACLE_SHARE = 0.001
+"""Minimum share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
 
-_LOWEST, _HIGHEST = 0.2, 2.0
-"""Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
+_OBSTACLE_HEIGHTS = (0.2, 2.0)
+"""Range of heights above the ground of an obstacle, as a multiple of the camera's: excludes kerbs and bridges."""
 
 _NO_SURFACE = np.iinfo(np.int16).min
+"""Mark of the pixels without a disparity, and of small surfaces."""
 
 
 def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> float:
-    """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
+    """Return the disparity of the nearest obstacle, px: robustly, the value that a thousandth of the pixels reach.
 
-    They belong to surfaces as large as that: wrong matches are scattered in small patches.
+    Only surfaces of at least that size count: wrong matches are scattered in small patches.
 
     Parameters
     ----------
     disparity
         (H, W) px; NaN = none.
     measured
-        (H, W) pixels with a disparity that count; None for all. Others show the ground, if these do not.
+        (H, W) valid pixels; None for all with a disparity. If these show no ground, all pixels are used to find it.
 
     Returns
     -------
     disparity
-        px; NaN if there is none. If a ground is seen, its pixels and anything overhanging the road do not count: the
+        px; NaN if there is none. If a ground is found, its pixels and anything overhanging the road are excluded: the
         height of a point above the ground, as a share of the camera's, is ``1 - d_ground / d``.
 
     Raises
@@ -332,16 +344,16 @@ def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> 
         raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
     known = np.isfinite(values) if measured is None else measured
     ground = ground_of(values, known) or ground_of(values)
-    least = np.zeros((len(values), 1), np.float32)
+    min_disparity = np.zeros((len(values), 1), np.float32)
     if ground is not None:
-        below = ground.disparities(len(values))
-        # Both ends of the range of heights bound the disparity from below, as 1 - _HIGHEST is negative.
-        least = np.maximum(0, np.maximum(below / np.float32(1 - _LOWEST), below / np.float32(1 - _HIGHEST)))
-    rank = max(1, round(LEAST_OBSTACLE * values.size))
+        lowest, highest = (ground.disparities(len(values)) / np.float32(1 - height) for height in _OBSTACLE_HEIGHTS)
+        # Both heights bound the disparity from below: 1 - 2.0 is negative, which counts above the horizon.
+        min_disparity = np.maximum(0, np.maximum(lowest, highest))
+    rank = max(1, round(MIN_OBSTACLE_SHARE * values.size))
     sixteenths = np.full(values.shape, _NO_SURFACE, np.int16)
     sixteenths[known] = np.clip(16 * values[known], _NO_SURFACE + 1, np.iinfo(np.int16).max)
-    cv2.filterSpeckles(sixteenths, _NO_SURFACE, rank - 1, round(16 * SAME_SURFACE_PX))
-    obstacles = values[(sixteenths != _NO_SURFACE) & (values > least)]
+    cv2.filterSpeckles(sixteenths, _NO_SURFACE, rank - 1, round(16 * MAX_SURFACE_STEP_PX))
+    obstacles = values[(sixteenths != _NO_SURFACE) & (values > min_disparity)]
     if obstacles.size < rank:
         return math.nan
     return float(np.partition(obstacles, obstacles.size - rank)[obstacles.size - rank])

@@ -1,7 +1,7 @@
 """The layouts in which makers write calibrations: each a row of :data:`LAYOUTS`, recognised by its names.
 
-A layout turns the entries of its files into parts (:mod:`stereolag.io.calibration_parts`). Files in no layout of their
-own are read by what their names mean.
+A layout turns the entries of its files into parts (:mod:`stereolag.io.calibration_parts`). Files in none of these
+layouts are read by the meaning of their names.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import numpy as np
 
 from stereolag.io.calibration_files import Entries, Entry, Matrix
 from stereolag.io.calibration_parts import (
-    COEFFICIENTS,
+    COEFFICIENT_KEYS,
     FISHEYE,
-    MOST,
-    SIZE,
+    NUM_DISPARITIES_NAMES,
+    SIZE_NAMES,
     Parts,
-    between,
-    by_meaning,
-    camera,
-    inverted,
+    camera_parts,
+    inverse,
     lens_of,
-    numbers,
-    pose,
-    pose_in_common,
-    rigid,
+    numeric_entry,
+    parts_by_meaning,
+    pose_from_common_frame,
+    pose_parts,
+    relative_pose,
+    rigid_transform,
 )
 
 Reader: TypeAlias = Callable[[Entries], list[Parts]]
-"""Returns the parts for each size of pictures that the entries of one calibration are for."""
+"""A function from the entries of a calibration to the parts for each size of pictures that it covers."""
 
 
 class Layout(NamedTuple):
@@ -41,29 +41,29 @@ class Layout(NamedTuple):
     Attributes
     ----------
     name
-        Whose it is.
+        Its maker or format.
     marks
-        Patterns: a name that fits each of them, whatever its case, is in all files of this layout.
+        Patterns, in any case: all files of this layout have a name that matches each of them.
     read
         Its reader.
     unit
         The unit of its lengths, one of :data:`~stereolag.geometry.calibration.UNITS`.
-    sure
-        Whether that holds for every file; if not, for those that do not state another one.
+    unit_is_fixed
+        Whether all files use this unit; otherwise it is the default for files that do not state theirs.
     ignored
-        A pattern of names that are known to have no effect.
+        A pattern of names that are expected to have no effect.
     """
 
     name: str
     marks: tuple[str, ...]
     read: Reader
     unit: str = "m"
-    sure: bool = True
+    unit_is_fixed: bool = True
     ignored: str = ""
 
 
 def layout_of(entries: Entries) -> Layout:
-    """Return the first layout whose marks the entries bear."""
+    """Return the first layout with all of its marks among the entries."""
     return next(
         layout
         for layout in LAYOUTS
@@ -75,14 +75,14 @@ def layout_of(entries: Entries) -> Layout:
 
 
 def named(**names: str) -> Reader:
-    """Return a reader of parts that have these names; several for one part are divided by ``|``."""
+    """Return a reader of parts that have these names; alternatives for one part are separated by ``|``."""
 
     def read(entries: Entries) -> list[Parts]:
         if not entries.keys() & {name for name in names.get("product", "").split("|")}:
             for part in ("focal", "M1", "baseline"):
                 if part in names:
                     entries.required(names[part])
-        return [entries.found(names | SIZE | {"most": MOST})]
+        return [entries.select(names | SIZE_NAMES | {"num_disparities": NUM_DISPARITIES_NAMES})]
 
     return read
 
@@ -97,205 +97,210 @@ ZED_SIZES = {
     "4K": (3840, 2160),
     "QHDPLUS": (3200, 1800),
 }
-"""Sizes of pictures by the names that Stereolabs gives them."""
+"""Sizes of pictures by Stereolabs' names."""
 
 
 def _zed(entries: Entries) -> list[Parts]:
-    """Read a pair of cameras for each size; the right one stands at (Baseline, TY, TZ), turned by the vector R.
+    """Read a pair of cameras for each size; the right one is at (Baseline, TY, TZ), rotated by the vector R.
 
-    The lenses stand with each size, or once for all of them, and then those of fisheyes have no p1 and p2.
+    The coefficients of the lenses are given for each size, or once for all; then those of fisheyes have no p1 and p2.
     """
-    found = []
-    apart = entries.find("LEFT_DISTO.k1") is not None
-    wide = apart and entries.find("LEFT_DISTO.p1") is None
+    modes = []
+    is_shared = entries.find("LEFT_DISTO.k1") is not None
+    is_fisheye = is_shared and entries.find("LEFT_DISTO.p1") is None
+    keys = COEFFICIENT_KEYS[is_fisheye]
     for mode, size in ZED_SIZES.items():
         left, right = f"LEFT_CAM_{mode}", f"RIGHT_CAM_{mode}"
         if entries.find(f"{left}.fx") is None:
             continue
         angles = [f"STEREO.RX_{mode}", f"STEREO.CV_{mode}|STEREO.RY_{mode}", f"STEREO.RZ_{mode}"]
         vector = np.array([entries.required(name).numbers(1)[0] for name in angles])
-        turn = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
-        aside = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
-        place = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *aside])
-        one = camera(entries, "1", left, "LEFT_DISTO" if apart else left, coefficients=COEFFICIENTS[wide])
-        one |= camera(entries, "2", right, "RIGHT_DISTO" if apart else right, coefficients=COEFFICIENTS[wide])
-        one |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if wide else {}
-        found.append(one | pose("STEREO", turn, -turn @ place) | {"size0": numbers(mode, size)})
-    return found
+        rotation = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
+        ty_tz = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
+        position = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *ty_tz])
+        parts = camera_parts(entries, "1", left, "LEFT_DISTO" if is_shared else left, lens_keys=keys)
+        parts |= camera_parts(entries, "2", right, "RIGHT_DISTO" if is_shared else right, lens_keys=keys)
+        parts |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if is_fisheye else {}
+        pose = pose_parts("STEREO", rotation, -rotation @ position)
+        modes.append(parts | pose | {"size0": numeric_entry(mode, size)})
+    return modes
 
 
 def _depthai(entries: Entries) -> list[Parts]:
-    """Read the cameras on the left and the right socket, whose poses lead from socket to socket."""
+    """Read the cameras on the left and the right socket, each with its transform into the frame of another socket."""
     sockets: dict[int, str] = {}
     while (socket := entries.number(f"cameraData.{len(sockets)}.0")) is not None:
         sockets[int(socket)] = f"cameraData.{len(sockets)}.1"
 
     def to_last(socket: int) -> Matrix:
-        """Return the transform from a camera's frame into that of the last one on its way."""
-        total = np.eye(4)
+        """Return the transform from a camera's frame into that of the last camera in its chain of sockets."""
+        transform = np.eye(4)
         for _ in sockets:
-            place = f"{sockets[socket]}.extrinsics"
-            following = int(entries.required(f"{place}.toCameraSocket").numbers(1)[0])
-            if following not in sockets:
+            path = f"{sockets[socket]}.extrinsics"
+            next_socket = int(entries.required(f"{path}.toCameraSocket").numbers(1)[0])
+            if next_socket not in sockets:
                 break
             step = np.eye(4)
-            step[:3, :3] = entries.required(f"{place}.rotationMatrix").matrix(3, 3)
-            for kind in ("specTranslation", "translation"):
-                along = [entries.number(f"{place}.{kind}.{axis}") or 0.0 for axis in "xyz"]
-                step[:3, 3] = along if any(along) else step[:3, 3]
-            total, socket = step @ total, following
-        return total
+            step[:3, :3] = entries.required(f"{path}.rotationMatrix").matrix(3, 3)
+            for kind in ("specTranslation", "translation"):  # the measured one, if stated, replaces the designed one
+                translation = [entries.number(f"{path}.{kind}.{axis}") or 0.0 for axis in "xyz"]
+                step[:3, 3] = translation if any(translation) else step[:3, 3]
+            transform, socket = step @ transform, next_socket
+        return transform
 
     parts: Parts = {}
     chosen = []
-    for side, name, usual in (("1", "left", 1), ("2", "right", 2)):
+    for side, name, default in (("1", "left", 1), ("2", "right", 2)):
         stated = entries.number(f"stereoRectificationData.{name}CameraSocket")
-        socket = usual if stated is None or stated < 0 else int(stated)
+        socket = default if stated is None or stated < 0 else int(stated)
         if socket not in sockets:
             raise ValueError(f"The calibration (DepthAI) has no camera on socket {socket}, that of the {name} one.")
         chosen.append(socket)
-        place = sockets[socket]
-        wide = int(entries.number(f"{place}.cameraType") or 0)
-        if wide > 1:
+        path = sockets[socket]
+        camera_type = int(entries.number(f"{path}.cameraType") or 0)
+        if camera_type > 1:
             raise ValueError(
-                f"The calibration (DepthAI) has a camera of type {wide}; read are perspective and fisheye."
+                f"The calibration (DepthAI) has a camera of type {camera_type}; allowed are perspective and fisheye."
             )
-        lens = entries.required(f"{place}.distortionCoeff").numbers()
+        lens = entries.required(f"{path}.distortionCoeff").numbers()
         parts |= {
-            f"M{side}": entries.required(f"{place}.intrinsicMatrix"),
-            f"D{side}": numbers(f"{place}.distortionCoeff", lens[:4] if wide else lens),
-            f"width{side}": entries.required(f"{place}.width"),
-            f"height{side}": entries.required(f"{place}.height"),
+            f"M{side}": entries.required(f"{path}.intrinsicMatrix"),
+            f"D{side}": numeric_entry(f"{path}.distortionCoeff", lens[:4] if camera_type else lens),
+            f"width{side}": entries.required(f"{path}.width"),
+            f"height{side}": entries.required(f"{path}.height"),
         }
-        if wide:
-            parts["lens"] = Entry(f"{place}.cameraType", FISHEYE)
-    left, right = (inverted(to_last(socket)) for socket in chosen)
-    return [parts | between("extrinsics", left, right)]
+        if camera_type:
+            parts["lens"] = Entry(f"{path}.cameraType", FISHEYE)
+    left, right = (inverse(to_last(socket)) for socket in chosen)
+    return [parts | relative_pose("extrinsics", left, right)]
 
 
 def _realsense(entries: Entries) -> list[Parts]:
-    """Read a rectified pair for each size; the baseline is negative: the left camera's place seen from the right."""
-    baseline = numbers("baseline", np.abs(entries.required("baseline").numbers(1)))
+    """Read a rectified pair for each size; the baseline is negative: the left camera's position seen from the right."""
+    baseline = numeric_entry("baseline", np.abs(entries.required("baseline").numbers(1)))
     names = {"cx": "ppx", "cy": "ppy", "width0": "width", "height0": "height"}
-    found, number = [], 0
+    modes, number = [], 0
     while (focal := entries.find(f"rectified.{number}.fx")) is not None:
-        one = {part: entries.required(f"rectified.{number}.{name}") for part, name in names.items()}
-        if focal.numbers(1)[0] > 0 and one["width0"].numbers(1)[0] > 0:
-            found.append(one | {"focal": focal, "baseline": baseline})
+        parts = {part: entries.required(f"rectified.{number}.{name}") for part, name in names.items()}
+        if focal.numbers(1)[0] > 0 and parts["width0"].numbers(1)[0] > 0:
+            modes.append(parts | {"focal": focal, "baseline": baseline})
         number += 1
-    return found
+    return modes
 
 
 def _ros_ini(entries: Entries) -> list[Parts]:
-    """Read cameras below headings with their names, as in the YAML of ROS."""
+    """Read cameras in sections with their names, as if they were in ROS's YAML."""
     cameras = []
-    for one in entries.files:
-        for name in filter(re.compile(r".*\.camera matrix", re.IGNORECASE).fullmatch, one):
-            title = name.rpartition(".")[0]
-            own = {"camera_name": Entry("camera_name", title)}
+    for file in entries.files:
+        for name in filter(re.compile(r".*\.camera matrix", re.IGNORECASE).fullmatch, file):
+            section = name.rpartition(".")[0]
+            camera = {"camera_name": Entry("camera_name", section)}
             for part in ("camera matrix", "distortion", "rectification", "projection", "image.width", "image.height"):
-                entry = one.find(part if part.startswith("image") else f"{title}.{part}")
+                entry = file.find(part if part.startswith("image") else f"{section}.{part}")
                 if entry is not None:
-                    own[part.replace(" ", "_").replace(".", "_")] = entry
-            cameras.append(Entries(own))
-    return by_meaning(Entries(*cameras))
+                    camera[part.replace(" ", "_").replace(".", "_")] = entry
+            cameras.append(Entries(camera))
+    return parts_by_meaning(Entries(*cameras))
 
 
 def _matlab(entries: Entries) -> list[Parts]:
-    """Read ``toStruct(stereoParams)``: pixels count from 1, sizes are rows and columns, older matrices transposed."""
+    """Read ``toStruct(stereoParams)``: pixels count from 1, sizes are (rows, cols), older matrices are transposed."""
     first = next(name for name in entries if "CameraParameters1." in name)
-    before = first[: first.index("CameraParameters1.")]
+    prefix = first[: first.index("CameraParameters1.")]
     parts: Parts = {}
     for side in "12":
-        place = f"{before}CameraParameters{side}"
-        newer = entries.find(f"{place}.K")
-        matrix = newer.matrix(3, 3) if newer else entries.required(f"{place}.IntrinsicMatrix").matrix(3, 3).T
-        radial = entries.required(f"{place}.RadialDistortion").numbers()
-        tangential = entries.required(f"{place}.TangentialDistortion").numbers(2)
-        parts[f"M{side}"] = numbers(f"{place}.K", matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]])
-        parts[f"D{side}"] = numbers(f"{place}.RadialDistortion", [*radial[:2], *tangential, *radial[2:]])
-        if size := entries.find(f"{place}.ImageSize"):
-            parts[f"size{side}"] = numbers(size.name, size.numbers(2)[::-1])
-    if unit := entries.find(f"{before}CameraParameters1.WorldUnits|{before}WorldUnits"):
-        parts["unit"] = unit
-    if turn := entries.find(f"{before}RotationOfCamera2"):
-        place_of = entries.required(f"{before}TranslationOfCamera2")
-        return [parts | pose(turn.name, turn.matrix(3, 3).T, place_of.numbers(3))]
-    whole = entries.required(f"{before}PoseCamera2.A|{before}PoseCamera2.R")
-    if whole.numbers().size == 16:
-        return [parts | pose(whole.name, whole.matrix(4, 4)[:3, :3], whole.matrix(4, 4)[:3, 3])]
-    place_of = entries.required(f"{before}PoseCamera2.Translation")
-    return [parts | pose(whole.name, whole.matrix(3, 3), place_of.numbers(3))]
+        path = f"{prefix}CameraParameters{side}"
+        newer = entries.find(f"{path}.K")
+        matrix = newer.matrix(3, 3) if newer else entries.required(f"{path}.IntrinsicMatrix").matrix(3, 3).T
+        radial = entries.required(f"{path}.RadialDistortion").numbers()
+        tangential = entries.required(f"{path}.TangentialDistortion").numbers(2)
+        parts[f"M{side}"] = numeric_entry(f"{path}.K", matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        parts[f"D{side}"] = numeric_entry(f"{path}.RadialDistortion", [*radial[:2], *tangential, *radial[2:]])
+        if size := entries.find(f"{path}.ImageSize"):
+            parts[f"size{side}"] = numeric_entry(size.name, size.numbers(2)[::-1])
+    parts |= entries.select({"unit": f"{prefix}CameraParameters1.WorldUnits|{prefix}WorldUnits"})
+    if rotation := entries.find(f"{prefix}RotationOfCamera2"):
+        translation = entries.required(f"{prefix}TranslationOfCamera2")
+        return [parts | pose_parts(rotation.name, rotation.matrix(3, 3).T, translation.numbers(3))]
+    pose = entries.required(f"{prefix}PoseCamera2.A|{prefix}PoseCamera2.R")
+    if pose.numbers().size == 16:
+        return [parts | pose_parts(pose.name, pose.matrix(4, 4)[:3, :3], pose.matrix(4, 4)[:3, 3])]
+    translation = entries.required(f"{prefix}PoseCamera2.Translation")
+    return [parts | pose_parts(pose.name, pose.matrix(3, 3), translation.numbers(3))]
 
 
 def _matlab_for_opencv(entries: Entries) -> list[Parts]:
-    """Read the results of ``stereoParametersToOpenCV`` under their own names; the size is rows and columns."""
+    """Read the results of ``stereoParametersToOpenCV``, saved under their own names; the size is (rows, cols)."""
     parts = {"R": entries.required("rotationOfCamera2"), "T": entries.required("translationOfCamera2")}
     for side in "12":
         parts[f"M{side}"] = entries.required(f"intrinsicMatrix{side}")
         parts[f"D{side}"] = entries.required(f"distortionCoefficients{side}")
     if size := entries.find("imageSize"):
-        parts["size0"] = numbers(size.name, size.numbers(2)[::-1])
+        parts["size0"] = numeric_entry(size.name, size.numbers(2)[::-1])
     return [parts]
 
 
 def _bouguet(entries: Entries) -> list[Parts]:
-    """Read ``Calib_Results_stereo`` of the toolbox for MATLAB: focal lengths fc, centre cc, lens kc; om turns."""
+    """Read Bouguet's toolbox for MATLAB: focal lengths fc, centre cc, distortion kc, rotation om."""
     parts = {"R": entries.required("om|R"), "T": entries.required("T")}
     for side, name in (("1", "left"), ("2", "right")):
         (fx, fy), (cx, cy) = (entries.required(f"{part}_{name}").numbers(2) for part in ("fc", "cc"))
         skew = fx * (entries.number(f"alpha_c_{name}") or 0.0)
-        parts[f"M{side}"] = numbers(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]])
+        parts[f"M{side}"] = numeric_entry(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]])
         parts[f"D{side}"] = entries.required(f"kc_{name}")
-    return [parts | entries.found({"width0": "nx", "height0": "ny"})]
+    return [parts | entries.select({"width0": "nx", "height0": "ny"})]
 
 
 def _drivingstereo(entries: Entries) -> list[Parts]:
-    """Read the rectified pair; at half size the projections still hold the baseline of the full one, T the true one."""
+    """Read the rectified pair, with the baseline from T: half-size projections still hold that of the full size."""
     left, right = (entries.required(f"P_rect_{number}").projection() for number in (101, 103))
     return [
         {
-            "M1": numbers("P_rect_101", left[:, :3]),
-            "M2": numbers("P_rect_103", right[:, :3]),
-            "baseline": numbers("T_103", np.linalg.norm(entries.required("T_103").numbers(3)).reshape(1)),
+            "M1": numeric_entry("P_rect_101", left[:, :3]),
+            "M2": numeric_entry("P_rect_103", right[:, :3]),
+            "baseline": numeric_entry("T_103", np.linalg.norm(entries.required("T_103").numbers(3)).reshape(1)),
             "size0": entries.required("S_rect_101"),
         }
     ]
 
 
-_ACROSS = np.array([[1.0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
-
-
 def kitti(left: int, right: int) -> Reader:
-    """Return a reader of two cameras of KITTI: rectified, and where the file has both, as taken."""
+    """Return a reader of two cameras of KITTI: of the rectified pair, and also of the raw one if the file has both."""
 
     def read(entries: Entries) -> list[Parts]:
-        straight, raw = {}, {}
+        rectified, raw = {}, {}
         for side, number in (("1", left), ("2", right)):
             names = ("P_rect", "P", "S_rect", "K", "D", "R_rect", "S")
             of = {name: entries.match(rf"{name}_?0*{number}") for name in names}
             projection = of["P_rect"] or of["P"]
             if projection is not None:
-                straight[f"P{side}"] = projection
-                # What it says of heights and depths is less than a centimetre, and more than rows may differ here.
-                raw[f"P{side}"] = numbers(projection.name, projection.projection() * _ACROSS)
-            straight |= {"size0": size} if (size := of["S_rect"]) else {}
+                rectified[f"P{side}"] = projection
+                # The vertical and axial offsets of the cameras are below a centimetre, but exceed the row difference
+                # that a rectification may have here.
+                without_offsets = projection.projection() * [[1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]]
+                raw[f"P{side}"] = numeric_entry(projection.name, without_offsets)
+            rectified |= {"size0": size} if (size := of["S_rect"]) else {}
             found = {f"M{side}": of["K"], f"D{side}": of["D"], f"R{side}": of["R_rect"], "size0": of["S"]}
             raw |= {part: entry for part, entry in found.items() if entry is not None}
-        return [straight, raw] if {"M1", "R1", "M2", "R2", "size0"} <= set(raw) else [straight]
+        return [rectified, raw] if {"M1", "R1", "M2", "R2", "size0"} <= set(raw) else [rectified]
 
     return read
 
 
 def _rows(entries: Entries) -> list[Parts]:
-    """Read rows of numbers alone: two projections, or a camera matrix and a baseline (the learned matchers' K.txt)."""
+    """Read rows of numbers without names: two projections, or a matrix and a baseline (the learned matchers' K.txt)."""
     entries.used.update(entries)
     values = np.concatenate([entry.numbers() for entry in entries.values()])
     if values.size == 10:
-        return [{"M1": numbers("the first row", values[:9].reshape(3, 3)), "baseline": numbers("the last", values[9:])}]
+        return [
+            {
+                "M1": numeric_entry("the first row", values[:9].reshape(3, 3)),
+                "baseline": numeric_entry("the last", values[9:]),
+            }
+        ]
     if values.size >= 24 and entries["row0"].numbers().size in (4, 12):
-        halves = values[:24].reshape(2, 3, 4)
-        return [{f"P{side}": numbers(f"row{side}", one) for side, one in enumerate(halves, 1)}]
+        projections = values[:24].reshape(2, 3, 4)
+        return [{f"P{side}": numeric_entry(f"row{side}", one) for side, one in enumerate(projections, 1)}]
     raise ValueError(
         f"The calibration is {values.size} numbers without names; accepted are a camera matrix and the baseline (9 and "
         "1), or two projections (12 each)."
@@ -303,110 +308,113 @@ def _rows(entries: Entries) -> list[Parts]:
 
 
 def _orb_slam(entries: Entries) -> list[Parts]:
-    """Read cameras as taken with their rectification (ORB-SLAM2) or pose (3), else a rectified pair."""
+    """Read raw cameras with their rectification (ORB-SLAM2) or pose (ORB-SLAM3), or a rectified pair."""
     if entries.find("LEFT.K"):
-        own = Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})
-        return by_meaning(Entries(own))
-    size = entries.found(SIZE)
+        cameras = Entries({name: entry for name, entry in entries.items() if name.startswith(("LEFT", "RIGHT"))})
+        return parts_by_meaning(Entries(cameras))
+    size = entries.select(SIZE_NAMES)
     first = "Camera1" if entries.find("Camera1.fx") else "Camera"
-    way = entries.find("Stereo.T_c1_c2|Tlr")
-    if entries.find("Camera2.fx") and way is not None:
-        wide = lens_of(entries) == FISHEYE
-        cameras = camera(entries, "1", first, first, coefficients=COEFFICIENTS[wide])
-        cameras |= camera(entries, "2", "Camera2", "Camera2", coefficients=COEFFICIENTS[wide])
-        back = way.numbers().reshape(-1, 4) if way.numbers().size in (12, 16) else way.matrix(4, 4)
-        return [cameras | size | between(way.name, np.eye(4), inverted(back))]
-    bent = [name for lens in ("k1", "k2", "k3", "p1", "p2") if entries.number(name := f"{first}.{lens}")]
-    if bent:
+    right_to_left = entries.find("Stereo.T_c1_c2|Tlr")
+    if entries.find("Camera2.fx") and right_to_left is not None:
+        keys = COEFFICIENT_KEYS[lens_of(entries) == FISHEYE]
+        parts = camera_parts(entries, "1", first, first, lens_keys=keys)
+        parts |= camera_parts(entries, "2", "Camera2", "Camera2", lens_keys=keys)
+        elements = right_to_left.numbers()
+        transform = elements.reshape(-1, 4) if elements.size in (12, 16) else right_to_left.matrix(4, 4)
+        return [parts | size | relative_pose(right_to_left.name, np.eye(4), inverse(transform))]
+    distorting = [name for lens in ("k1", "k2", "k3", "p1", "p2") if entries.number(name := f"{first}.{lens}")]
+    if distorting:
         raise ValueError(
-            f"The calibration (ORB-SLAM) has a lens with distortion ({', '.join(bent)}), but neither Camera2 with "
-            "Stereo.T_c1_c2 nor LEFT.K with the rectification: its pictures cannot be rectified."
+            f"The calibration (ORB-SLAM) has a lens with distortion ({', '.join(distorting)}), but neither Camera2 "
+            "with Stereo.T_c1_c2 nor LEFT.K with the rectification: its pictures cannot be rectified."
         )
-    parts = camera(entries, "1", first, "no lens")
+    parts = camera_parts(entries, "1", first, "no lens")
     parts |= {"baseline": entries.required("Stereo.b")} if entries.find("Stereo.b") else {}
     return [parts | size | ({} if "baseline" in parts else {"product": entries.required("Camera.bf")})]
 
 
 def _vins(entries: Entries) -> list[Parts]:
-    """Read the two cameras of VINS-Fusion, each in its file, and the file with their poses."""
-    cameras = [one for one in entries.files if one.match(r"projection_parameters\.(fx|mu)")]
-    wide = lens_of(entries) == FISHEYE
+    """Read the two cameras of VINS-Fusion, each in its own file, and the file with their poses."""
+    cameras = [file for file in entries.files if file.match(r"projection_parameters\.(fx|mu)")]
+    is_fisheye = lens_of(entries) == FISHEYE
     if len(cameras) != 2:
         raise ValueError(
             f"The calibration (VINS) is of {len(cameras)} camera{'s' * (len(cameras) != 1)}; give the files of both "
             "together with the one that has body_T_cam0 and body_T_cam1."
         )
     parts: Parts = {}
-    for side, one in zip("12", cameras, strict=True):
-        if wide:
-            centre, lens = ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5")
-            parts |= camera(one, side, "projection_parameters", "projection_parameters", centre, lens)
+    for side, camera in zip("12", cameras, strict=True):
+        if is_fisheye:
+            matrix_keys, lens_keys = ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5")
+            parts |= camera_parts(
+                camera, side, "projection_parameters", "projection_parameters", matrix_keys, lens_keys
+            )
         else:
-            parts |= camera(one, side, "projection_parameters", "distortion_parameters")
-        parts |= {f"{part[:-1]}{side}": one.required(name) for part, name in SIZE.items()}
-    found = pose_in_common(entries)
-    if found is None:
+            parts |= camera_parts(camera, side, "projection_parameters", "distortion_parameters")
+        parts |= {f"{part[:-1]}{side}": camera.required(name) for part, name in SIZE_NAMES.items()}
+    pose = pose_from_common_frame(entries)
+    if pose is None:
         raise ValueError("The calibration (VINS) lacks body_T_cam0 and body_T_cam1; give the file that has them too.")
-    return [parts | found]
+    return [parts | pose]
 
 
 def _okvis(entries: Entries) -> list[Parts]:
-    """Read the first two cameras of a list, whose poses T_SC or T_BS lead out of the cameras' frames."""
+    """Read the first two cameras of a list; T_SC or T_BS are transforms from the cameras' frames into a common one."""
     parts: Parts = {}
-    for side, place in (("1", "cameras.0"), ("2", "cameras.1")):
+    for side, path in (("1", "cameras.0"), ("2", "cameras.1")):
         (fx, fy), (cx, cy) = (
-            entries.required(f"{place}.{name}").numbers(2) for name in ("focal_length", "principal_point")
+            entries.required(f"{path}.{name}").numbers(2) for name in ("focal_length", "principal_point")
         )
-        parts[f"M{side}"] = numbers(f"{place}.focal_length", [fx, fy, cx, cy])
-        parts |= entries.found(
-            {f"D{side}": f"{place}.distortion_coefficients", f"size{side}": f"{place}.image_dimension"}
+        parts[f"M{side}"] = numeric_entry(f"{path}.focal_length", [fx, fy, cx, cy])
+        parts |= entries.select(
+            {f"D{side}": f"{path}.distortion_coefficients", f"size{side}": f"{path}.image_dimension"}
         )
     poses = [entries.required(f"cameras.{number}.T_SC|cameras.{number}.T_BS").matrix(4, 4) for number in (0, 1)]
-    return [parts | between("T_SC", *map(inverted, poses))]
+    return [parts | relative_pose("T_SC", *map(inverse, poses))]
 
 
 def _basalt(entries: Entries) -> list[Parts]:
-    """Read the first two cameras, whose poses as quaternions lead out of the cameras' frames."""
+    """Read the first two cameras; their poses are transforms from the cameras' frames, with quaternions."""
     parts: Parts = {}
     poses = []
-    before = "value0." if entries.find("value0.T_imu_cam.0.px") else ""
-    wide = lens_of(entries) == FISHEYE
+    prefix = "value0." if entries.find("value0.T_imu_cam.0.px") else ""
+    keys = COEFFICIENT_KEYS[lens_of(entries) == FISHEYE]
     for side, number in (("1", 0), ("2", 1)):
-        place = f"{before}intrinsics.{number}.intrinsics"
-        parts |= camera(entries, side, place, place, coefficients=COEFFICIENTS[wide])
-        x, y, z, *turn = (
-            entries.required(f"{before}T_imu_cam.{number}.{name}").numbers(1)[0]
+        path = f"{prefix}intrinsics.{number}.intrinsics"
+        parts |= camera_parts(entries, side, path, path, lens_keys=keys)
+        x, y, z, *quaternion = (
+            entries.required(f"{prefix}T_imu_cam.{number}.{name}").numbers(1)[0]
             for name in ("px", "py", "pz", "qw", "qx", "qy", "qz")
         )
-        poses.append(rigid(turn, (x, y, z)))
-    if size := entries.find(f"{before}resolution"):
-        parts["size0"] = numbers(size.name, size.numbers()[:2])
-    return [parts | between("T_imu_cam", *map(inverted, poses))]
+        poses.append(rigid_transform(quaternion, (x, y, z)))
+    if size := entries.find(f"{prefix}resolution"):
+        parts["size0"] = numeric_entry(size.name, size.numbers()[:2])
+    return [parts | relative_pose("T_imu_cam", *map(inverse, poses))]
 
 
 def _mrpt(entries: Entries) -> list[Parts]:
     """Read both cameras; the pose is that of the right one in the left one's frame: x, y, z and a quaternion."""
     parts: Parts = {}
     for side, name in (("1", "LEFT"), ("2", "RIGHT")):
-        place = f"CAMERA_PARAMS_{name}"
-        parts |= camera(entries, side, place, "no lens")
-        parts |= entries.found({f"D{side}": f"{place}.dist", f"size{side}": f"{place}.resolution"})
-    way = entries.required("CAMERA_PARAMS_LEFT2RIGHT_POSE.pose_quaternion")
-    place_of, turn = np.split(way.numbers(7), [3])
-    return [parts | between(way.name, np.eye(4), inverted(rigid(turn, place_of)))]
+        path = f"CAMERA_PARAMS_{name}"
+        parts |= camera_parts(entries, side, path, "no lens")
+        parts |= entries.select({f"D{side}": f"{path}.dist", f"size{side}": f"{path}.resolution"})
+    pose = entries.required("CAMERA_PARAMS_LEFT2RIGHT_POSE.pose_quaternion")
+    translation, quaternion = np.split(pose.numbers(7), [3])
+    return [parts | relative_pose(pose.name, np.eye(4), inverse(rigid_transform(quaternion, translation)))]
 
 
 def _mc_calib(entries: Entries) -> list[Parts]:
-    """Read two cameras with the pose of each, which leads out of its frame; lengths are in the unit of the board."""
-    (parts,) = by_meaning(entries)
+    """Read two cameras; their poses are transforms from the cameras' frames; lengths are in the unit of the board."""
+    (parts,) = parts_by_meaning(entries)
     poses = [entries.required(f"camera_{number}.camera_pose_matrix").matrix(4, 4) for number in (0, 1)]
-    return [parts | between("camera_pose_matrix", *map(inverted, poses))]
+    return [parts | relative_pose("camera_pose_matrix", *map(inverse, poses))]
 
 
 def _dsec(entries: Entries) -> list[Parts]:
     """Read the rectified pairs of the frame cameras, 1 and 2, and of the event cameras, 0 and 3."""
     return [
-        entries.found({"Q": f"disparity_to_depth.cams_{pair}", "size0": f"intrinsics.camRect{pair[0]}.resolution"})
+        entries.select({"Q": f"disparity_to_depth.cams_{pair}", "size0": f"intrinsics.camRect{pair[0]}.resolution"})
         for pair in ("12", "03")
     ]
 
@@ -416,19 +424,19 @@ def _cityscapes(entries: Entries) -> list[Parts]:
     (parts,) = named(focal="intrinsic.fx", baseline="extrinsic.baseline", cx="intrinsic.u0", cy="intrinsic.v0")(entries)
     centre = [parts[name].numbers(1)[0] for name in ("cx", "cy") if name in parts]
     if len(centre) == 2 and np.abs(np.array(centre) / (1024, 512) - 1).max() < 0.1:
-        parts["size0"] = numbers("size", (2048, 1024))
+        parts["size0"] = numeric_entry("size", (2048, 1024))
     return [parts]
 
 
-FOCAL = "focal_px|fx|focal_length_px"
+FOCAL_NAMES = "focal_px|fx|focal_length_px"
 LAYOUTS = (
     Layout("ZED", (r"LEFT_CAM_\w+\.fx", r"STEREO\.Baseline"), _zed, "mm", ignored=r"MISC\..*|STEREO\..*"),
     Layout("DepthAI", (r"cameraData\.0\.0",), _depthai, "cm", ignored=".*"),
     Layout("RealSense", (r"rectified\.0\.fx", "baseline"), _realsense, "mm", ignored=".*"),
     Layout("ROS", (r".*\.camera matrix",), _ros_ini),
-    Layout("MATLAB", (r"(.*\.)?CameraParameters1\..*",), _matlab, "mm", sure=False, ignored=".*"),
-    Layout("MATLAB", ("intrinsicMatrix1", "rotationOfCamera2"), _matlab_for_opencv, "mm", sure=False),
-    Layout("MATLAB", ("fc_left", "fc_right"), _bouguet, "mm", sure=False, ignored=".*"),
+    Layout("MATLAB", (r"(.*\.)?CameraParameters1\..*",), _matlab, "mm", unit_is_fixed=False, ignored=".*"),
+    Layout("MATLAB", ("intrinsicMatrix1", "rotationOfCamera2"), _matlab_for_opencv, "mm", unit_is_fixed=False),
+    Layout("MATLAB", ("fc_left", "fc_right"), _bouguet, "mm", unit_is_fixed=False, ignored=".*"),
     Layout("DrivingStereo", ("P_rect_101", "P_rect_103", "T_103"), _drivingstereo, ignored=r"\w+_10[13]|corner_dist"),
     Layout(
         "ORB-SLAM",
@@ -445,14 +453,14 @@ LAYOUTS = (
     Layout("OKVIS", (r"cameras\.0\.focal_length", r"cameras\.1\.T_(SC|BS)"), _okvis, ignored=".*"),
     Layout("Basalt", (r"(value0\.)?T_imu_cam\.1\.px",), _basalt, ignored=".*"),
     Layout("MRPT", (r"CAMERA_PARAMS_LEFT2RIGHT_POSE\..*",), _mrpt, ignored=".*"),
-    Layout("MC-Calib", (r"camera_1\.camera_pose_matrix",), _mc_calib, sure=False, ignored=".*"),
+    Layout("MC-Calib", (r"camera_1\.camera_pose_matrix",), _mc_calib, unit_is_fixed=False, ignored=".*"),
     Layout("DSEC", (r"disparity_to_depth\.cams_12",), _dsec, ignored=".*"),
     *(
         Layout(
             "JSON",
-            (FOCAL, *marks),
+            (FOCAL_NAMES, *marks),
             named(
-                focal=FOCAL,
+                focal=FOCAL_NAMES,
                 baseline=baseline,
                 doffs="doffs_px|doffs",
                 cx="cx|cx0",
@@ -480,7 +488,7 @@ LAYOUTS = (
         Layout("KITTI", tuple(mark.format(number) for number in both), kitti(*both), ignored=r"[A-Za-z]\w*")
         for mark, both in (("P_rect_0?{}", (2, 3)), ("P_?0*{}", (2, 3)), ("P_rect_0?{}", (0, 1)))
     ),
-    Layout("rows", ("row0",), _rows, sure=False),
-    Layout("OpenCV", (), by_meaning, sure=False, ignored=r"(header|roi|stamp)\..*|binning_[xy]"),
+    Layout("rows", ("row0",), _rows, unit_is_fixed=False),
+    Layout("OpenCV", (), parts_by_meaning, unit_is_fixed=False, ignored=r"(header|roi|stamp)\..*|binning_[xy]"),
 )
-"""The layouts, tried in this order. What is in none of the others is read by the meaning of its names."""
+"""The layouts, tried in this order. The last one matches every file, and reads it by the meaning of its names."""

@@ -1,9 +1,10 @@
-"""The parts of a calibration, named as in OpenCV: built from what files hold, and told by what names mean."""
+"""The parts of a calibration, named as in OpenCV, and the many names that files use for them."""
 
 from __future__ import annotations
 
 import difflib
 import re
+from collections import ChainMap
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -13,71 +14,73 @@ from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found
 from stereolag.io.sources import quote
 
 Parts: TypeAlias = dict[str, Entry]
-"""Entries by OpenCV's names, ``M1`` for the left camera matrix, ``M2`` for the right one, with ``M0`` for that of the
-only camera in a file: M, D, R, P, and in the same way size, width and height. R, T and Q are of both. Of a rectified
-pair: focal (or M1) and baseline (or product, that of both), and if known doffs, cx, cx2, cy. Besides: lens,
-unit, and most, the number of disparities."""
+"""Entries by OpenCV's names: M, D, R, P of each camera, and in the same way size, width and height, with 1 for the left
+camera (``M1``), 2 for the right one and 0 for the only camera in a file; R, T and Q of both. Of a rectified pair: focal
+(or M1) and baseline (or product, focal length × baseline), and if known doffs, cx, cx2, cy. Also: lens, unit and
+num_disparities."""
 
-SIZE = {"width0": "width|image_width|camera.width", "height0": "height|image_height|camera.height"}
-MOST = "num_disparities|max_disparity|ndisp"
-COEFFICIENTS = {False: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), True: ("k1", "k2", "k3", "k4")}
-"""Names of the coefficients of a lens given as single numbers, by whether it is a fisheye."""
+SIZE_NAMES = {"width0": "width|image_width|camera.width", "height0": "height|image_height|camera.height"}
+NUM_DISPARITIES_NAMES = "num_disparities|max_disparity|ndisp"
+COEFFICIENT_KEYS = {False: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), True: ("k1", "k2", "k3", "k4")}
+"""Keys of the coefficients of a lens given as single numbers, by whether it is a fisheye."""
 
 
-def numbers(name: str, values: Any) -> Entry:
-    """Return an entry with numbers made from others."""
+def numeric_entry(name: str, values: Any) -> Entry:
+    """Return an entry with computed numbers."""
     return Entry(name, np.asarray(values, dtype=np.float64))
 
 
-def camera(
+def camera_parts(
     entries: Entries,
     side: str,
     matrix: str,
     lens: str,
-    centre: Sequence[str] = ("fx", "fy", "cx", "cy"),
-    coefficients: Sequence[str] = COEFFICIENTS[False],
+    matrix_keys: Sequence[str] = ("fx", "fy", "cx", "cy"),
+    lens_keys: Sequence[str] = COEFFICIENT_KEYS[False],
 ) -> Parts:
-    """Return the matrix of a camera and its lens from single numbers below two headings."""
-    fx, fy, cx, cy = (float(entries.required(f"{matrix}.{name}").numbers(1)[0]) for name in centre)
-    parts = {f"M{side}": numbers(matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])}
-    names = [f"{lens}.{name}" for name in coefficients]
+    """Return a camera's matrix and distortion from single numbers, ``matrix.fx`` and so on, and ``lens.k1`` and so on.
+
+    If the file has any coefficient, it must have the first two; others that it lacks are 0.
+    """
+    fx, fy, cx, cy = (float(entries.required(f"{matrix}.{name}").numbers(1)[0]) for name in matrix_keys)
+    parts = {f"M{side}": numeric_entry(matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])}
+    names = [f"{lens}.{name}" for name in lens_keys]
     if any(entries.find(name) for name in names):
         for name in names[:2]:
             entries.required(name)
-        found = [entries.number(name) or 0.0 for name in names]
-        parts[f"D{side}"] = numbers(lens, found)
+        parts[f"D{side}"] = numeric_entry(lens, [entries.number(name) or 0.0 for name in names])
     return parts
 
 
-def pose(name: str, turn: Matrix, place: Matrix) -> Parts:
-    """Return R and T: a point at x in the left camera's frame is at ``turn @ x + place`` in the right one's."""
-    return {"R": numbers(name, turn), "T": numbers(name, place)}
+def pose_parts(name: str, rotation: Matrix, translation: Matrix) -> Parts:
+    """Return R and T: a point at x in the left camera's frame is at ``R @ x + T`` in the right one's."""
+    return {"R": numeric_entry(name, rotation), "T": numeric_entry(name, translation)}
 
 
-def between(name: str, left: Matrix, right: Matrix) -> Parts:
-    """Return R and T from the (4, 4) or (3, 4) transforms of one frame into those of both cameras."""
-    turn = right[:3, :3] @ left[:3, :3].T
-    return pose(name, turn, right[:3, 3] - turn @ left[:3, 3])
+def relative_pose(name: str, left: Matrix, right: Matrix) -> Parts:
+    """Return R and T from the (4, 4) or (3, 4) transforms of a common frame into those of the two cameras."""
+    rotation = right[:3, :3] @ left[:3, :3].T
+    return pose_parts(name, rotation, right[:3, 3] - rotation @ left[:3, 3])
 
 
-def rigid(turn: Sequence[float] | Matrix, place: Sequence[float] | Matrix) -> Matrix:
-    """Return the (3, 4) transform that turns by a quaternion (w, x, y, z) and then moves."""
-    w, x, y, z = np.asarray(turn) / (np.linalg.norm(turn) or 1.0)
+def rigid_transform(quaternion: Sequence[float] | Matrix, translation: Sequence[float] | Matrix) -> Matrix:
+    """Return the (3, 4) transform that rotates by a quaternion (w, x, y, z) and then translates."""
+    w, x, y, z = np.asarray(quaternion) / (np.linalg.norm(quaternion) or 1.0)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.column_stack((np.eye(3) + 2 * (w * cross + cross @ cross), place))
+    return np.column_stack((np.eye(3) + 2 * (w * cross + cross @ cross), translation))
 
 
-def inverted(transform: Matrix) -> Matrix:
+def inverse(transform: Matrix) -> Matrix:
     """Return the (3, 4) inverse of a rigid transform."""
-    turn = transform[:3, :3].T
-    return np.column_stack((turn, -turn @ transform[:3, 3]))
+    rotation = transform[:3, :3].T
+    return np.column_stack((rotation, -rotation @ transform[:3, 3]))
 
 
 # The parts by name. The names in a file are split into words, since ``leftCameraMatrix``, ``camera_matrix_left`` and
-# ``mtxL`` mean one part: a word may give the side (left, L, 0, 1, …), words such as "camera" are ignored, and the rest
-# names the part.
+# ``mtxL`` all mean the same part: a word may give the side (left, L, 0, 1, …), words such as "camera" are ignored, and
+# the rest names the part.
 
-_OF_ONE_CAMERA = {
+_CAMERA_PART_NAMES = {
     "M": "k m a mtx mat cm matrix cammatrix intrinsic intrinsics intrinsicmatrix intrinsicsmatrix",
     "D": "d dfe dist distortion distortions distcoeff distcoeffs distcoef distcoefs distcoefficients distvec "
     "distortioncoeff distortioncoeffs distortioncoefficient distortioncoefficients coeffs "
@@ -89,87 +92,94 @@ _OF_ONE_CAMERA = {
     "width": "width imagewidth imgwidth imagesizewidth resolutionwidth w",
     "height": "height imageheight imgheight imagesizeheight resolutionheight h",
 }
-_OF_BOTH = {
+_PAIR_PART_NAMES = {
     "R": "r rot rotation rotmat rotmatrix rotationmatrix rmat rmatrix rvec om",
     "T": "t trans trns translation translationvector translationmatrix tvec tvector transvector",
     "Q": "q qmatrix disparitytodepth disparitytodepthmatrix reprojectionmatrix",
 }
-_ONE, _BOTH = (
-    {name: part for part, names in parts.items() for name in names.split()} for parts in (_OF_ONE_CAMERA, _OF_BOTH)
+_CAMERA_PARTS, _PAIR_PARTS = (
+    {name: part for part, names in parts.items() for name in names.split()}
+    for parts in (_CAMERA_PART_NAMES, _PAIR_PART_NAMES)
 )
-_SAYING_NOTHING = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params", "extrinsics"}
+_FILLER_WORDS = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params", "extrinsics"}
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 FISHEYE = "fisheye"
-_LENSES = {
+_LENS_MODEL_NAMES = {
     "": "none pinhole perspective rectified opencv",
     "pinhole": "plumbbob rationalpolynomial radtan radialtangential brown brownconrady pinholeradtan "
     "radialtangential8 pinholeradtan8",
     FISHEYE: "fisheye equidistant equi kannalabrandt kannalabrandt4 kannalabrandt8 kb4 opencvfisheye pinholeequi",
 }
-"""Models of lenses by their names in files, without marks; "" leaves the distortion open."""
-_LENS = {name: lens for lens, names in _LENSES.items() for name in names.split()}
-_OTHER_LENSES = "omni mei unified ucm eucm ds doublesphere fov scaramuzza ocam thinprism thinprismfisheye"
-_LENS_STATED = {
+"""Names of lens models in files, normalised; "" is for names that say nothing about the distortion."""
+
+_LENS_MODELS = {name: lens for lens, names in _LENS_MODEL_NAMES.items() for name in names.split()}
+_UNSUPPORTED_LENS_MODELS = "omni mei unified ucm eucm ds doublesphere fov scaramuzza ocam thinprism thinprismfisheye"
+_LENS_KEYS = {
     "distortionmodel", "distortiontype", "cameramodel", "modeltype", "lensmodel", "projectionmodel", "cameratype"
 }  # fmt: skip
-_LENS_PERHAPS = {"model", "type", "lens", "camera", "lenstype"}
-"""The last words of names of entries with a model of lenses, and of those that may mean something else."""
+"""Keys of entries that name a lens model."""
 
-_WITHOUT_EFFECT = (
+_AMBIGUOUS_LENS_KEYS = {"model", "type", "lens", "camera", "lenstype"}
+"""Keys of entries that may name a lens model, or mean something else."""
+
+_IRRELEVANT_NAMES = (
     "e f rms stereolag cameraname comment calibtime calibrationtime date fileversion lengthunit unit units worldunits "
     "version camoverlaps rostopic sensortype ratehz depthrange avgreprojectionerror reprojectionerror timeshiftcamimu "
     "frameid sec nsec ret retval"
 )
-"""Names that are known not to describe the cameras, or are read elsewhere."""
+"""Keys of entries that do not describe the cameras, or are read elsewhere."""
 
 
-def _plain(name: str) -> str:
+def _normalised(name: str) -> str:
+    """Return the lower-case letters and digits of a name."""
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
-def _last_words(name: str) -> str:
-    """Return the last part of a dotted name in plain letters; with what is before it where that is too short to say."""
+def _key_of(name: str) -> str:
+    """Return the last part of a dotted name, normalised; the last two if it is "type", which alone is ambiguous."""
     *before, last = name.split(".")
-    return _plain(before[-1] + last if before and last.lower() == "type" else last)
+    return _normalised(before[-1] + last if before and last.lower() == "type" else last)
 
 
 def lens_of(entries: Entries) -> str:
-    """Return the model of both lenses that the files declare: "pinhole", :data:`FISHEYE`, or "" for none.
+    """Return the model of both lenses that the files declare: "pinhole", :data:`FISHEYE`, or "" if they declare none.
 
     Raises
     ------
     ValueError
-        Another model, which is named, or two of them.
+        An unsupported model, or two different models.
     """
     found: dict[str, str] = {}
-    for one in entries.files:
-        for name, entry in one.items():
-            key, value = _last_words(name), _plain(entry.text())
-            stated = key in _LENS_STATED
+    for file in entries.files:
+        for name, entry in file.items():
+            key, value = _key_of(name), _normalised(entry.text())
+            is_lens = key in _LENS_KEYS
             if key in (FISHEYE, "isfisheye"):
                 value = FISHEYE if value in ("1", "true", "yes") else "none"
             elif "mappingcoefficients" in key:
-                value, stated = "scaramuzza", True
-            elif key in ("dleftfe", "drightfe"):  # as Stereolabs' calibration names the lenses of fisheyes
-                value, stated = FISHEYE, True
+                value, is_lens = "scaramuzza", True
+            elif key in ("dleftfe", "drightfe"):  # Stereolabs' names for the coefficients of fisheyes
+                value, is_lens = FISHEYE, True
             elif key == "distortiontype":  # which MC-Calib numbers
                 value = {"0": "brown", "1": FISHEYE}.get(value, value)
-            elif not stated and not (key in _LENS_PERHAPS and value in {*_LENS, *_OTHER_LENSES.split()}):
+            elif not is_lens and not (
+                key in _AMBIGUOUS_LENS_KEYS and value in {*_LENS_MODELS, *_UNSUPPORTED_LENS_MODELS.split()}
+            ):
                 continue
             if value.isdecimal() and key == "cameratype":  # DepthAI's number, which its layout reads
                 continue
-            one.used.add(name)
-            if value not in _LENS:
-                said = entry.text() if isinstance(entry.value, str) else value
+            file.used.add(name)
+            if value not in _LENS_MODELS:
+                given = entry.text() if isinstance(entry.value, str) else value
                 raise ValueError(
-                    f"The calibration has {quote(said)} for {quote(name)}, a model of lenses that is not read here; "
+                    f"The calibration has {quote(given)} for {quote(name)}, a model of lenses that is not read here; "
                     "allowed are pinhole (plumb_bob, radtan, rational_polynomial) and fisheye (equidistant, "
                     "kannala_brandt4)."
                 )
-            if _LENS[value]:
-                found[_LENS[value]] = name
+            if _LENS_MODELS[value]:
+                found[_LENS_MODELS[value]] = name
     if len(found) > 1:
         raise ValueError(
             f"The calibration declares a pinhole and a fisheye ({names_found(found.values())}); both must be the same."
@@ -177,35 +187,36 @@ def lens_of(entries: Entries) -> str:
     return next(iter(found), "")
 
 
-_POSES = (
+_COMMON_FRAME_POSES = (
     ("body_T_cam0", "body_T_cam1", True),
     ("cam0.T_cam_imu", "cam1.T_cam_imu", False),
     ("cam0.T_imu_cam", "cam1.T_imu_cam", True),
     ("cam0.T_BS", "cam1.T_BS", True),
 )
-"""Transforms of both cameras, and whether they lead out of the cameras' frames: VINS, Kalibr, OpenVINS and EuRoC."""
+"""Names of the poses of the left and the right camera in a common frame (VINS, Kalibr, OpenVINS and EuRoC), and whether
+they are transforms from the cameras' frames rather than into them."""
 
 
-def pose_in_common(entries: Entries) -> Parts | None:
-    """Return R and T if both cameras' poses are given in one frame."""
-    neighbour = entries.find("cam1.T_cn_cnm1")
-    given = [(entries.find(left), entries.find(right), outwards) for left, right, outwards in _POSES]
-    if neighbour is not None:
-        return between(neighbour.name, np.eye(4), neighbour.matrix(4, 4))
-    for (_, right, _), (one, other, outwards) in zip(_POSES, given, strict=True):
-        if one is not None and other is not None:
-            both = one.matrix(4, 4), other.matrix(4, 4)
-            return between(right, *(map(inverted, both) if outwards else both))
+def pose_from_common_frame(entries: Entries) -> Parts | None:
+    """Return R and T from the cameras' poses in a common frame; None if the file has no such poses."""
+    from_left = entries.find("cam1.T_cn_cnm1")
+    poses = [(entries.find(left), entries.find(right), right, out) for left, right, out in _COMMON_FRAME_POSES]
+    if from_left is not None:
+        return relative_pose(from_left.name, np.eye(4), from_left.matrix(4, 4))
+    for left, right, right_name, from_camera in poses:
+        if left is not None and right is not None:
+            both = left.matrix(4, 4), right.matrix(4, 4)
+            return relative_pose(right_name, *(map(inverse, both) if from_camera else both))
     return None
 
 
 def _parts_of(entries: Entries) -> Parts:
-    """Return the parts meant by the names in a file; of two names for one part, the first counts."""
-    named = [(entry, *meaning) for name, entry in entries.items() if (meaning := _meaning(name)) is not None]
-    numbers = "01" if any(side == "0" for _, _, side in named) else "12"
-    sides = {"both": "", "lone": "0", "left": "1", "right": "2", numbers[0]: "1", numbers[1]: "2"}
+    """Return the parts of a file by the meaning of its names; of two names for one part, the first counts."""
+    meant = [(entry, *meaning) for name, entry in entries.items() if (meaning := _meaning(name)) is not None]
+    left, right = "01" if any(side == "0" for _, _, side in meant) else "12"
+    sides = {"both": "", "lone": "0", "left": "1", "right": "2", left: "1", right: "2"}
     parts: Parts = {}
-    for entry, part, side in named:
+    for entry, part, side in meant:
         is_other = part == "M" and np.size(entry.value) not in (4, 9)
         if side in sides and not is_other and not (part == "P" and isinstance(entry.value, str)):
             entries.used.add(entry.name)
@@ -220,81 +231,85 @@ def _meaning(name: str) -> tuple[str, str] | None:
     """Return the part that a name means and its side, or the number of its camera; None if unknown."""
     # Two letters such as KL, DR and Kl are a part and its side.
     split = [[*word] if re.fullmatch("[KMADPR][LRlr]", word) else [word] for word in _WORDS.findall(name[:80])]
-    words = [word.lower().replace("camera", "") for one in split for word in one]
-    telling = [word for word in words if word not in _SAYING_NOTHING]
-    rest = "".join(telling)
-    if rest in _BOTH:
-        return _BOTH[rest], "both"
-    for place, word in enumerate(telling):
-        others = "".join(telling[:place] + telling[place + 1 :])
-        if (word in _SIDES or word.isdecimal()) and others in _ONE:
-            return _ONE[others], _SIDES.get(word, word.lstrip("0") or "0")
-    return (_ONE[rest], "lone") if rest in _ONE else None
+    plain = [word.lower().replace("camera", "") for words in split for word in words]
+    words = [word for word in plain if word not in _FILLER_WORDS]
+    joined = "".join(words)
+    if joined in _PAIR_PARTS:
+        return _PAIR_PARTS[joined], "both"
+    for index, word in enumerate(words):
+        others = "".join(words[:index] + words[index + 1 :])
+        if (word in _SIDES or word.isdecimal()) and others in _CAMERA_PARTS:
+            return _CAMERA_PARTS[others], _SIDES.get(word, word.lstrip("0") or "0")
+    return (_CAMERA_PARTS[joined], "lone") if joined in _CAMERA_PARTS else None
 
 
-def by_meaning(entries: Entries) -> list[Parts]:
-    """Return the combined parts of files that belong together, by what their names mean.
+def parts_by_meaning(entries: Entries) -> list[Parts]:
+    """Return the combined parts of files that belong together, by the meaning of their names, as the only item.
 
-    Two files with one camera each are the left and the right one: by their projections (ROS), by their poses (EuRoC),
-    by the cameras' names, or in the given order. ROS and whoever gives poses as transforms write metres.
+    ROS and all who give poses as transforms write metres.
     """
     files = entries.files
-    found = [_parts_of(one) | _single_numbers(one) for one in files]
+    found = [_parts_of(file) | _single_numbers(file) for file in files]
     lone = [n for n, parts in enumerate(found) if {"M0", "P0"} & set(parts) and not {"M1", "M2"} & set(parts)]
     if len(lone) > 2:
         raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
-    metric = bool(lone) and all("P0" in found[n] for n in lone)
-    shifts = [found[n]["P0"].projection()[0, 3] for n in lone] if metric else []
-    title = files[lone[0]].find("camera_name") if len(lone) == 2 else None
-    right_first = title is not None and "right" in title.text().lower()
-    if len(shifts) == 1 or len(set(shifts)) == 2:
-        right_first = shifts[0] < (0, *shifts[1:])[-1]
+    in_metres = bool(lone) and all("P0" in found[n] for n in lone)
+    right_first = _is_right_first([files[n] for n in lone], [found[n] for n in lone])
     poses = Entries(*files)
-    bodies = [body.matrix(4, 4) for n in lone if (body := files[n].find("T_BS"))]
-    if len(bodies) == 2:
-        across, down, _ = between("", *map(inverted, bodies))["T"].numbers()
-        right_first = across > abs(down)
     for n, side in zip(lone, "21" if right_first else "12", strict=False):
         found[n] = {part.replace("0", side): entry for part, entry in found[n].items()}
         if body := files[n].find("T_BS"):
             poses[f"cam{int(side) - 1}.T_BS"] = body
-    parts: Parts = {}
-    for one in found:
-        parts = one | parts
-    if "R" not in parts and (known := pose_in_common(poses)) is not None:
+    parts = dict(ChainMap(*found))  # of two files with the same part, the first counts
+    if "R" not in parts and (known := pose_from_common_frame(poses)) is not None:
         parts |= known
-        metric = True
+        in_metres = True
     if len(lone) == 1:
         _complete_projections(parts, files[lone[0]])
-    if "T" in parts and parts["T"].numbers().size in (12, 16):  # the whole transform
-        whole = parts["T"].numbers().reshape(-1, 4)
-        parts |= pose(parts["T"].name, whole[:3, :3], whole[:3, 3])
+    if "T" in parts and parts["T"].numbers().size in (12, 16):  # rotation and translation
+        transform = parts["T"].numbers().reshape(-1, 4)
+        parts |= pose_parts(parts["T"].name, transform[:3, :3], transform[:3, 3])
     elif "R" in parts and np.shape(parts["R"].value) == (9,) and entries.match(r"(.*\.)?ppx"):
-        # RealSense, whose flat rotations go down the columns.
-        parts["R"] = numbers(parts["R"].name, parts["R"].matrix(3, 3).T)
-    if metric:
+        # RealSense, which lists the elements of rotations by columns.
+        parts["R"] = numeric_entry(parts["R"].name, parts["R"].matrix(3, 3).T)
+    if in_metres:
         parts["unit"] = Entry("unit", "m")
-    elif unit := entries.find("length_unit|world_units|unit|units"):
-        parts["unit"] = unit
-    if most := entries.find(MOST):
-        parts["most"] = most
-    return [parts]
+    else:
+        parts |= entries.select({"unit": "length_unit|world_units|unit|units"})
+    return [parts | entries.select({"num_disparities": NUM_DISPARITIES_NAMES})]
+
+
+def _is_right_first(files: Sequence[Entries], parts: Sequence[Parts]) -> bool:
+    """Return whether the first of up to two files with one camera each has the right camera.
+
+    That is known from their poses (EuRoC), from their projections (ROS), or from the first camera's name.
+    """
+    camera_name = files[0].find("camera_name") if len(files) == 2 else None
+    right_first = camera_name is not None and "right" in camera_name.text().lower()
+    shifts = [one["P0"].projection()[0, 3] for one in parts] if all("P0" in one for one in parts) else []
+    if len(shifts) == 1 or len(set(shifts)) == 2:
+        right_first = bool(shifts[0] < (0, *shifts[1:])[-1])
+    bodies = [body.matrix(4, 4) for file in files if (body := file.find("T_BS"))]
+    if len(bodies) == 2:
+        across, down, _ = relative_pose("", *map(inverse, bodies))["T"].numbers()
+        right_first = bool(across > abs(down))
+    return right_first
 
 
 def _single_numbers(entries: Entries) -> Parts:
-    """Return the cameras that a file gives as single numbers below its side's name: ``left.fx``."""
+    """Return the cameras that a file gives as single numbers below the name of a side: ``left.fx``."""
     parts: Parts = {}
     for side, names in (("1", "left|cam0|camera0|left_camera"), ("2", "right|cam1|camera1|right_camera")):
         for name in names.split("|"):
-            for place in (name, f"{name}.intrinsics", f"{name}.intrinsic"):
-                for centre in (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy")):
-                    if all(entries.find(f"{place}.{one}") for one in centre):
-                        parts |= camera(entries, side, place, place, centre)
+            for path in (name, f"{name}.intrinsics", f"{name}.intrinsic"):
+                for keys in (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy")):
+                    if all(entries.find(f"{path}.{key}") for key in keys):
+                        parts |= camera_parts(entries, side, path, path, keys)
     return parts
 
 
 def _complete_projections(parts: Parts, entries: Entries) -> None:
-    """Derive the projection of the left camera if only that of the right one is given (ROS)."""
+    """Derive the projection of the left camera if a file of one camera has only that of the right one (ROS)."""
     if "P2" in parts and "P1" not in parts:
         parts["P1"] = Entry(parts["P2"].name, parts["P2"].projection() * [[1, 1, 1, 0]])
     elif "P1" in parts:
@@ -309,23 +324,23 @@ def _complete_projections(parts: Parts, entries: Entries) -> None:
         )
 
 
-MOST_COMPARED = 100
-"""Most names without effect that are compared with the known ones: a file of nothing but such takes seconds."""
+MAX_COMPARED_NAMES = 100
+"""Maximum number of unused names that are compared with the known ones: comparing thousands takes seconds."""
 
 
-def unused(entries: Entries, ignored: str) -> list[str]:
-    """Return the names that have no effect although nothing says so, the likely misspelt ones first.
+def unused_names(entries: Entries, ignored: str) -> list[str]:
+    """Return the names that have no effect unexpectedly, those that are probably misspelt first.
 
-    Of names that fit the pattern `ignored` that is known.
+    Names that match the pattern `ignored` are expected to have none.
     """
-    known = [*_ONE, *_BOTH]
-    left = [
+    known = [*_CAMERA_PARTS, *_PAIR_PARTS]
+    unused = [
         name
         for name in entries
         if name not in entries.used
-        and _last_words(name) not in _WITHOUT_EFFECT.split()
+        and _key_of(name) not in _IRRELEVANT_NAMES.split()
         and not re.fullmatch(ignored, name, re.IGNORECASE)
     ]
-    if len(left) > MOST_COMPARED:
-        return left
-    return sorted(left, key=lambda name: not difflib.get_close_matches(_last_words(name), known, cutoff=0.85))
+    if len(unused) > MAX_COMPARED_NAMES:
+        return unused
+    return sorted(unused, key=lambda name: not difflib.get_close_matches(_key_of(name), known, cutoff=0.85))

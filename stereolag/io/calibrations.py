@@ -1,7 +1,8 @@
 """Calibrations of stereo cameras: read in the layouts of many makers, written in those of OpenCV, ROS and this project.
 
-A file is read in three steps: its notation into entries by name (:mod:`stereolag.io.calibration_files`); the entries
-into parts, by the layout they are in (:mod:`stereolag.io.calibration_layouts`); the parts into a calibration.
+A file is read in three steps: its text or arrays are parsed into entries by name
+(:mod:`stereolag.io.calibration_files`); its layout turns the entries into parts
+(:mod:`stereolag.io.calibration_layouts`); the parts make a calibration.
 """
 
 from __future__ import annotations
@@ -14,34 +15,33 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from stereolag.geometry.calibration import LARGEST_ROW_DIFFERENCE_PX, UNITS, Calibration, Rectification, StereoRig
-from stereolag.geometry.rectification import rectification, rectified_calibration
+from stereolag.geometry.calibration import MAX_ROW_DIFFERENCE_PX, UNITS, Calibration, Rectification, StereoRig
+from stereolag.geometry.rectification import rectification_for, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
 from stereolag.io.calibration_layouts import Layout, layout_of
-from stereolag.io.calibration_parts import FISHEYE, Parts, lens_of, unused
+from stereolag.io.calibration_parts import FISHEYE, Parts, lens_of, unused_names
 from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 
 CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npz", "mat", "conf", "ini")
 
-USUAL_SIZE = (1280, 720)
-"""Of the sizes that a camera takes pictures in, the one that its calibration is for until pictures are known."""
+DEFAULT_MODE_SIZE = (1280, 720)
+"""Size of pictures whose calibration is returned for a camera with several sizes; `modes` has the others."""
 
-_IN_WORDS = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
-_NEEDED = {"M1": "left camera matrix", "M2": "right camera matrix", "R": "rotation", "T": "translation"}
+_UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
+_REQUIRED_PARTS = {"M1": "left camera matrix", "M2": "right camera matrix", "R": "rotation", "T": "translation"}
 
 
 def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Calibration:
     """Read the calibration of a stereo camera.
 
-    Read are the layouts of :data:`stereolag.io.calibration_layouts.LAYOUTS`, recognised by their content: ZED's
-    ``SN*.conf``, DepthAI (OAK), RealSense, ROS (YAML, ``ost.txt``), MATLAB (structs as JSON or MAT), Middlebury, KITTI
-    (the colour cameras 2 and 3, which took the images of its stereo benchmarks, before the grey 0 and 1),
-    DrivingStereo, Cityscapes, DSEC, ORB-SLAM, VINS, OKVIS, Basalt, MRPT, MC-Calib, cvkit, ``K.txt``, stereodemo; JSON
-    with ``focal_px`` and ``baseline_m``;
-    and YAML, XML, JSON, NPZ or MAT with both cameras (M1, D1, M2, D2, R, T and the other usual names, Kalibr's among
-    them) or the rectified pair (Q, or P1 and P2). Lenses are pinholes with OpenCV's distortion, or fisheyes that the
-    file declares as such (``cv2.fisheye``, Kalibr's equidistant).
+    The layouts of :data:`stereolag.io.calibration_layouts.LAYOUTS` are recognised by their content: ZED's ``SN*.conf``,
+    DepthAI (OAK), RealSense, ROS (YAML, ``ost.txt``), MATLAB (structs as JSON or MAT), Middlebury, KITTI (the colour
+    cameras 2 and 3, which took the images of its stereo benchmarks, before the grey 0 and 1), DrivingStereo,
+    Cityscapes, DSEC, ORB-SLAM, VINS, OKVIS, Basalt, MRPT, MC-Calib, cvkit, ``K.txt``, stereodemo; JSON with
+    ``focal_px`` and ``baseline_m``; and YAML, XML, JSON, NPZ or MAT with both cameras (M1, D1, M2, D2, R, T and other
+    common names, such as Kalibr's) or the rectified pair (Q, or P1 and P2). Lenses are pinholes with OpenCV's
+    distortion, or fisheyes that the file declares as such (``cv2.fisheye``, Kalibr's equidistant).
 
     Parameters
     ----------
@@ -49,15 +49,15 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
         Paths, bytes or binary file objects: one file, or several that belong together (``intrinsics.yml`` and
         ``extrinsics.yml`` of OpenCV, the two cameras of ROS).
     length_unit_m
-        The unit of length, in metres, of files that neither state it nor have one by their layout: 0.001 if the
+        The unit of length, in metres, of files whose unit is neither stated nor fixed by their layout: 0.001 if the
         squares of the chessboard were measured in millimetres. None: metres, and millimetres for MATLAB.
 
     Returns
     -------
     calibration
-        With its ``rig`` if the file has both cameras before rectification, and their rectification within that if the
-        file states it (R1, R2 with P1, P2 or Q). ``notes`` says what was assumed, and which names have no effect;
-        ``modes`` holds those for other sizes of pictures.
+        With its ``rig`` if the file has both cameras before rectification, and their rectification in the rig if the
+        file states it (R1, R2 with P1, P2 or Q). ``notes`` names assumptions, and names without effect; ``modes`` holds
+        the calibrations for other sizes of pictures.
 
     Raises
     ------
@@ -79,22 +79,24 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     entries = Entries(*(parse_entries(read_bytes(source, "calibration")) for source in sources))
     layout = layout_of(entries)
     lens = lens_of(entries)
-    every = layout.read(entries)
-    idle = unused(entries, layout.ignored)
+    all_parts = layout.read(entries)
+    unused = unused_names(entries, layout.ignored)
     modes, problem = [], None
-    for parts in every:
+    for parts in all_parts:
         try:
-            modes.append(_calibration(layout, entries, parts, lens, idle, length_unit_m))
+            modes.append(_calibration(layout, entries, parts, lens, unused, length_unit_m))
         except ValueError as error:
             problem = problem or error
     if problem is not None and not modes:
         raise problem
     if not modes:
-        raise ValueError(f"The calibration ({layout.name}) is of no size of pictures that is known here.")
-    usual = max(modes, key=lambda one: ((one.width, one.height) == USUAL_SIZE, (one.width or 0) * (len(modes) > 1)))
+        raise ValueError(f"The calibration ({layout.name}) has no size of pictures that is known here.")
+    if len(modes) == 1:
+        return modes[0]
+    default = max(modes, key=lambda mode: ((mode.width, mode.height) == DEFAULT_MODE_SIZE, mode.width or 0))
     if layout.name == "KITTI":  # the rectified pair comes first
-        usual = modes[0]
-    return replace(usual, modes=tuple(modes) if len(modes) > 1 else ())
+        default = modes[0]
+    return replace(default, modes=tuple(modes))
 
 
 def _calibration(
@@ -102,44 +104,45 @@ def _calibration(
     entries: Entries,
     parts: Parts,
     lens: str,
-    idle: Sequence[str],
+    unused: Sequence[str],
     length_unit_m: float | None,
 ) -> Calibration:
-    """Return the calibration from parts, with what was assumed."""
+    """Return the calibration from parts, with notes on what was assumed."""
     stated = _stated_unit(layout, parts)
     unit = stated or length_unit_m or UNITS[layout.unit]
     notes = []
     if stated is None and length_unit_m is None:
-        notes.append(f"The file does not state its unit of length: {_IN_WORDS[layout.unit]} are assumed.")
+        notes.append(f"The file does not state its unit of length: {_UNIT_NAMES[layout.unit]} are assumed.")
     if stated and length_unit_m not in (None, stated):
-        known = next(word for short, word in _IN_WORDS.items() if UNITS[short] == stated)
-        notes.append(f"The unit given is not used: by its format or its own words, the file is in {known}.")
-    if idle:
-        notes.append(f"Not used, since these names are unknown here: {names_found(idle)}.")
+        unit_name = next(name for symbol, name in _UNIT_NAMES.items() if UNITS[symbol] == stated)
+        notes.append(f"The given unit is not used: by its format or its content, the file is in {unit_name}.")
+    if unused:
+        notes.append(f"Not used, since these names are unknown here: {names_found(unused)}.")
     if "baseline" in parts or "product" in parts:
         if "M1" in parts and "M2" not in parts | {"cx2": 0, "doffs": 0} and layout.name == "Middlebury":
             notes.append("The file has neither doffs nor cam1: the principal points are taken to be the same.")
-        found = _straight(parts, unit)
+        calibration = _from_focal_and_baseline(parts, unit)
     else:
-        found = _from_cameras(entries, parts, lens or parts.get("lens", Entry("", "")).text(), unit, idle, notes)
-    most = parts["most"].counts(1)[0] if "most" in parts else None
-    return replace(found, num_disparities=most, notes=tuple(notes), unit_stated=stated is not None)
+        lens = lens or parts.get("lens", Entry("", "")).text()
+        calibration = _from_cameras(entries, parts, lens, unit, unused, notes)
+    count = parts["num_disparities"].counts(1)[0] if "num_disparities" in parts else None
+    return replace(calibration, num_disparities=count, notes=tuple(notes), unit_stated=stated is not None)
 
 
 def _stated_unit(layout: Layout, parts: Parts) -> float | None:
-    """Return the unit that a file states or its layout always has, in metres; None if there is none."""
+    """Return the unit that a file states or its layout fixes, in metres; None if there is none."""
     if "unit" in parts:
         text = parts["unit"].text().lower()
         plain = text.replace("meter", "metre")
-        unit = next((short for short, word in _IN_WORDS.items() if plain in (short, word, word[:-1])), None)
+        unit = next((symbol for symbol, name in _UNIT_NAMES.items() if plain in (symbol, name, name[:-1])), None)
         if unit is None:
             raise ValueError(f"The calibration has {quote(text)} as its unit of length; allowed are m, cm and mm.")
         return UNITS[unit]
-    return UNITS[layout.unit] if layout.sure else None
+    return UNITS[layout.unit] if layout.unit_is_fixed else None
 
 
-def _straight(parts: Parts, unit_m: float) -> Calibration:
-    """Return the calibration of a rectified pair from its focal length and its baseline or the product of both."""
+def _from_focal_and_baseline(parts: Parts, unit_m: float) -> Calibration:
+    """Return the calibration of a rectified pair from its focal length, and its baseline or the product of both."""
     focal, baseline, product, doffs, cx, cx2, cy, turn = (
         float(parts[part].numbers(1)[0]) if part in parts else None
         for part in ("focal", "baseline", "product", "doffs", "cx", "cx2", "cy", "turn")
@@ -165,16 +168,17 @@ def _straight(parts: Parts, unit_m: float) -> Calibration:
 
 
 def _from_projections(parts: Parts, unit_m: float) -> Calibration:
-    """Read the (3, 4) projections of a rectified pair, ``P[0, 3] = -focal * baseline`` (Geiger et al., IJRR 2013).
+    """Return the calibration of a rectified pair from its (3, 4) projections (Geiger et al., IJRR 2013).
 
-    With cameras one above the other the product is at [1, 3]: OpenCV leaves their pictures upright.
+    The right one has ``-focal * baseline`` at [0, 3], or at [1, 3] for cameras one above the other, whose pictures
+    OpenCV leaves upright.
     """
     left, right = parts["P1"].projection(), parts["P2"].projection()
     focal, (across, down, _) = float(left[0, 0]), (left[:, 3] - right[:, 3]).tolist()
     turn = 0 if abs(across) >= abs(down) else int(np.sign(down))
-    beside = np.abs((left - right)[:, :3])
-    beside[1 if turn else 0, 2] = 0.0
-    if beside.max() > LARGEST_ROW_DIFFERENCE_PX or not np.allclose(left[2, :3], (0, 0, 1)):
+    differences = np.abs((left - right)[:, :3])
+    differences[1 if turn else 0, 2] = 0.0
+    if differences.max() > MAX_ROW_DIFFERENCE_PX or not np.allclose(left[2, :3], (0, 0, 1)):
         raise ValueError(
             f"{quote(parts['P1'].name)} and {quote(parts['P2'].name)} are not of a rectified pair, whose projections "
             "differ in one centre and in the baseline alone; give both cameras (M1, D1, M2, D2, R, T) instead."
@@ -187,62 +191,67 @@ def _from_projections(parts: Parts, unit_m: float) -> Calibration:
 
 
 def _from_cameras(
-    entries: Entries, parts: Parts, lens: str, unit_m: float, idle: Sequence[str], notes: list[str]
+    entries: Entries, parts: Parts, lens: str, unit_m: float, unused: Sequence[str], notes: list[str]
 ) -> Calibration:
     """Return the calibration from the cameras' matrices, before or after rectification."""
-    how = _rectification(parts, unit_m)
+    rectification = _rectification(parts, unit_m)
     is_rectified = "Q" in parts or {"P1", "P2"} <= set(parts)
     if {"M1", "M2"} & set(parts):
-        missing = [part for part in _NEEDED if part not in parts and (how is None or part in ("M1", "M2"))]
+        missing = [
+            part for part in _REQUIRED_PARTS if part not in parts and (rectification is None or part in ("M1", "M2"))
+        ]
         if not missing:
-            _check_lenses(parts, lens, idle, notes)
-            return _predicted(_stereo_rig(parts, lens, unit_m, how))
+            _check_lenses(parts, lens, unused, notes)
+            return _calibration_of_rig(_stereo_rig(parts, lens, unit_m, rectification))
         if not is_rectified:
             raise ValueError(
                 f"The calibration has {names_found(entry.name for entry in parts.values())}, but lacks "
-                f"{', '.join(f'{_NEEDED[part]} ({part})' for part in missing)}; give the file that holds it, often "
-                "extrinsics.yml, together with this one."
+                f"{', '.join(f'{_REQUIRED_PARTS[part]} ({part})' for part in missing)}; give the file that holds it, "
+                "often extrinsics.yml, together with this one."
             )
     if {"P1", "P2"} <= set(parts):
         return _from_projections(parts, unit_m)
     if "Q" in parts:
         width, height = _image_size(parts)
-        focal, back, doffs, cx, cy = _reprojected(parts["Q"])
-        return Calibration(focal, unit_m / back, doffs / back, cx, cy, width=width, height=height)
+        focal, inverse_baseline, doffs, cx, cy = _from_q(parts["Q"])
+        return Calibration(
+            focal, unit_m / inverse_baseline, doffs / inverse_baseline, cx, cy, width=width, height=height
+        )
     names = dict.fromkeys([*(entry.name for entry in parts.values()), *entries])
-    of_makers = (
-        "OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, or JSON with focal_px and"
-    )
-    both = "both cameras (M1, D1, M2, D2, R, T), or of the rectified pair (Q, or P1 and P2)"
-    accepted = both if parts else f"{of_makers} baseline_m"
+    accepted = "both cameras (M1, D1, M2, D2, R, T), or of the rectified pair (Q, or P1 and P2)"
+    if not parts:
+        accepted = (
+            "OpenCV, ROS, Kalibr, MATLAB, ZED, OAK, RealSense, Middlebury, KITTI and others, or JSON with focal_px and "
+            "baseline_m"
+        )
     raise ValueError(
         f"The calibration holds {names_found(names)}: it is in no known format, or lacks both cameras; accepted are "
         f"files of {accepted}."
     )
 
 
-def _check_lenses(parts: Parts, lens: str, idle: Sequence[str], notes: list[str]) -> None:
-    """Refuse lenses whose coefficients are lacking although they must be there, and note what was assumed of others."""
-    lacking = [part for part in ("D1", "D2") if part not in parts or parts[part].numbers().size == 0]
-    unknown = f" Names that are unknown here: {names_found(idle)}." if idle else ""
-    empty = lens != FISHEYE and {"D1", "D2"} <= set(parts)  # as ROS writes a lens without distortion
-    if lacking and lens and not empty:
+def _check_lenses(parts: Parts, lens: str, unused: Sequence[str], notes: list[str]) -> None:
+    """Refuse lenses whose coefficients are missing although they are needed, and note assumptions about others."""
+    missing = [part for part in ("D1", "D2") if part not in parts or parts[part].numbers().size == 0]
+    unknown = f" Names that are unknown here: {names_found(unused)}." if unused else ""
+    are_empty = lens != FISHEYE and {"D1", "D2"} <= set(parts)  # as ROS writes a lens without distortion
+    if missing and lens and not are_empty:
         raise ValueError(
-            f"The calibration declares a lens ({lens}), but its distortion coefficients ({', '.join(lacking)}) are not "
+            f"The calibration declares a lens ({lens}), but its distortion coefficients ({', '.join(missing)}) are not "
             f"found.{unknown}"
         )
-    if len(lacking) == 1:
-        raise ValueError(f"The calibration has the distortion of one lens and lacks the other ({lacking[0]}).{unknown}")
-    if lacking:
+    if len(missing) == 1:
+        raise ValueError(f"The calibration has the distortion of one lens and lacks the other ({missing[0]}).{unknown}")
+    if missing:
         notes.append("The file has no distortion coefficients: both lenses are taken to be free of distortion.")
     elif not lens and any(parts[part].numbers().size == 4 for part in ("D1", "D2")):
         notes.append(
-            "Four coefficients are read as k1, k2, p1, p2; of a fisheye, add camera_model: fisheye to the file."
+            "Four coefficients are read as k1, k2, p1, p2; for a fisheye, add camera_model: fisheye to the file."
         )
 
 
-def _predicted(rig: StereoRig) -> Calibration:
-    """Return the calibration to expect after rectification, with the rig; a missing size is guessed from the centre."""
+def _calibration_of_rig(rig: StereoRig) -> Calibration:
+    """Return the expected calibration after rectification, with the rig; a missing size is guessed from the centre."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
     try:
@@ -253,29 +262,31 @@ def _predicted(rig: StereoRig) -> Calibration:
 
 
 def _image_size(parts: Parts) -> tuple[int | None, int | None]:
-    """Return the width and the height of the images, px, from whichever camera states them."""
+    """Return the width and the height of the images, px, from the first camera that states them; None if none does."""
     for side in "012":
         size, width, height = (parts.get(part + side) for part in ("size", "width", "height"))
         if size is not None:
             cols, rows = size.counts(2)
-            return (rows, cols) if _fits_better(parts, rows, cols) else (cols, rows)
+            return (rows, cols) if _is_transposed(parts, rows, cols) else (cols, rows)
         if width is not None and height is not None:
             return width.counts(1)[0], height.counts(1)[0]
     alone = [parts[part].counts(1)[0] if part in parts else None for part in ("width0", "height0")]
     return alone[0], alone[1]
 
 
-def _fits_better(parts: Parts, cols: int, rows: int) -> bool:
-    """Return whether a size fits the centre of the left camera much better than the same turned, as (rows, cols)."""
+def _is_transposed(parts: Parts, cols: int, rows: int) -> bool:
+    """Return whether a size fits the left camera's principal point much better than the size as given, transposed."""
     if "M1" not in parts or parts["M1"].numbers().size != 9:
         return False
     cx, cy = parts["M1"].matrix(3, 3)[:2, 2]
-    this, turned = (abs(2 * cx / one - 1) + abs(2 * cy / other - 1) for one, other in ((cols, rows), (rows, cols)))
-    return bool(3 * this < turned)
+    error, transposed_error = (
+        abs(2 * cx / width - 1) + abs(2 * cy / height - 1) for width, height in ((cols, rows), (rows, cols))
+    )
+    return bool(3 * error < transposed_error)
 
 
-def _reprojected(entry: Entry) -> list[float]:
-    """Return the focal length, 1 / baseline, doffs / baseline and the centre from Q of OpenCV's ``stereoRectify``."""
+def _from_q(entry: Entry) -> list[float]:
+    """Return focal length, 1 / baseline, doffs / baseline, cx and cy from the Q of OpenCV's ``stereoRectify``."""
     q = entry.matrix(4, 4)
     if q[3, 2] == 0:
         raise ValueError(
@@ -284,20 +295,20 @@ def _reprojected(entry: Entry) -> list[float]:
     return [float(value) for value in (q[2, 3], q[3, 2], q[3, 3], -q[0, 3], -q[1, 3])]
 
 
-def _stereo_rig(parts: Parts, lens: str, length_unit_m: float, how: Rectification | None) -> StereoRig:
+def _stereo_rig(parts: Parts, lens: str, length_unit_m: float, rectification: Rectification | None) -> StereoRig:
     """Return both cameras; their pose, if it is not given, follows from their rectification."""
-    if how is not None and not {"R", "T"} <= set(parts):
-        back = how.right_rotation.T
-        rotation, translation = back @ how.left_rotation, back @ np.array([-how.baseline_m, 0.0, 0.0])
+    if rectification is not None and not {"R", "T"} <= set(parts):
+        to_right = rectification.right_rotation.T
+        rotation = to_right @ rectification.left_rotation
+        translation = to_right @ np.array([-rectification.baseline_m, 0.0, 0.0])
     else:
         rotation, translation = parts["R"].numbers(), parts["T"].numbers() * length_unit_m
         if rotation.size == 3:
             rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
-    none = Entry("", np.zeros(0))
-    lenses = [parts.get(part, none).numbers() for part in ("D1", "D2")]
-    left, right = (_camera_matrix(parts[part]) for part in ("M1", "M2"))
+    empty = Entry("", np.zeros(0))
+    cameras = [(_camera_matrix(parts[f"M{side}"]), parts.get(f"D{side}", empty).numbers()) for side in "12"]
     size = _image_size(parts)
-    return StereoRig(left, lenses[0], right, lenses[1], rotation, translation, *size, how, fisheye=lens == FISHEYE)
+    return StereoRig(*cameras[0], *cameras[1], rotation, translation, *size, rectification, fisheye=lens == FISHEYE)
 
 
 def _camera_matrix(entry: Entry) -> Matrix:
@@ -313,18 +324,18 @@ def _rectification(parts: Parts, length_unit_m: float) -> Rectification | None:
     if not {"R1", "R2"} <= set(parts):
         return None
     if {"P1", "P2"} <= set(parts):
-        if parts["P2"].projection()[1, 3]:  # cameras one above the other: their pictures are turned, and rectified anew
+        if parts["P2"].projection()[1, 3]:  # one above the other: pictures are turned first, and rectified otherwise
             return None
         left, right = parts["P1"].projection().copy(), parts["P2"].projection().copy()
     elif "Q" in parts:
-        focal, back, doffs, cx, cy = _reprojected(parts["Q"])
+        focal, inverse_baseline, doffs, cx, cy = _from_q(parts["Q"])
         left = np.array([[focal, 0, cx, 0], [0, focal, cy, 0], [0, 0, 1, 0]])
         right = left.copy()
-        right[0, 2:] += doffs / back, -focal * (1 / back)
+        right[0, 2:] += doffs / inverse_baseline, -focal * (1 / inverse_baseline)
     else:
         return None
-    for one in (left, right):
-        one[:, 3] *= length_unit_m
+    for projection in (left, right):
+        projection[:, 3] *= length_unit_m
     return Rectification(parts["R1"].matrix(3, 3), parts["R2"].matrix(3, 3), left, right)
 
 
@@ -341,7 +352,7 @@ def opencv_calibration(calibration: Calibration) -> str:
     ValueError
         A calibration without a rig, or a rig without a size.
     """
-    size, matrices = _cameras(calibration)
+    size, matrices = _matrices(calibration)
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.writeComment("lengths in metres")
     storage.write("image_width", size[0])
@@ -363,17 +374,17 @@ def ros_calibration(calibration: Calibration) -> tuple[str, str]:
     ValueError
         A calibration without a rig, a rig without a size, or more distortion coefficients than ROS's models have.
     """
-    size, matrices = _cameras(calibration)
+    size, matrices = _matrices(calibration)
     if "R1" not in matrices:
         raise ValueError("ROS has no cameras one above the other: write the calibration as OpenCV's YAML or JSON.")
-    wide = calibration.rig is not None and calibration.rig.fisheye
-    return _camera_info("left", size, 1, matrices, wide), _camera_info("right", size, 2, matrices, wide)
+    fisheye = calibration.rig is not None and calibration.rig.fisheye
+    return _camera_info("left", size, 1, matrices, fisheye), _camera_info("right", size, 2, matrices, fisheye)
 
 
 def calibration_json(calibration: Calibration) -> str:
     """Return a calibration as JSON, which :func:`stereolag.read_calibration` reads back.
 
-    It has the matrices of both cameras, under OpenCV's names; or for a rectified pair ``focal_px``, ``baseline_m`` and
+    It has the matrices of both cameras under OpenCV's names, or for a rectified pair ``focal_px``, ``baseline_m`` and
     so on.
     """
     document: dict[str, object]
@@ -385,7 +396,7 @@ def calibration_json(calibration: Calibration) -> str:
             if getattr(calibration, name) is not None and (name != "turn" or calibration.turn)
         }
     else:
-        size, matrices = _cameras(calibration)
+        size, matrices = _matrices(calibration)
         document = {"image_width": size[0], "image_height": size[1], "length_unit": "m"}
         if calibration.rig.fisheye:
             document["camera_model"] = FISHEYE
@@ -397,8 +408,8 @@ def calibration_json(calibration: Calibration) -> str:
     return json.dumps(document | {"stereolag": VERSION}, indent=2) + "\n"
 
 
-def _cameras(calibration: Calibration) -> tuple[tuple[int, int], dict[str, Matrix]]:
-    """Return the size of the images, and the matrices of both cameras and of their rectification by OpenCV's names."""
+def _matrices(calibration: Calibration) -> tuple[tuple[int, int], dict[str, Matrix]]:
+    """Return the size of the images, and the matrices of the cameras and of their rectification by OpenCV's names."""
     rig = calibration.rig
     if rig is None:
         raise ValueError("calibration has no rig: a pair that is already rectified has no cameras to write.")
@@ -413,34 +424,40 @@ def _cameras(calibration: Calibration) -> tuple[tuple[int, int], dict[str, Matri
         "R": rig.rotation,
         "T": rig.translation[:, None],
     }
-    if rig.turn:  # which is rectified only when its pictures are turned
+    if rig.turn:  # only turned pictures can be rectified
         return size, cameras
-    how = rectification(rig, size)
+    rectification = rectification_for(rig, size)
+    left, right = rectification.left_projection, rectification.right_projection
     return size, cameras | {
-        "R1": how.left_rotation,
-        "R2": how.right_rotation,
-        "P1": how.left_projection,
-        "P2": how.right_projection,
-        "Q": _reprojection(how.left_projection, how.right_projection),
+        "R1": rectification.left_rotation,
+        "R2": rectification.right_rotation,
+        "P1": left,
+        "P2": right,
+        "Q": _q_matrix(left, right),
     }
 
 
-def _reprojection(left: Matrix, right: Matrix) -> Matrix:
+def _q_matrix(left: Matrix, right: Matrix) -> Matrix:
     """Return the (4, 4) matrix Q of OpenCV's ``stereoRectify`` for two projections."""
-    focal, baseline = left[0, 0], -right[0, 3] / right[0, 0]
-    q = np.eye(4)
-    q[0, 3], q[1, 3], q[2, 3] = -left[0, 2], -left[1, 2], focal
-    q[2, 2], q[3, 2], q[3, 3] = 0, 1 / baseline, (right[0, 2] - left[0, 2]) / baseline
-    return q
+    (focal, _, cx, _), (_, _, cy, _), _ = left
+    baseline = -right[0, 3] / right[0, 0]
+    return np.array(
+        [
+            [1, 0, 0, -cx],
+            [0, 1, 0, -cy],
+            [0, 0, 0, focal],
+            [0, 0, 1 / baseline, (right[0, 2] - cx) / baseline],
+        ]
+    )
 
 
-def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, Matrix], wide: bool) -> str:
+def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, Matrix], fisheye: bool) -> str:
     distortion = matrices[f"D{number}"].ravel()
     used = int(np.flatnonzero(distortion).max(initial=-1)) + 1
     if used > 8:
         raise ValueError(f"The {name} camera has {used} distortion coefficients; ROS's models have at most 8.")
     model, count = ("plumb_bob", 5) if used <= 5 else ("rational_polynomial", 8)
-    if wide:
+    if fisheye:
         model, count = "equidistant", 4
     lines = [
         f"image_width: {size[0]}",

@@ -1,4 +1,4 @@
-"""Disparity and depth maps as files, read from untrusted bytes and written, with masks and clouds made of maps."""
+"""Files of disparity and depth maps, read from untrusted bytes and written, and of confidences and point clouds."""
 
 from __future__ import annotations
 
@@ -19,11 +19,16 @@ from stereolag.io.images import LARGEST_UINT16, image_png, image_tiff, parse_net
 from stereolag.io.sources import ZIP_MAGIC, Source, check_pixels, quote, read_archive, read_bytes, write_file
 
 MAP = "disparity map"
+"""Name of the map in messages."""
+
 KITTI_SCALE = 256
-BEHIND_INFINITY = -0.5
-"""Lowest disparity that the sub-pixel fit may give to a point at infinity, px."""
+"""KITTI's images of 16 bits are in units of 1/256 px."""
+
+MIN_KITTI_PX = -0.5
+"""Minimum disparity that KITTI's format takes, as 1/256 px: the sub-pixel fit may put a point at infinity there."""
 
 _BAND_PIXELS = 2**20
+"""Number of pixels that are converted at once."""
 
 
 def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
@@ -34,18 +39,19 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     source
         A path, the bytes of the file, or a binary file object.
     divisor
-        Divides the stored values to give px; below 0 for files that count disparities with the other sign. The default
-        is 256 for images of 16 bits (as in KITTI and in this project's examples), 16 for arrays of int16 (as OpenCV
+        Divides the stored values to give px; below 0 for files with disparities of the opposite sign. The default is
+        256 for images of 16 bits (as in KITTI and in this project's examples), 16 for arrays of int16 (as OpenCV
         returns them) and for images of 16 bits whose unknown pixels are OpenCV's (65520), and 1 for other numbers and
-        for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required
-        for 8-bit integers: the data sets that use them differ (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
+        for the colours of Sintel, 4 R + G / 64 + B / 16384. It is required for 8-bit integers: the data sets that use
+        them differ (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
     -------
     disparity
-        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
-        0 in an image of integers, NaN, infinite or from 1e9 in floats, one whole negative number among others from 0,
-        -9999 and the like, and OpenCV's minDisparity - 1, also above 0, along a whole side of a map in 1/16 px.
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown: by 0 in an
+        image of integers; otherwise by NaN, infinity or numbers from 1e9 on, by -9999 and the like, by a repeated whole
+        number if it is the only negative one, and by OpenCV's minDisparity - 1, also if positive, which fills a whole
+        side of a map in 1/16 px.
 
     Raises
     ------
@@ -63,45 +69,48 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     >>> round(float(disparity[240, 320]), 2)  # px
     45.57
     """
-    found = read_stored_disparity(source)
-    divisor = found.divisor if divisor is None else divisor
+    stored = read_stored_disparity(source)
+    divisor = stored.divisor if divisor is None else divisor
     if divisor is None:
         raise ValueError(f"The {MAP} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
-    disparity = found.divided(divisor)
+    disparity = stored.divided(divisor)
     if divisor > 0 and np.nanmax(disparity) < 0:
-        said = f"All disparities of the {MAP} are below 0, behind infinity: divisor={-divisor:g} gives the other sign."
-        warnings.warn(UserWarning(said), stacklevel=2)
+        warnings.warn(
+            f"All disparities of the {MAP} are below 0, behind infinity: divisor={-divisor:g} gives the other sign.",
+            stacklevel=2,
+        )
     return disparity
 
 
-NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+NO_DATA_VALUES = (-9999.0, -32768.0, -32767.0, -99999.0)
 """Numbers that programs write where they have no data."""
 
-BEYOND_ALL_PX = 1e9
-"""A disparity that no picture is wide enough for: 1e10, 1e20 and the largest float32 stand where there is none."""
+MAX_DISPARITY_PX = 1e9
+"""Magnitude below which a number is a disparity: 1e10, 1e20 and the largest float32 are in use for unknown pixels."""
 
-SINTEL = (4.0, 1 / 64, 1 / 16384)
-"""Disparity of a level of red, green and blue in the files of MPI Sintel, px."""
+SINTEL_WEIGHTS_PX = (4.0, 1 / 64, 1 / 16384)
+"""Disparity per level of red, green and blue in the files of MPI Sintel, px."""
 
-SINTEL_ALIKE = 0.6
-"""Correlation of red with green and with blue from which on a picture is a photograph."""
+MIN_PHOTO_CORRELATION = 0.6
+"""Minimum magnitude of the correlation of red with green and with blue in a photograph."""
 
 OPENCV_SCALE = 16
 """OpenCV's matchers return int16, in units of 1/16 px."""
 
 OPENCV_UNKNOWN = 2**16 - OPENCV_SCALE
-"""Their -1 px, no disparity, in a PNG: the only number of such a file that is above all of int16."""
+"""OpenCV's -1 px, for unknown pixels, in a PNG: the only number in such a file that is above the range of int16."""
 
-OPENCV_FRACTIONS = 4
-"""Fewest sixteenths that occur among the disparities of OpenCV's sub-pixel fit: scenes made by hand have fewer."""
+MIN_OPENCV_FRACTIONS = 4
+"""Minimum number of different sixteenths among the disparities of OpenCV's sub-pixel fit: scenes made by hand have
+fewer."""
 
-_UNREAD = {
+_UNSUPPORTED = {
     b"\x89HDF": "an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
     "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])",
     b"MATLAB 7.3": "a MAT file of version 7.3, which is not read: save it by save(file, '-v7')",
     b"v/1\x01": "an OpenEXR file, which is not read: save its channel as .npy",
 }
-"""What files of other kinds are by their beginning, and what to do with them."""
+"""Unsupported files by their first bytes: what they are, and how to convert them."""
 
 
 class StoredDisparity(NamedTuple):
@@ -114,7 +123,7 @@ class StoredDisparity(NamedTuple):
     divisor
         Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
     unknown
-        The stored numbers that mean unknown.
+        The stored numbers that mark unknown pixels.
     """
 
     stored: npt.NDArray[Any]
@@ -127,23 +136,23 @@ class StoredDisparity(NamedTuple):
         Raises
         ------
         ValueError
-            A divisor of 0, or no disparity at all.
+            A divisor of 0, or a map without any disparity.
         """
         if divisor == 0 or not math.isfinite(divisor):
             raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0, or below for the other sign.")
         disparity = np.empty(self.stored.shape, np.float32)
         step = max(1, _BAND_PIXELS // max(1, self.stored.shape[1]))
-        # Quotients of short numbers, rounded once or twice, are the same.
-        short = self.stored.dtype in (np.uint8, np.uint16) and float(np.float32(divisor)) == divisor
-        wide: type[np.float32 | np.float64] = np.float32 if short else np.float64
+        # Quotients of 16-bit integers are the same in float32 as in float64 rounded to float32.
+        fits_float32 = self.stored.dtype in (np.uint8, np.uint16) and float(np.float32(divisor)) == divisor
+        dtype: type[np.float32 | np.float64] = np.float32 if fits_float32 else np.float64
         for first in range(0, len(disparity), step):  # in bands of rows: whole float64 copies take a lot of memory
             band = self.stored[first : first + step]
             with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
-                part = np.asarray(band.astype(wide) / np.asarray(divisor, wide)).astype(np.float32, copy=False)
-                part[~(np.abs(part) < BEYOND_ALL_PX)] = np.nan
-                for mark in self.unknown:
-                    part[band == mark] = np.nan
-            disparity[first : first + step] = part
+                quotient = np.asarray(band.astype(dtype) / np.asarray(divisor, dtype)).astype(np.float32, copy=False)
+                quotient[~(np.abs(quotient) < MAX_DISPARITY_PX)] = np.nan
+                for marker in self.unknown:
+                    quotient[band == marker] = np.nan
+            disparity[first : first + step] = quotient
         if np.isnan(disparity).all():
             raise ValueError(f"The {MAP} holds no disparity at all: every pixel is marked as unknown.")
         return disparity
@@ -152,23 +161,24 @@ class StoredDisparity(NamedTuple):
 def read_stored_disparity(source: Source) -> StoredDisparity:
     """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     data = read_bytes(source, MAP)
-    kind = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES)
-    for begins, said in _UNREAD.items():
-        if data.startswith(begins):
-            raise ValueError(f"The {MAP} is {said}.")
+    kind = next((one for one in FORMATS if data.startswith(one.magic)), IMAGES)
+    for magic, description in _UNSUPPORTED.items():
+        if data.startswith(magic):
+            raise ValueError(f"The {MAP} is {description}.")
     stored = kind.read(data)
     if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
         colours = stored[:, :, :3]
-        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL), np.nan).astype(np.float32)
+        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
         # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
         red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
         together = all(
-            np.abs(np.cov(red, one)[0, 1]) > SINTEL_ALIKE * max(1e-9, float(red.std() * one.std())) for one in fractions
+            np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
+            for one in fractions
         )
         if np.nanmax(disparity) < stored.shape[1] and not together:
             return StoredDisparity(disparity, 1.0)
     if stored.ndim > 2 and kind is not IMAGES:
-        stored = stored.squeeze()  # networks keep axes of one map and one channel
+        stored = stored.squeeze()  # networks keep axes of length 1 for the batch and the channel
     if stored.ndim != 2:
         raise ValueError(f"The {MAP} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     check_pixels(stored.shape[1], stored.shape[0], MAP)
@@ -176,41 +186,43 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         if stored.dtype == np.uint16 and {*stored[stored >= 2**15]} == {OPENCV_UNKNOWN}:
             return StoredDisparity(stored, float(OPENCV_SCALE), (float(OPENCV_UNKNOWN),))
         signed = stored.view(np.int16) if stored.dtype == np.uint16 else stored
-        below = _below_the_search(signed)
-        if below and below[0] < 0:
-            return StoredDisparity(signed, float(OPENCV_SCALE), below)
+        marker = _opencv_marker(signed)
+        if marker and marker[0] < 0:
+            return StoredDisparity(signed, float(OPENCV_SCALE), marker)
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
-    mark = _one_negative_number(stored) or _below_the_search(stored)
-    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA, *mark))
+    marker = _negative_marker(stored) or _opencv_marker(stored)
+    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA_VALUES, *marker))
 
 
-def _one_negative_number(stored: npt.NDArray[Any]) -> tuple[float, ...]:
-    """Return the one negative number of a map, if it is whole and repeated: what programs write for no disparity."""
+def _negative_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+    """Return the only negative number of a map, if it is whole and repeated: programs mark unknown pixels by it."""
     if stored.dtype.kind not in "if":
         return ()
-    with np.errstate(invalid="ignore", over="ignore"):  # -99999 is none of float16's
-        below = stored[(stored < 0) & ~np.isin(stored, NO_DATA)]
-    if not 1 < below.size < stored.size:
+    with np.errstate(invalid="ignore", over="ignore"):  # float16 cannot hold -99999
+        negative = stored[(stored < 0) & ~np.isin(stored, NO_DATA_VALUES)]
+    if not 1 < negative.size < stored.size:
         return ()
-    mark = float(below[0])
-    return (mark,) if mark <= -1 and mark == np.rint(mark) and (below == mark).all() else ()
+    marker = float(negative[0])
+    return (marker,) if marker <= -1 and marker == np.rint(marker) and (negative == marker).all() else ()
 
 
-def _below_the_search(stored: npt.NDArray[Any]) -> tuple[float, ...]:
-    """Return what OpenCV's matchers write for no disparity, 1 px below those searched, if the map is one of theirs.
+def _opencv_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:
+    """Return the marker of unknown pixels of OpenCV's matchers, 1 px below the search range, if the map is theirs.
 
-    They have none along the left side, or the right one of a search behind infinity; the others are in 1/16 px.
+    Their maps have no disparity along the left side, or along the right one if the search is behind infinity; the
+    disparities are multiples of 1/16 px.
     """
     if stored.dtype != np.int16 and stored.dtype.kind != "f":
         return ()
-    pixel, mark = (OPENCV_SCALE if stored.dtype == np.int16 else 1), float(stored.min())
-    if not np.isfinite(stored).all() or mark % pixel or not (stored[:, [0, -1]] == mark).all(axis=0).any():
+    pixel, marker = (OPENCV_SCALE if stored.dtype == np.int16 else 1), float(stored.min())
+    if not np.isfinite(stored).all() or marker % pixel or not (stored[:, [0, -1]] == marker).all(axis=0).any():
         return ()
-    known = stored[stored != mark]
+    known = stored[stored != marker]
     fractions = np.unique(known % pixel)
-    whole = (fractions * (OPENCV_SCALE // pixel) % 1 == 0).all()
-    return (mark,) if len(fractions) >= OPENCV_FRACTIONS and whole and known.min() >= mark + pixel else ()
+    in_sixteenths = (fractions * (OPENCV_SCALE // pixel) % 1 == 0).all()
+    is_opencv = len(fractions) >= MIN_OPENCV_FRACTIONS and in_sixteenths and known.min() >= marker + pixel
+    return (marker,) if is_opencv else ()
 
 
 def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
@@ -249,10 +261,10 @@ def _write_map(
 ) -> None:
     """Write a map by the writer for the suffix of its path."""
     target = Path(path)
-    written = writers.get(target.suffix.lower())
-    if written is None:
+    encode = writers.get(target.suffix.lower())
+    if encode is None:
         raise ValueError(f"path ends in {target.suffix!r}; a {name} is written as {', '.join(writers)}.")
-    write_file(target, written(values))
+    write_file(target, encode(values))
 
 
 def pfm(disparity: npt.ArrayLike) -> bytes:
@@ -303,7 +315,7 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
 
 
 def check_kitti(disparity: npt.ArrayLike) -> None:
-    """Refuse a disparity map that :func:`kitti_png` cannot store; far quicker than trying.
+    """Refuse a disparity map that :func:`kitti_png` cannot store; much faster than trying.
 
     Raises
     ------
@@ -318,7 +330,7 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
             return
         low, high = float(known.min()), float(known.max())
     first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
-    if first < BEHIND_INFINITY * KITTI_SCALE or last > LARGEST_UINT16:
+    if first < MIN_KITTI_PX * KITTI_SCALE or last > LARGEST_UINT16:
         raise ValueError(
             f"disparity reaches from {low:.2f} to {high:.2f} px; KITTI's PNG holds 0 to 255.99 px, "
             "PFM and NPY hold any."
@@ -339,15 +351,15 @@ def _stored_image(data: bytes) -> npt.NDArray[Any]:
     try:
         return read_image(data)
     except ValueError as error:
-        said = str(error).partition("; accepted")[0]
-        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {said}.") from error
+        reason = str(error).partition("; accepted")[0]
+        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {reason}.") from error
 
 
 _NAMED_MAP = re.compile("disp|gt|truth", re.IGNORECASE)
 
 
 def _stored_array(data: bytes) -> npt.NDArray[Any]:
-    """Return the array of an NPY, or the only map in an NPZ or MAT, or the only one named like a disparity map."""
+    """Return the array of an NPY, or the map in an NPZ or MAT: the only one, or the only one named like a disparity."""
     if data.startswith(NPY_MAGIC):
         return parse_npy(data, MAP)
 
@@ -356,11 +368,13 @@ def _stored_array(data: bytes) -> npt.NDArray[Any]:
 
     arrays = npz_arrays(read_archive(data), MAP) if data.startswith(ZIP_MAGIC) else mat_arrays(data, MAP, check)
     maps = [name for name, array in arrays.items() if array.squeeze().ndim == 2]
-    found = maps if len(maps) == 1 else [name for name in maps if _NAMED_MAP.search(name)]
-    if len(found) != 1:
-        there = ", ".join(f"{quote(name)} {array.shape}" for name, array in [*arrays.items()][:9])
-        raise ValueError(f"The {MAP} is not the only one in its file, of {there or 'no array'}: save it alone.")
-    return arrays[found[0]]
+    candidates = maps if len(maps) == 1 else [name for name in maps if _NAMED_MAP.search(name)]
+    if len(candidates) != 1:
+        contents = ", ".join(f"{quote(name)} {array.shape}" for name, array in [*arrays.items()][:9])
+        raise ValueError(
+            f"The {MAP} is not the only one in its file, which holds {contents or 'no array'}: save it alone."
+        )
+    return arrays[candidates[0]]
 
 
 def _npy_map(disparity: npt.ArrayLike) -> bytes:
@@ -376,19 +390,20 @@ class MapFormat(NamedTuple):
     name
         Its name in messages.
     suffixes
-        Of its files, in lower case; a map is written under the first.
-    begins
-        How its files begin.
-    read, write
-        From the bytes of a file, as stored, and to them; maps to be written are (rows, cols), px, NaN or infinite where
-        unknown.
+        Suffixes of its files, in lower case; a map is written under the first.
+    magic
+        The possible first bytes of its files.
+    read
+        A function from the bytes of a file to the map as stored.
+    write
+        A function from a map, (rows, cols) px, NaN or infinite where unknown, to the bytes of a file.
     holds
         The disparities that it can store.
     """
 
     name: str
     suffixes: tuple[str, ...]
-    begins: tuple[bytes, ...]
+    magic: tuple[bytes, ...]
     read: Callable[[bytes], npt.NDArray[Any]]
     write: Callable[[npt.ArrayLike], bytes]
     holds: str = "any disparity"
@@ -402,7 +417,7 @@ IMAGES = MapFormat(
     kitti_png,
     "0 to 255 px",
 )
-"""Read whatever else an image file may be, too."""
+"""The format of all image files; other kinds of images are tried with its reader too."""
 
 FORMATS = (
     MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), partial(parse_pfm, what=MAP), pfm),
@@ -419,9 +434,9 @@ DISPARITY_FORMATS = {
 """The formats by the suffix under which they are written, those that store any disparity first."""
 
 
-def confidence_png(sure: npt.ArrayLike) -> bytes:
+def confidence_png(confidence: npt.ArrayLike) -> bytes:
     """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
-    return counts_png(np.clip(np.asarray(sure), 0, 1) * LARGEST_UINT16)
+    return counts_png(np.clip(np.asarray(confidence), 0, 1) * LARGEST_UINT16)
 
 
 def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
@@ -432,13 +447,16 @@ def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
     return image_png(counts.astype(np.uint16))
 
 
-# Depth maps, as ROS has them: TIFF of floats in metres, PNG of 16 bits in millimetres. Both are those of REP 118
-# (https://ros.org/reps/rep-0118.html).
+# Depth maps as in ROS (REP 118, https://ros.org/reps/rep-0118.html): TIFF of floats in metres, PNG of 16 bits in
+# millimetres.
 
 DEPTH_MAP = "depth map"
-MILLIMETRES = 1000.0
-FARTHEST_M = LARGEST_UINT16 / MILLIMETRES
-"""The farthest depth that a PNG holds, metres."""
+"""Name of the map in messages."""
+
+MM_PER_M = 1000.0
+
+MAX_PNG_DEPTH_M = LARGEST_UINT16 / MM_PER_M
+"""Maximum depth that a PNG holds, metres."""
 
 
 def read_depth(source: Source) -> npt.NDArray[np.float32]:
@@ -457,7 +475,7 @@ def read_depth(source: Source) -> npt.NDArray[np.float32]:
     Raises
     ------
     ValueError
-        A file that is no such image, or has colours or 8 bits a pixel.
+        A file that is not such an image, or has colours or 8 bits per pixel.
 
     Examples
     --------
@@ -473,7 +491,7 @@ def read_depth(source: Source) -> npt.NDArray[np.float32]:
             f"The {DEPTH_MAP} has shape {stored.shape} and holds {stored.dtype}; allowed is (rows, cols) of floats, "
             "metres, or of uint16, millimetres."
         )
-    return _known(stored / MILLIMETRES if stored.dtype == np.uint16 else stored)
+    return _valid_depth(stored / MM_PER_M if stored.dtype == np.uint16 else stored)
 
 
 def write_depth(path: str | os.PathLike[str], depth: npt.ArrayLike) -> None:
@@ -508,13 +526,13 @@ def write_depth(path: str | os.PathLike[str], depth: npt.ArrayLike) -> None:
 
 def depth_tiff(depth: npt.ArrayLike) -> bytes:
     """Return a depth map as a TIFF of 32-bit floats: metres, NaN where there is no depth."""
-    return image_tiff(_known(depth))
+    return image_tiff(_valid_depth(depth))
 
 
 def depth_png(depth: npt.ArrayLike) -> bytes:
     """Return a depth map as a 16-bit grey PNG: millimetres, at least 1, and 0 where there is no depth.
 
-    Pixels beyond 65.535 m have 0 too; :func:`too_far` counts them.
+    Pixels beyond 65.535 m are also 0; :func:`too_far` counts them.
     """
     millimetres = _millimetres(depth)
     return counts_png(np.where(millimetres <= LARGEST_UINT16, millimetres, np.nan))
@@ -525,19 +543,19 @@ def too_far(depth: npt.ArrayLike) -> int:
     return int((_millimetres(depth) > LARGEST_UINT16).sum())
 
 
-def _known(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return a depth map in metres, with NaN where there is no depth."""
+def _valid_depth(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Return a depth map in metres as float32, with NaN where there is no depth."""
     with np.errstate(over="ignore"):
         metres = as_map(depth, "depth").astype(np.float32)
     return np.where((metres > 0) & np.isfinite(metres), metres, np.float32(np.nan))
 
 
 def _millimetres(depth: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    return np.rint(_known(depth).astype(np.float64) * MILLIMETRES)
+    return np.rint(_valid_depth(depth).astype(np.float64) * MM_PER_M)
 
 
 DEPTH_FORMATS = {".tif": depth_tiff, ".tiff": depth_tiff, ".png": depth_png}
-"""The writers by the suffixes of their files."""
+"""The writers by suffix."""
 
 
 # Points.
@@ -579,14 +597,14 @@ def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
     -----
     Format: Greg Turk, "The PLY Polygon File Format", 1994.
     """
-    positions, shades = np.asarray(points, dtype=np.float32), np.asarray(colours)
-    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != shades.shape:
-        raise ValueError(f"points has shape {positions.shape} and colours {shades.shape}; both must be (n, 3).")
-    if shades.dtype != np.uint8:
-        raise ValueError(f"colours holds {shades.dtype}; allowed is uint8.")
+    positions, rgb = np.asarray(points, dtype=np.float32), np.asarray(colours)
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != rgb.shape:
+        raise ValueError(f"points has shape {positions.shape} and colours {rgb.shape}; both must be (n, 3).")
+    if rgb.dtype != np.uint8:
+        raise ValueError(f"colours holds {rgb.dtype}; allowed is uint8.")
     bad = len(positions) - int(np.isfinite(positions).all(axis=1).sum())
     if bad:
         raise ValueError(f"points holds {bad} points that are NaN or infinite; every coordinate must be finite.")
     vertices = np.empty(len(positions), dtype=VERTEX)
-    vertices["position"], vertices["colour"] = positions, shades
+    vertices["position"], vertices["colour"] = positions, rgb
     return _PLY_HEADER.format(count=len(vertices)).encode() + vertices.tobytes()

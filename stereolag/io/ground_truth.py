@@ -1,4 +1,4 @@
-"""The ground truth of a pair as a file gives it: the divisor that fits the pair, and whether it fits at all."""
+"""The ground truth of a pair as stored in a file: its divisor, and whether it fits the pair, by a quick match."""
 
 from __future__ import annotations
 
@@ -10,54 +10,60 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.geometry.rectification import cropped_alike, scaled_disparity, scaled_image
+from stereolag.geometry.rectification import cropped_to_common_size, scaled_disparity, scaled_image
 from stereolag.io.disparities import StoredDisparity
 from stereolag.stereo.opencv import StereoSGBM
 
 DIVISORS = (1, 2, 4, 8, 16)
 """Factors by which data sets scale disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
 
-QUICK_WIDTH = 480
-"""Px; a map this wide is enough to find the divisor, and takes a few hundredths of a second."""
-AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
-"""Two disparities agree if they differ by no more than the larger of this distance and this share; neighbouring
-divisors differ by a factor of two."""
+QUICK_MAP_WIDTH_PX = 480
+"""Maximum width of the quick map: enough to find the divisor, in a few hundredths of a second."""
 
-TELLING_PX = 3.0
-"""Disparities of the quick map from which on it may speak against a file."""
+MAX_AGREEING_ERROR_PX = 1.0
+"""Two disparities agree if they differ by no more than this or `MAX_AGREEING_ERROR_SHARE`, whichever is larger."""
 
-OTHERWISE = 0.5
-"""Share of the pixels at which another reading of a file must agree to be taken in place of its own."""
+MAX_AGREEING_ERROR_SHARE = 0.05
+"""The same as a share of the disparity; neighbouring divisors differ by a factor of two."""
 
-CLEARLY = 1.25
-"""How many times as many pixels must agree with the inverse of a file's numbers as with these, if they are depth."""
+MIN_DECISIVE_PX = 3.0
+"""Minimum magnitude of the quick map's disparities that may contradict a file."""
 
-UNFIT = 0.3
-"""Share of the pixels below which a ground truth hardly agrees with a quick map: of 15, 0.77 and more."""
+MIN_OVERRIDING_SHARE = 0.5
+"""Minimum share of the pixels at which another interpretation of a file must agree to replace its own."""
 
-FEWEST_TELLING = 500
+MIN_DEPTH_RATIO = 1.25
+"""Minimum ratio of the pixels that agree with the inverse of the numbers to those that agree with the numbers, if these
+are depths."""
+
+MIN_FITTING_SHARE = 0.3
+"""Minimum share of the pixels at which a ground truth must agree with the quick map to fit: 15 of them had 0.77 and
+more."""
+
+MIN_DECISIVE_PIXELS = 500
+"""Minimum number of pixels for any verdict against a file."""
 
 AS_DEPTH = (
     "The ground truth looks like depth, not disparity: save focal length × baseline / depth, in px, in place of it."
 )
 
 OTHER_DIVISORS = tuple(sign * size for size in (1.0, 16.0, 64.0, 100.0, 128.0, 256.0) for sign in (1, -1))
-"""Divisors of files with more than 8 bits: OpenCV 16, KITTI and Spring 256, DrivingStereo 128 or 256; a stereo camera's
-own program may count with the other sign."""
+"""Divisors of files with more than 8 bits: OpenCV 16, KITTI and Spring 256, DrivingStereo 128 or 256; the software of a
+stereo camera may use the opposite sign."""
 
 
 @dataclass(frozen=True)
 class TruthFit:
-    """How a ground truth fits its pair, beside a quick map.
+    """The fit of a ground truth to its pair, compared with a quick map.
 
     Attributes
     ----------
     divisor
         The divisor with the most agreeing pixels; that of the file, or the first, if there is a tie or no agreement.
     doubt
-        A sentence where it hardly agrees with any; "" otherwise.
+        A sentence if it hardly agrees with any divisor; "" otherwise.
     is_depth
-        Whether it plainly is depth, not disparity: no map may be judged by it.
+        Whether it is clearly depth, not disparity: no map may be evaluated with it.
     """
 
     divisor: float
@@ -68,60 +74,61 @@ class TruthFit:
 def truth_fit(
     stored: npt.ArrayLike, left: Image, right: Image, divisors: Sequence[float] = DIVISORS, own: float | None = None
 ) -> TruthFit:
-    """Return how the stored values agree with a quick map, and the divisor that makes them agree best.
+    """Return the fit of the stored values to a quick map, for the divisor with which they agree best.
 
     Parameters
     ----------
     stored
         (H, W) values as stored in the file, NaN where unknown; the size of the left image.
     left, right
-        The pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_alike` allows; its rows must match.
+        The rectified pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_to_common_size` allows.
     divisors
         Those to choose from.
     own
-        The divisor that the file itself speaks for, if it does: kept unless another agrees at half of the pixels, and
-        at twice as many as this one.
+        The divisor of the file's format, if known: kept unless another one agrees at half of the pixels, and at twice
+        as many as this one.
     """
-    left, right = cropped_alike(left, right)
+    left, right = cropped_to_common_size(left, right)
     rows, cols = left.shape[:2]
-    factor = min(1.0, QUICK_WIDTH / cols)
+    factor = min(1.0, QUICK_MAP_WIDTH_PX / cols)
     values = scaled_disparity(np.asarray(stored)[:rows, :cols], factor)
     small = [scaled_image(image, factor) for image in (left, right)]
-    reach = min(255, small[0].shape[1] // 2)  # no more than 8 bits hold
+    max_disparity = min(255, small[0].shape[1] // 2)  # 8 bits hold no more
     try:
-        found = StereoSGBM(num_disparities=max(16, reach // 16 * 16)).compute(*small).disparity
+        quick_map = StereoSGBM(num_disparities=max(16, max_disparity // 16 * 16)).compute(*small).disparity
     except ValueError:  # too narrow for a search
         return TruthFit(divisors[0] if own is None else own)
-    known = np.isfinite(values) & np.isfinite(found)
-    telling = known & (np.abs(found) > TELLING_PX)  # next to 0, the smallest of any divisors would agree
-    pixels = known if own is None else telling
+    known = np.isfinite(values) & np.isfinite(quick_map)
+    decisive = known & (np.abs(quick_map) > MIN_DECISIVE_PX)  # near 0, several divisors agree
+    pixels = known if own is None else decisive
 
-    def agreeing(read: npt.ArrayLike, pixels: npt.NDArray[np.bool_]) -> int:
-        tolerance = np.maximum(AGREEMENT_PX, AGREEMENT_SHARE * found[pixels])
-        return int(np.count_nonzero(np.abs(np.asarray(read)[pixels] - found[pixels]) <= tolerance))
+    def count_agreeing(disparity: npt.ArrayLike, pixels: npt.NDArray[np.bool_]) -> int:
+        tolerance = np.maximum(MAX_AGREEING_ERROR_PX, MAX_AGREEING_ERROR_SHARE * quick_map[pixels])
+        return int(np.count_nonzero(np.abs(np.asarray(disparity)[pixels] - quick_map[pixels]) <= tolerance))
 
-    best = max(divisors, key=lambda divisor: agreeing(values / divisor, pixels))
-    others, enough = agreeing(values / best, pixels), OTHERWISE * np.count_nonzero(pixels)
-    if own is not None and others <= max(enough, 2 * agreeing(values / own, pixels)):
+    best = max(divisors, key=lambda divisor: count_agreeing(values / divisor, pixels))
+    with_best, enough = count_agreeing(values / best, pixels), MIN_OVERRIDING_SHARE * np.count_nonzero(pixels)
+    if own is not None and with_best <= max(enough, 2 * count_agreeing(values / own, pixels)):
         best = own
-    count = np.count_nonzero(telling)
-    if count < FEWEST_TELLING:
+    count = np.count_nonzero(decisive)
+    if count < MIN_DECISIVE_PIXELS:
         return TruthFit(best)
-    agrees = agreeing(values / best, telling)
+    agreeing = count_agreeing(values / best, decisive)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        of_any_scale = agreeing(values * np.median(found[telling] / values[telling]), telling)
-        as_depth = agreeing(np.median(found[telling] * values[telling]) / values, telling)
-    if as_depth > OTHERWISE * count and as_depth > CLEARLY * max(agrees, of_any_scale):
+        at_any_scale = count_agreeing(values * np.median(quick_map[decisive] / values[decisive]), decisive)
+        as_depth = count_agreeing(np.median(quick_map[decisive] * values[decisive]) / values, decisive)
+    if as_depth > MIN_OVERRIDING_SHARE * count and as_depth > MIN_DEPTH_RATIO * max(agreeing, at_any_scale):
         return TruthFit(best, AS_DEPTH, is_depth=True)
-    searched = np.count_nonzero(telling & (values / best > 0))  # cameras turned towards each other have others, too
-    if searched < FEWEST_TELLING or agrees >= UNFIT * searched:
+    # Of cameras turned towards each other, the truth has disparities below 0 too, which were not searched.
+    searched = np.count_nonzero(decisive & (values / best > 0))
+    if searched < MIN_DECISIVE_PIXELS or agreeing >= MIN_FITTING_SHARE * searched:
         return TruthFit(best)
-    said = f"The ground truth agrees with a quick map at {100 * agrees / searched:.0f} % of the pixels"
-    return TruthFit(best, f"{said}: is it of this left image, and its divisor right?")
+    share = f"The ground truth agrees with a quick map at {100 * agreeing / searched:.0f} % of the pixels"
+    return TruthFit(best, f"{share}: does it belong to this left image, and is its divisor right?")
 
 
 def stored_truth_fit(stored: StoredDisparity, left: Image, right: Image) -> TruthFit:
-    """Return how a ground truth fits its pair; its divisor may be another than its file speaks for."""
+    """Return the fit of a ground truth to its pair; the divisor may differ from that of the file's format."""
     values = halved_truth(stored.divided(1.0), left.shape[:2])
     if stored.divisor is None:
         return truth_fit(values, left, right)
@@ -131,39 +138,42 @@ def stored_truth_fit(stored: StoredDisparity, left: Image, right: Image) -> Trut
 
 
 def halved_truth(truth: FloatMap, shape: tuple[int, ...]) -> FloatMap:
-    """Return every second row and column of a ground truth of twice the size of its pair, as Spring's; or unchanged."""
+    """Return a ground truth with every second row and column if it has twice the size of its pair, as Spring's."""
     return truth[::2, ::2] if truth.shape == (2 * shape[0], 2 * shape[1]) else truth
 
 
 def divisor_in_words(stored: StoredDisparity, divisor: float) -> str:
-    """Return a sentence about a divisor that a quick map speaks for, against the file; "" if both agree."""
+    """Return a sentence about a divisor found by a quick map; "" if it is that of the file's format."""
     if stored.divisor is None:
         return f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."
     ratio = abs(divisor / stored.divisor)
     if divisor == stored.divisor:
         return ""
     size = f"{max(ratio, 1 / ratio):.3g} times too {'large' if ratio > 1 else 'small'}" if ratio != 1 else ""
-    sign = "of the other sign" if divisor < 0 else ""
+    sign = "opposite in sign" if divisor < 0 else ""
     looks = " and ".join(filter(None, (size, sign)))
-    return f"The ground truth looks {looks} beside a quick map: it is read as ÷ {divisor:g}, not ÷ {stored.divisor:g}."
+    return (
+        f"The ground truth looks {looks} compared with a quick map: it is read as ÷ {divisor:g}, not "
+        f"÷ {stored.divisor:g}."
+    )
 
 
 def truth_in_px(
     stored: StoredDisparity, left: Image, right: Image, divisor: float | None = None
 ) -> tuple[FloatMap, str]:
-    """Return the ground truth of a pair, px, and a sentence if a quick map speaks for its divisor, or against it.
+    """Return the ground truth of a pair, px, and a sentence about its fit or its divisor, or "".
 
-    `divisor`, if given, is taken as it is.
+    `divisor`, if given, is used without a check.
 
     Raises
     ------
     ValueError
-        It plainly is depth.
+        A map that is clearly depth.
     """
-    said = ""
+    note = ""
     if divisor is None:
         fit = stored_truth_fit(stored, left, right)
         if fit.is_depth:
             raise ValueError(fit.doubt)
-        divisor, said = fit.divisor, fit.doubt or divisor_in_words(stored, fit.divisor)
-    return halved_truth(stored.divided(divisor), left.shape[:2]), said
+        divisor, note = fit.divisor, fit.doubt or divisor_in_words(stored, fit.divisor)
+    return halved_truth(stored.divided(divisor), left.shape[:2]), note

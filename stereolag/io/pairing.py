@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereolag.core.inputs import Image
-from stereolag.geometry.boards import MOST_PAIRS
+from stereolag.geometry.boards import MAX_PAIRS
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
@@ -20,17 +20,14 @@ from stereolag.io.sources import is_archive, quote, read_archive, read_bytes
 
 K = TypeVar("K", bound=Hashable)
 
-PICTURE_ENDINGS = frozenset(IMAGE_SUFFIXES)
-TRUTH_ENDINGS = frozenset(DISPARITY_SUFFIXES)
-
 LEFT, RIGHT = "left", "right"
-MOST_PLACES = 8
-"""Largest number of places in one name that are tried for the side."""
+MAX_SIDE_POSITIONS = 8
+"""Maximum number of positions in one name that are tried for the word or number of the side."""
 
 
 @dataclass(frozen=True)
 class PairFiles:
-    """The file names of one pair, and the pair's own name: the part common to its file names.
+    """The file names of one pair, and its `name`: the part common to its file names.
 
     `convention` is the index in :data:`CONVENTIONS` of the convention that distinguished left from right.
     """
@@ -44,7 +41,7 @@ class PairFiles:
 
 
 def _word(word: str) -> str:
-    """Return a pattern for a word that stands alone, or is set off from its neighbours by capitals."""
+    """Return a pattern for a word that stands alone, or is separated from its neighbours by camel case."""
     capital = word[0].upper() + word[1:]
     return rf"(?:(?<![A-Za-z])(?i:{word})|(?<=[a-z0-9]){capital})(?![a-z])"
 
@@ -68,16 +65,17 @@ CONVENTIONS: tuple[tuple[str, str], ...] = (
     (r"(?:^|(?<=[-_ .]))0(?=[-_ .]|$)", r"(?:^|(?<=[-_ .]))1(?=[-_ .]|$)"),
     (r"(?:^|(?<=[-_ .]))1(?=[-_ .]|$)", r"(?:^|(?<=[-_ .]))2(?=[-_ .]|$)"),
 )
-"""Differences between the names of left and right images, the surest first: one pattern for each side, searched in
-all folder names and in the file name without its suffix."""
+"""Differences between the names of left and right images, the most reliable first: one pattern for each side, searched
+in all folder names and in the file name without its suffix."""
 
 _TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
-_NO_IMAGE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
+_NOT_A_PICTURE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
 _CALIBRATION = re.compile(
     r"calib|camera|intrinsic|extrinsic|stereo|chain|(?:^|/)(?:K\.txt|SN\d*\.conf)$", re.IGNORECASE
 )
-_IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
-"""Names of the two files of a split calibration: those of OpenCV's sample, and of ROS."""
+_SPLIT_CALIBRATIONS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
+"""Words that tell the two files of a calibration apart: in OpenCV's sample, and in ROS."""
+
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
 _SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+")
@@ -98,30 +96,30 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         Left and right images whose names differ only in a word or number that gives the side (:data:`CONVENTIONS`),
         in one folder, in the file name or throughout. A ground truth belongs to the only pair in its folder, or to the
         pair whose name or number it shares. A calibration belongs to the pair whose name or number it shares, or to
-        all pairs in its folder and below; a single one belongs to all pairs.
+        all pairs in its folder and below; if there is only one, it belongs to all pairs.
     """
     pictures, truths = _pictures(names)
-    found = sorted(_matched(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
+    found = sorted(_pair_pictures(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
     calibrations = _Calibrations(
         [
             name
             for name in names
-            if _ending(name) in CALIBRATION_SUFFIXES
+            if _suffix(name) in CALIBRATION_SUFFIXES
             and name not in truths
-            and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
+            and (_CALIBRATION.search(name) or _suffix(name) in ("yaml", "yml"))
         ],
         found,
     )
-    known = _Truths([name for name in truths if not _RIGHT_SIDE.search(PurePosixPath(name).stem)], found)
-    called = _called([pair.name for pair in found])
+    left_truths = _Truths([name for name in truths if not _RIGHT_SIDE.search(PurePosixPath(name).stem)], found)
+    pair_names = _pair_names([pair.name for pair in found])
     return [
-        replace(pair, name=name, truth=known.of(pair), calibrations=calibrations.of(pair))
-        for pair, name in zip(found, called, strict=True)
+        replace(pair, name=name, truth=left_truths.of(pair), calibrations=calibrations.of(pair))
+        for pair, name in zip(found, pair_names, strict=True)
     ]
 
 
-def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
-    """Return the pictures among files that are left ones by a convention, but in none of the pairs."""
+def unpaired_left(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
+    """Return the left pictures among files, by a convention, that are in none of the pairs."""
     paired = {name for pair in pairs for name in (pair.left, pair.right)}
     left = re.compile(CONVENTIONS[convention][0])
     return [name for name in _pictures(names)[0] if name not in paired and left.search(_stem_path(name))]
@@ -139,59 +137,60 @@ def pictures_by_side(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
     """Return the camera pictures and the ground truths among files."""
-    truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
-    pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS and name not in truths]
-    return [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)], truths
+    truths = {name for name in names if _suffix(name) in DISPARITY_SUFFIXES and _TRUTH.search(_stem_path(name))}
+    pictures = [name for name in names if _suffix(name) in IMAGE_SUFFIXES and name not in truths]
+    return [name for name in pictures if not _NOT_A_PICTURE.search(PurePosixPath(name).stem)], truths
 
 
-def _matched(pictures: Iterable[str]) -> list[PairFiles]:
-    """Return the pairs among pictures; each convention is applied to the pictures left over by those before it."""
-    left_over = set(pictures)
+def _pair_pictures(pictures: Iterable[str]) -> list[PairFiles]:
+    """Return the pairs among pictures; each convention is applied to those that the previous ones left unpaired."""
+    unpaired = set(pictures)
     pairs: list[PairFiles] = []
     for convention, (left, right) in enumerate(CONVENTIONS):
         sides: dict[str, dict[str, list[str]]] = defaultdict(lambda: {LEFT: [], RIGHT: []})
-        for name in left_over:
+        for name in unpaired:
             path = _stem_path(name)
             for side, pattern in ((LEFT, left), (RIGHT, right)):
-                places = [*re.finditer(pattern, path)][-MOST_PLACES:]
-                keys = [f"{path[: place.start()]}\0{path[place.end() :]}" for place in places]
+                matches = [*re.finditer(pattern, path)][-MAX_SIDE_POSITIONS:]
+                keys = [f"{path[: match.start()]}\0{path[match.end() :]}" for match in matches]
                 for key in keys if len(keys) < 2 else [*keys, re.sub(pattern, "\0", path)]:
                     sides[key][side].append(name)
-        # Names that differ in one place come before those that differ throughout, as in left/left_0.
+        # Names that differ in one position come before those that differ in all, as in left/left_0.
         for key in sorted(sides, key=lambda key: (key.count("\0") > 1, key)):
-            both = sides[key][LEFT], sides[key][RIGHT]
-            if len(both[0]) == len(both[1]) == 1 and left_over.issuperset(both[0] + both[1]):
-                pairs.append(PairFiles(key, both[0][0], both[1][0], convention=convention))
-                left_over.difference_update(both[0] + both[1])
+            lefts, rights = sides[key][LEFT], sides[key][RIGHT]
+            if len(lefts) == len(rights) == 1 and unpaired.issuperset(lefts + rights):
+                pairs.append(PairFiles(key, lefts[0], rights[0], convention=convention))
+                unpaired.difference_update(lefts + rights)
     return pairs
 
 
 class _Truths:
-    """Ground truths indexed by folder and name, so that no pair is compared with all of them."""
+    """Ground truths indexed by folder and name, so that no pair need be compared with all of them."""
 
     def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
         self._names, self._pairs_in = names, Counter(_folder(pair.left) for pair in pairs)
         self._one_pair = len(pairs) == 1
         self._by_folder = _grouped(names, _folder)
-        self._by_core = _grouped(names, lambda name: (self._owner(name), _core(name)))
+        self._by_bare_name = _grouped(names, lambda name: (self._owner(name), _bare_name(name)))
         self._by_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(name)))
 
     def of(self, pair: PairFiles) -> str | None:
-        """Return the ground truth that belongs to a pair and to no other, None if there is none."""
+        """Return the ground truth that belongs to a pair and to no other; None if there is none."""
         folder = _folder(pair.left)
         beside = self._by_folder.get(folder, []) if self._pairs_in[folder] == 1 else []
         if beside := [name for name in beside if not _numbered_as_right(name, pair)]:
-            return min(beside, key=lambda name: (_NO_IMAGE.search(name) is not None, len(name), name))
+            return min(beside, key=lambda name: (_NOT_A_PICTURE.search(name) is not None, len(name), name))
         if self._one_pair and len(self._names) == 1:
             return self._names[0]
-        core, numbers = _core(pair.left), _numbers(pair.left)
-        alike = [name for owner in (None, folder) for name in self._by_core.get((owner, core), [])] if core else []
-        if not alike and numbers and not self._one_pair:
-            alike = [name for owner in (None, folder) for name in self._by_numbers.get((owner, numbers), [])]
-        return min(alike, key=lambda name: (_nearness(name, pair.left), "noc" in name, name), default=None)
+        bare, numbers = _bare_name(pair.left), _numbers(pair.left)
+        owners = (None, folder)
+        found = [name for owner in owners for name in self._by_bare_name.get((owner, bare), [])] if bare else []
+        if not found and numbers and not self._one_pair:
+            found = [name for owner in owners for name in self._by_numbers.get((owner, numbers), [])]
+        return min(found, key=lambda name: (_folder_distance(name, pair.left), "noc" in name, name), default=None)
 
     def _owner(self, name: str) -> str | None:
-        """Return the folder of a ground truth that is beside pairs and belongs to them; None if it fits any pair."""
+        """Return the folder of a ground truth if it contains pairs, to which it then belongs; None for any pair."""
         folder = _folder(name)
         return folder if folder in self._pairs_in else None
 
@@ -208,39 +207,39 @@ class _Calibrations:
 
     def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
         self._names, self._several_pairs = names, len(pairs) > 1
-        self._by_core = _grouped(names, _core)
+        self._by_bare_name = _grouped(names, _bare_name)
         self._by_stem = _grouped(names, lambda name: PurePosixPath(name).stem)
-        self._in_folder = {folder: _clear(sorted(inside)) for folder, inside in _grouped(names, _folder).items()}
+        self._in_folder = {folder: _unambiguous(sorted(group)) for folder, group in _grouped(names, _folder).items()}
 
     def of(self, pair: PairFiles) -> tuple[str, ...]:
         """Return the calibrations of a pair: with its name, in its folder, or in one above; empty if ambiguous."""
-        core, begins = _core(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
-        alike = {
-            *(self._by_core.get(core, []) if core else []),
-            *(self._by_stem.get(begins, []) if begins.isdigit() else []),
+        bare, prefix = _bare_name(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
+        by_name = {
+            *(self._by_bare_name.get(bare, []) if bare else []),
+            *(self._by_stem.get(prefix, []) if prefix.isdigit() else []),
         }
-        if len(alike) == 1 and self._several_pairs:
-            return (*alike,)
+        if len(by_name) == 1 and self._several_pairs:
+            return (*by_name,)
         folder = _folder(pair.left)
-        for one in (folder, *map(str, PurePosixPath(folder).parents)):
-            if found := self._in_folder.get(one):
+        for parent in (folder, *map(str, PurePosixPath(folder).parents)):
+            if found := self._in_folder.get(parent):
                 return found
         return tuple(self._names) if len(self._names) == 1 else ()
 
 
-def _clear(inside: Sequence[str]) -> tuple[str, ...]:
-    """Return the files of the one calibration meant in a folder; empty if ambiguous."""
-    if len(inside) == 1:
-        return (inside[0],)
-    for pattern in _IN_PARTS:
-        found = {match[0].casefold(): name for name in inside if (match := pattern.search(PurePosixPath(name).stem))}
+def _unambiguous(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the files of the only calibration in a folder; empty if there seem to be several."""
+    if len(names) == 1:
+        return (names[0],)
+    for pattern in _SPLIT_CALIBRATIONS:
+        found = {match[0].casefold(): name for name in names if (match := pattern.search(PurePosixPath(name).stem))}
         if len(found) == 2:
             return tuple(sorted(found.values()))
-    return tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
+    return tuple(name for name in names if "calib" in _stem_path(name).casefold())[:1]
 
 
-def _core(name: str) -> str:
-    """Return a file's name without the words for its side or kind."""
+def _bare_name(name: str) -> str:
+    """Return a file's name without folders, suffix, separators and the words for its side or kind."""
     stem = PurePosixPath(name).stem
     for pattern in _SIDE_OR_KIND:
         stem = pattern.sub("", stem)
@@ -258,15 +257,15 @@ def _grouped(names: Iterable[str], key: Callable[[str], K]) -> dict[K, list[str]
     return groups
 
 
-def _nearness(name: str, other: str) -> int:
-    """Return the number of folders that two files do not share."""
+def _folder_distance(name: str, other: str) -> int:
+    """Return the number of folders in the paths of two files that they do not share."""
     first, second = PurePosixPath(name).parts[:-1], PurePosixPath(other).parts[:-1]
     shared = sum(1 for one, two in zip(first, second, strict=False) if one == two)
     return len(first) + len(second) - 2 * shared
 
 
-def _called(keys: Sequence[str]) -> list[str]:
-    """Return the names of pairs: the common parts of their file names, without the folders that all pairs share."""
+def _pair_names(keys: Sequence[str]) -> list[str]:
+    """Return the names of pairs: the common parts of their file names, without folders common to all pairs."""
     parts = [[re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")] for key in keys]
     parts = [[part for part in one if part] for one in parts]
     while len(parts) > 1 and all(len(one) > 1 for one in parts) and len({one[0] for one in parts}) == 1:
@@ -275,7 +274,7 @@ def _called(keys: Sequence[str]) -> list[str]:
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:
-    """Return a sort key by which 2 comes before 10."""
+    """Return a sort key by which file 2 comes before file 10."""
     return [(int(part[:18]), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name.casefold())]
 
 
@@ -283,7 +282,7 @@ def _stem_path(name: str) -> str:
     return re.sub(r"\.[^./]*$", "", name.replace("\\", "/"))
 
 
-def _ending(name: str) -> str:
+def _suffix(name: str) -> str:
     return PurePosixPath(name).suffix.removeprefix(".").casefold()
 
 
@@ -293,7 +292,7 @@ def _folder(name: str) -> str:
 
 @dataclass(frozen=True)
 class PicturesOfFiles:
-    """Pairs of pictures that are decoded again on every access: all at once would take gigabytes."""
+    """Pairs of pictures, decoded anew on every access: all of them in memory would take gigabytes."""
 
     files: Sequence[PairFiles]
     read: Callable[[str], bytes]
@@ -312,13 +311,13 @@ class PicturesOfFiles:
             raise ValueError(f"{quote(name)}: {error}") from error
 
 
-# Pictures of a board, as they are given to a command.
+# Pictures of a board, from the arguments of a command.
 
 
 def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
     """Return the names of pairs of pictures, and the pairs, decoded on demand.
 
-    Given are two patterns, a folder, a ZIP, or files matched by their names.
+    `given` is two patterns, a folder, a ZIP, or files to be matched by name.
 
     Raises
     ------
@@ -329,9 +328,9 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
     """
     read: Callable[[str], bytes] = partial(read_bytes, what="picture")
     if len(given) == 2 and all(glob.has_magic(text) and not Path(text).exists() for text in given):
-        pairs = few_enough(_in_order(*given))
+        pairs = _checked_count(_paired_by_number(*given))
     else:
-        names = [one for text in given for one in _files(text)]
+        names = [name for text in given for name in _files_at(text)]
         if len(given) == 1 and Path(given[0]).is_file():
             data = read(given[0])
             if not is_archive(data):
@@ -350,7 +349,7 @@ def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
 def board_pairs(names: Sequence[str], otherwise: str) -> list[PairFiles]:
     """Return the pairs of pictures of a board among files, matched by name; ValueError if there are none, or too many.
 
-    `otherwise` ends the sentence about what to do where there are none.
+    `otherwise` is the end of the message if there are none: what to do other than renaming the files.
     """
     pairs = matched_pairs(names)
     if not pairs:
@@ -358,19 +357,19 @@ def board_pairs(names: Sequence[str], otherwise: str) -> list[PairFiles]:
             f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, "
             f"{otherwise}."
         )
-    return few_enough(pairs)
+    return _checked_count(pairs)
 
 
-def few_enough(pairs: list[PairFiles]) -> list[PairFiles]:
-    """Return pairs of pictures of a board; ValueError if there are too many."""
-    if len(pairs) > MOST_PAIRS:
-        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+def _checked_count(pairs: list[PairFiles]) -> list[PairFiles]:
+    """Return the pairs unchanged; ValueError if there are too many."""
+    if len(pairs) > MAX_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MAX_PAIRS} are accepted, and 8 to 40 are enough.")
     return pairs
 
 
-def _in_order(left: str, right: str) -> list[PairFiles]:
-    """Return the files of two patterns in pairs, in the order of their numbers."""
-    files = [_matching(pattern) for pattern in (left, right)]
+def _paired_by_number(left: str, right: str) -> list[PairFiles]:
+    """Return the files that match two patterns in pairs, in the order of their numbers."""
+    files = [_glob(pattern) for pattern in (left, right)]
     for pattern, found in zip((left, right), files, strict=True):
         if not found:
             raise ValueError(f"{pattern}: no file matches.")
@@ -381,19 +380,20 @@ def _in_order(left: str, right: str) -> list[PairFiles]:
     return [PairFiles(Path(one).stem, one, other) for one, other in zip(*files, strict=True)]
 
 
-def _files(text: str) -> list[str]:
-    """Return a file, the pictures in a folder and below it, or the files that match a pattern."""
+def _files_at(text: str) -> list[str]:
+    """Return the file at a path, the pictures in and below a folder, or the files that match a pattern."""
     path = Path(text)
     if path.is_dir():
-        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)
-        return sorted(str(one) for one in found)
+        files = (file for file in path.rglob("*") if file.suffix.removeprefix(".").lower() in IMAGE_SUFFIXES)
+        return sorted(map(str, files))
     if path.exists():
         return [text]
-    if not (found_by_pattern := _matching(text)):
+    found = _glob(text)
+    if not found:
         raise ValueError(f"{text}: there is no such file or folder.")
-    return found_by_pattern
+    return found
 
 
-def _matching(pattern: str) -> list[str]:
+def _glob(pattern: str) -> list[str]:
     """Return the files that match a pattern, in the order of their numbers."""
     return sorted(glob.glob(pattern, recursive=True), key=natural_order)  # noqa: PTH207 (Path's takes none from the root)

@@ -1,4 +1,4 @@
-"""Results as files: tables and documents about lags, template searches and disparity maps."""
+"""Results as files: tables and JSON documents of lags, template searches and disparity maps, and lags in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:  # a command loads only what it measures with
+if TYPE_CHECKING:  # a command imports only the modules of its own measurement
     from stereolag.core.searches import LagSearch, TemplateQuery
     from stereolag.signals import SignalLag
     from stereolag.signals.over_time import LagOverTime
@@ -23,17 +23,18 @@ if TYPE_CHECKING:  # a command loads only what it measures with
 
 
 def figures_json(figures: Mapping[str, Any], *, indent: int | None = None) -> str:
-    """Return figures as JSON, on one line unless indented; NaN and infinity, which JSON lacks, become null."""
-    return json.dumps(_plain(figures), allow_nan=False, indent=indent)
+    """Return figures as JSON, on one line unless indented; NaN and infinity, which JSON does not have, become null."""
+    return json.dumps(_json_value(figures), allow_nan=False, indent=indent)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
+    """Return a value as the types of JSON."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if isinstance(value, Mapping):
-        return {str(name): _plain(one) for name, one in value.items()}
+        return {str(name): _json_value(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_json_value(one) for one in value]
     if isinstance(value, Path):
         return str(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -52,7 +53,7 @@ def metrics_csv(
     maps: Mapping[str, DisparityMap] | None = None,
     estimated_bad: Mapping[str, float] | None = None,
 ) -> str:
-    """Return the figures of each method as CSV: one line per method below a line of names.
+    """Return the figures of each method as CSV: one line per method below a header.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def metrics_csv(
         Maps by the name of the method. They add the figures that need no ground truth: the share of pixels that
         are measured, the share filled in, and the computation time, seconds. Methods with only a map come last.
     estimated_bad
-        Percentage of pixels that are probably off by more than 2 px, by the name of the method.
+        Estimated percentage of pixels that are off by more than 2 px, by the name of the method.
     """
     maps, estimated = maps or {}, estimated_bad or {}
     thresholds = sorted({threshold for evaluation in evaluations.values() for threshold in evaluation.bad})
@@ -108,7 +109,7 @@ def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, An
 
 
 def left_out_in_words(result: TemplateSearch) -> str:
-    """Return how many places have no score because the image has no data there, as a sentence; empty if none."""
+    """Return a sentence on the share of positions without a score, where the image has no data; empty if none."""
     if not result.left_out:
         return ""
     share = f"{100 * result.left_out:.0f} %" if result.left_out >= 0.01 else "Less than 1 %"
@@ -121,9 +122,9 @@ def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
 
 
 def matches_csv(result: TemplateSearch) -> str:
-    """Return the matches as CSV, best first: one line per match below a line with the names of its fields.
+    """Return the matches as CSV, best first: one line per match below a header.
 
-    The last field is ``clear``: 1 if a match is the template, else 0. Gains and blocks are in JSON alone.
+    The last column is ``clear``: 1 if a match is the template, else 0. Gains and blocks are only in the JSON.
     """
     from stereolag.templates import TemplateMatch
 
@@ -138,7 +139,7 @@ def matches_csv(result: TemplateSearch) -> str:
 def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()) -> dict[str, Any]:
     """Return the figures of a lag by name, as printed by ``stereolag lag --json``, and the settings of the search.
 
-    The command adds ``recordings``: the facts about its files. `assumed` are the settings that neither a file nor the
+    The command adds ``recordings``, facts about its files. `assumed` names the settings that neither a file nor the
     user gave: ``"speed"``, ``"sampling_rate"``.
     """
     over_time = result.over_time
@@ -186,7 +187,8 @@ def _over_time_figures(over_time: LagOverTime, sampling_rate: float) -> dict[str
     }
 
 
-_MOST_STEPS = 3
+_MAX_STEPS_IN_WORDS = 3
+"""Maximum number of steps that a sentence lists."""
 
 
 def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
@@ -196,34 +198,36 @@ def over_time_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
     """
     steps = over_time.steps
     drift = f"{over_time.ppm:+,.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
-    lags = _sided([over_time.start, over_time.end] if not steps else [steps[0].before, *(one.after for one in steps)])
+    lags = _lags_in_words(
+        [over_time.start, over_time.end] if not steps else [steps[0].before, *(one.after for one in steps)]
+    )
     if not steps:
         return f"{lags[0]} at the start, {lags[1]} at the end ({drift})"
-    told = [
+    segments = [
         f"{lag} from {step.place / sampling_rate:,.1f} s on" if number else f"then {lag}"
         for number, (step, lag) in enumerate(zip(steps, lags[1:], strict=True))
     ]
-    said = f"{lags[0]} until {steps[0].place / sampling_rate:,.1f} s, {', '.join(told[:_MOST_STEPS])}"
-    if len(steps) > _MOST_STEPS:
-        said += f" and {len(steps) - _MOST_STEPS} more"
+    words = f"{lags[0]} until {steps[0].place / sampling_rate:,.1f} s, {', '.join(segments[:_MAX_STEPS_IN_WORDS])}"
+    if len(steps) > _MAX_STEPS_IN_WORDS:
+        words += f" and {len(steps) - _MAX_STEPS_IN_WORDS} more"
     if over_time.drifts:
-        said += f" ({drift})"
-    lost = {
+        words += f" ({drift})"
+    lost_s = {
         number: sum(max(0.0, sign * step.missing) for step in steps) / sampling_rate
         for number, sign in ((1, -1), (2, 1))
     }
-    missing = [f"{seconds:.3g} s are missing in recording {number}" for number, seconds in lost.items() if seconds]
-    return f"{said}: {' and '.join(missing)}"
+    missing = [f"{seconds:.3g} s are missing in recording {number}" for number, seconds in lost_s.items() if seconds]
+    return f"{words}: {' and '.join(missing)}"
 
 
-def _sided(lags: Sequence[float]) -> list[str]:
-    """Return lags in words, their side only where it changes: "2 samples earlier", "5 later", "7"."""
+def _lags_in_words(lags: Sequence[float]) -> list[str]:
+    """Return lags in words, with the direction only where it changes: "2 samples earlier", "5 later", "7"."""
     words: list[str] = []
-    side = ""
+    previous = ""
     for lag in lags:
-        number, own = f"{abs(round(lag)):,}", "later" if round(lag) >= 0 else "earlier"
-        words.append(f"{number}{'' if words else ' samples'}{'' if own == side else f' {own}'}")
-        side = own
+        number, direction = f"{abs(round(lag)):,}", "later" if round(lag) >= 0 else "earlier"
+        words.append(f"{number}{'' if words else ' samples'}{'' if direction == previous else f' {direction}'}")
+        previous = direction
     return words
 
 
@@ -232,19 +236,19 @@ def lag_json(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()
     return figures_json(lag_figures(result, search, assumed), indent=2) + "\n"
 
 
-def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) -> str:
-    """Return the curve of a lag as CSV: ``lag_samples``, ``time_s`` and ``correlation``, by ascending lag.
+def curve_csv(result: SignalLag, sampling_rate: float, max_lags: int | None = None) -> str:
+    """Return the correlation curve of a lag as CSV: ``lag_samples``, ``time_s`` and ``correlation``, by ascending lag.
 
-    Every number has all its digits. The method "sampled" has ``votes`` in place of a correlation. At most so many lags
-    are taken, around the lag found; all by default.
+    Every number has all its digits. The method "sampled" has ``votes`` in place of a correlation. At most `max_lags`
+    around the lag found are written; all by default.
     """
     if result.lags is not None and result.correlation is not None:
-        name, lags, heights = "correlation", np.asarray(result.lags), result.correlation
+        name, lags, values = "correlation", np.asarray(result.lags), result.correlation
     else:
         votes = dict(sorted((result.votes or {}).items()))
-        name, lags, heights = "votes", np.array([*votes], dtype=np.int64), np.array([*votes.values()], dtype=np.int64)
-    if most is not None and lags.size > most:
-        first = min(max(0, int(np.searchsorted(lags, result.lag)) - most // 2), lags.size - most)
-        lags, heights = lags[first : first + most], heights[first : first + most]
-    rows = zip(lags.tolist(), (lags / sampling_rate).tolist(), heights.tolist(), strict=True)
+        name, lags, values = "votes", np.array([*votes], dtype=np.int64), np.array([*votes.values()], dtype=np.int64)
+    if max_lags is not None and lags.size > max_lags:
+        first = min(max(0, int(np.searchsorted(lags, result.lag)) - max_lags // 2), lags.size - max_lags)
+        lags, values = lags[first : first + max_lags], values[first : first + max_lags]
+    rows = zip(lags.tolist(), (lags / sampling_rate).tolist(), values.tolist(), strict=True)
     return _csv(["lag_samples", "time_s", name], rows)

@@ -1,4 +1,4 @@
-"""Sessions of the depth page, saved in its section "Take it away": the files of a pair, and settings as JSON."""
+"""Sessions of the depth page, saved in its section "Take it away": the files of a pair, and its settings as JSON."""
 
 from __future__ import annotations
 
@@ -38,26 +38,29 @@ MAX_SESSION_BYTES = 2**18
 
 SESSION = "session.json"
 """Name of the session file in an archive saved on the depth page."""
-MOST_SENTENCES = 20
-LONGEST_TEXT = 500
-LARGEST_COLOUR = 1e6
 
-_ACTIVE = re.compile(r"[^\w\s.,:;'’“”%°×÷–/+=?()-]|_")
+MAX_HISTORY_LINES = 20
+MAX_LINE_LENGTH = 500
+
+MAX_COLOUR_PX = 1e6
+"""Maximum magnitude of the ends of the colours' range, px."""
+
+_UNSAFE_CHARACTERS = re.compile(r"[^\w\s.,:;'’“”%°×÷–/+=?()-]|_")
 _ADDRESS = re.compile(r":/+|www\.|(?<=\w)[:@](?=\w)")
 
 
-def _line(value: object) -> str:
-    """Return a text as one harmless line, without addresses and without characters active in Markdown or HTML."""
-    plain = _ACTIVE.sub("", value[:LONGEST_TEXT] if isinstance(value, str) else "")
+def _safe_line(value: object) -> str:
+    """Return a text as one harmless line, without addresses and characters with a meaning in Markdown or HTML."""
+    plain = _UNSAFE_CHARACTERS.sub("", value[:MAX_LINE_LENGTH] if isinstance(value, str) else "")
     return " ".join(_ADDRESS.sub(" ", plain).split())
 
 
-Line = Annotated[str, BeforeValidator(_line)]
-Colour = Annotated[float | None, Field(ge=-LARGEST_COLOUR, le=LARGEST_COLOUR, allow_inf_nan=False)]
+Line = Annotated[str, BeforeValidator(_safe_line)]
+Colour = Annotated[float | None, Field(ge=-MAX_COLOUR_PX, le=MAX_COLOUR_PX, allow_inf_nan=False)]
 
 
 class _Saved(BaseModel):
-    """A part of a session file; values that are missing or not allowed become the page's defaults."""
+    """A part of a session file; missing or invalid values are replaced by the page's defaults."""
 
     model_config = ConfigDict(strict=True)
 
@@ -73,7 +76,7 @@ class _Saved(BaseModel):
 class Colours(_Saved):
     """The colours of the maps: the palette's name, "" if none is named; the range, px, None if the page chooses it.
 
-    `outlined`: whether the outlines of the left image are drawn over the maps.
+    `outlined` tells whether the outlines of the left image are drawn over the maps.
     """
 
     palette: Line = ""
@@ -90,11 +93,11 @@ class Colours(_Saved):
 
 
 class SavedPair(_Saved):
-    """The pair of a session: the names of its files by role, its description, and the range that it needs, px."""
+    """The pair of a session: the names of its files by role, its description and history, and its search range, px."""
 
     files: dict[str, str] = {}
     description: Line = ""
-    history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MOST_SENTENCES])])] = []
+    history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MAX_HISTORY_LINES])])] = []
     num_disparities: Annotated[int | None, Field(ge=1, le=LARGEST_COUNT)] = None
     min_disparity: Annotated[int, Field(ge=-FARTHEST_FIRST, le=FARTHEST_FIRST)] = 0
 
@@ -109,11 +112,11 @@ class SessionDocument(_Saved):
     pair
         The pair.
     methods
-        The settings of all methods, for images of the pair's own size; not checked yet.
+        The settings of all methods, for images at the pair's full size; not validated yet.
     shown
         The short names of the methods shown, in the page's order.
     size
-        Name of the size at which the pair was shown on the page; untrusted.
+        Name of the size at which the pair was shown on the page; not validated.
     colours
         The colours of the maps.
     """
@@ -130,20 +133,20 @@ class SessionDocument(_Saved):
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """A pair at its own size and the settings of the page, all checked.
+    """A pair at its full size and the settings of the page, all validated.
 
     Attributes
     ----------
     left, right
         The images.
     truth, visible
-        (H, W) px and bool; None if missing in the archive.
+        Ground truth, px, and mask of the pixels visible in both images, both (H, W); None if not in the archive.
     calibration
-        Calibration of the pair; None if missing in the archive.
+        Calibration of the pair; None if not in the archive.
     matchers
         The settings of all methods, for images of that size.
     document
-        Everything else that the session file says, without any active Markdown.
+        Everything else in the session file, without active Markdown.
     """
 
     left: Image
@@ -169,8 +172,8 @@ def session_json(
 ) -> str:
     """Return a session as JSON.
 
-    Its arguments are the fields of :class:`SessionDocument`, :class:`SavedPair` and :class:`Colours`, for the images as
-    they are in the files: their names by role are "left", "right", and if known "truth", "visible" and "calibration".
+    The arguments are the fields of :class:`SessionDocument`, :class:`SavedPair` and :class:`Colours`, for the images at
+    the size of the files. The roles of files are "left", "right", and if known "truth", "visible" and "calibration".
     The range of the colours, "low" and "high", is given only if the visitor chose it.
     """
     document = SessionDocument.model_construct(
@@ -191,13 +194,12 @@ def session_json(
 
 
 def read_session(archive: Archive, door: Door = unguarded) -> Session:
-    """Read an archive saved on the depth page; its files are read through `door`: the guard, or none.
+    """Read an archive saved on the depth page; its files are read through `door`: the guard, or directly.
 
     Raises
     ------
     ValueError
-        No session in the archive, a damaged one, images that are missing or do not fit together, or settings that are
-        refused.
+        No session in the archive, a damaged one, images that are missing or do not fit together, or invalid settings.
     """
     what = "session file"
     parsed = parsed_json(archive.read(SESSION), what, MAX_SESSION_BYTES)
@@ -212,8 +214,8 @@ def read_session(archive: Archive, door: Door = unguarded) -> Session:
     if "visible" in files:
         visible = door(read_image)(archive.read(files["visible"])) > 0
         visible = visible if visible.ndim == 2 else visible[:, :, 0]
-    for name, found in (("ground truth", truth), ("mask", visible)):
-        if found is not None and found.shape != left.shape[:2]:
+    for name, array in (("ground truth", truth), ("mask", visible)):
+        if array is not None and array.shape != left.shape[:2]:
             raise ValueError(f"The {name} in the archive has another size than the left image.")
     calibration = door(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
     matchers = tuple(matcher_of(one, what) for one in document.methods)

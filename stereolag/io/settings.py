@@ -49,13 +49,13 @@ def read_matcher(source: Source) -> StereoMatcher:
 
 
 def matcher_of(document: Any, what: str) -> StereoMatcher:
-    """Return the matcher described by a parsed, untrusted document; `what` names its source in errors."""
+    """Return the matcher described by a parsed, untrusted document; `what` is its name in errors."""
     if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
         raise ValueError(f'The {what} must be a JSON object with "method", a name, and "settings", an object.')
     name = document["method"]
-    method = next((one for one in METHODS if one.__name__ == name), None)
+    method = next((method for method in METHODS if method.__name__ == name), None)
     if method is None:
-        known = ", ".join(one.__name__ for one in METHODS)
+        known = ", ".join(method.__name__ for method in METHODS)
         raise ValueError(f"The {what} names the method {quote(str(name))}; known are {known}.")
     try:
         return method.model_validate(document["settings"])
@@ -63,10 +63,10 @@ def matcher_of(document: Any, what: str) -> StereoMatcher:
         raise ValueError(f"The {what} for {name} is refused. {escape(str(error))}") from error
 
 
-def parsed_json(data: bytes, what: str, most: int) -> Any:
-    """Return the content of untrusted JSON of at most so many bytes."""
-    if len(data) > most:
-        raise ValueError(f"The {what} has {len(data):,} bytes; at most {most:,} are accepted.")
+def parsed_json(data: bytes, what: str, max_bytes: int) -> Any:
+    """Return the content of untrusted JSON of at most `max_bytes`; `what` is its name in errors."""
+    if len(data) > max_bytes:
+        raise ValueError(f"The {what} has {len(data):,} bytes; at most {max_bytes:,} are accepted.")
     try:
         return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -108,11 +108,11 @@ def settings_document(matcher: StereoMatcher) -> dict[str, Any]:
 def opencv_yaml(matcher: BlockMatcher) -> str:
     """Return the settings of StereoBM or StereoSGBM in the layout of OpenCV's own ``Algorithm::save``.
 
-    With them, OpenCV matches 8-bit grey images as this library does, and returns the disparity × 16 as int16.
+    With these settings OpenCV matches 8-bit grey images as this library does, and returns disparity × 16 as int16.
 
     In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
 
-        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # keep it: its nodes die with it
+        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # keep it: it owns its nodes
         matcher = cv2.StereoBM.create()
         matcher.read(storage.getFirstTopLevelNode())
     """

@@ -20,18 +20,11 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
-from stereolag.io.disparities import read_disparity, read_stored_disparity
+from stereolag.io.disparities import DISPARITY_SUFFIXES, read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Door, guarded, unguarded
-from stereolag.io.images import read_image
-from stereolag.io.pairing import (
-    PICTURE_ENDINGS,
-    TRUTH_ENDINGS,
-    left_alone,
-    matched_pairs,
-    natural_order,
-    pictures_by_side,
-)
+from stereolag.io.images import IMAGE_SUFFIXES, read_image
+from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
@@ -333,8 +326,8 @@ def open_sequence(
     elif layout is not None:
         raise ValueError("A layout is that of frames with both views; these are two files.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
-        lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
-        truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
+        lefts, rights = _pictures(left, IMAGE_SUFFIXES), _pictures(right, IMAGE_SUFFIXES)
+        truths = [] if truth is None else _pictures(truth, DISPARITY_SUFFIXES)
         partners = partners_by_name(lefts, rights, "right pictures")
         known = partners_by_name(lefts, truths, "true disparities") if truths else [None] * len(lefts)
         sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
@@ -360,7 +353,7 @@ def _of_one(
 ) -> StereoSequence:
     path = Path(source).absolute() if isinstance(source, str | PathLike) else None
     if path is not None and (path.is_dir() or (glob.has_magic(str(path)) and not path.exists())):
-        names = sorted(_below(path) if path.is_dir() else _pictures(path, PICTURE_ENDINGS), key=natural_order)
+        names = sorted(_below(path) if path.is_dir() else _pictures(path, IMAGE_SUFFIXES), key=natural_order)
         return _of_files(names, frame_rate, path.joinpath, door, layout)
     if is_archive(beginning(source)):
         archive = read_archive(source, max_files=MAX_ARCHIVED)
@@ -387,7 +380,7 @@ def _of_files(
     """Return the frames in the pictures of a folder or an archive: pairs by their names, or both views in each."""
     if layout is None and (files := _frames_among(names)):
         return _picture_sequence(files, frame_rate, source_of, door)
-    pictures = [name for name in names if _ending(Path(name)) in PICTURE_ENDINGS]
+    pictures = [name for name in names if _ending(Path(name)) in IMAGE_SUFFIXES]
     shown = (partial(_read_picture, name, source_of, door) for name in pictures[:: max(1, len(pictures) // 2)])
     both = (layout, False) if layout and pictures else _layout_of(shown)
     if both is None:
@@ -420,11 +413,11 @@ def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
         return [*map(FrameFiles, left, partners_by_name(left, right, "right pictures"))]
     frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
     if frames:
-        frames += [FrameFiles(name, None) for name in left_alone(names, pairs, surest)]
+        frames += [FrameFiles(name, None) for name in unpaired_left(names, pairs, surest)]
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 
-def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
+def _pictures(source: Source, endings: Sequence[str]) -> list[str]:
     """Return the paths of the files in a folder or matching a pattern, in natural order."""
     if not isinstance(source, str | PathLike):
         raise ValueError("Pictures are named by a folder or a pattern; give a ZIP archive or videos as bytes.")

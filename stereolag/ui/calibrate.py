@@ -21,10 +21,10 @@ from stereolag.core.typography import percent, typesets
 from stereolag.figures.boards import coverage_picture, error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg, png
 from stereolag.geometry.boards import (
-    FEWEST_CORNERS,
-    GUESSED_FROM,
-    MOST_CORNERS,
-    MOST_PAIRS,
+    MAX_CORNERS,
+    MAX_GUESS_PAIRS,
+    MAX_PAIRS,
+    MIN_CORNERS,
     Board,
     BoardViews,
     Markers,
@@ -178,7 +178,7 @@ def _own() -> BoardPictures | None:
         "right01, L_3 and R_3, or equal names in folders left and right of a ZIP.",
     )
     show_limits(
-        f"At most {MOST_PAIRS} pairs, {MAX_BYTES // 2**20} MB together, and {limits().max_megapixels} megapixels each."
+        f"At most {MAX_PAIRS} pairs, {MAX_BYTES // 2**20} MB together, and {limits().max_megapixels} megapixels each."
     )
     if given is None:
         return None
@@ -235,8 +235,8 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
         columns, rows = (
             st.number_input(
                 label,
-                FEWEST_CORNERS,
-                MOST_CORNERS,
+                MIN_CORNERS,
+                MAX_CORNERS,
                 value,
                 **persistent(f"{KEY}.{label}.{pictures.digest}"),
                 width=HALF_WIDTH,
@@ -273,8 +273,8 @@ def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Ref
     return computed_in_turn(
         "board",
         attempted(lambda _: guess_board(pictures.pairs, size)),
-        pictures.estimate(min(GUESSED_FROM, len(pictures.names))),
-        **kept_for(pictures, f"{size} {GUESSED_FROM}"),
+        pictures.estimate(min(MAX_GUESS_PAIRS, len(pictures.names))),
+        **kept_for(pictures, f"{size} {MAX_GUESS_PAIRS}"),
         label="Looking for the board …",
     )
 

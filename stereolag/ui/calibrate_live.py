@@ -13,17 +13,17 @@ import streamlit as st
 from stereolag.assess.layout import Layout, views
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.inputs import as_grey
-from stereolag.geometry.board_samples import APART_S, Collected, Missing, board_pose, is_still
+from stereolag.geometry.board_samples import MIN_FRAME_GAP_S, Collected, Missing, board_pose, is_still
 from stereolag.geometry.boards import (
     Board,
     Corners,
     Grey8,
     find_boards,
-    find_in_running_picture,
+    find_in_live_frame,
     guess_charuco,
     guess_chessboard,
 )
-from stereolag.geometry.camera_fits import FEWEST_PAIRS
+from stereolag.geometry.camera_fits import MIN_PAIRS
 from stereolag.io.sources import MAX_BYTES
 from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
 from stereolag.ui.components import component, packed_item
@@ -144,19 +144,19 @@ class Taking:
         if board is None:
             return self._shown()
         size = left.shape[1], left.shape[0]
-        first, second = find_in_running_picture(left, board), find_in_running_picture(right, board)
+        first, second = find_in_live_frame(left, board), find_in_live_frame(right, board)
         corners = [[] if one is None else _shares(one.points, size) for one in (first, second)]
         if first is None or second is None:
             self.seen = []
             return self._shown(NOT_SEEN[first is not None, second is not None], corners)
         is_still = self._is_still(Seen(message.at, (first, second)), board, size[0])
-        if not self.missing or not self.collected.adds(board_pose(first, second, board, size)):
+        if not self.missing or not self.collected.is_new(board_pose(first, second, board, size)):
             return self._shown("", corners)
         return self._shown("" if is_still else "Hold it still …", corners, want=is_still)
 
     def _is_still(self, now: Seen, board: Board, width: int) -> bool:
         """Note where a board is, and return whether it has hardly moved since the last frame long enough before."""
-        before = [one for one in self.seen if now.at - one.at >= 1000 * APART_S]
+        before = [one for one in self.seen if now.at - one.at >= 1000 * MIN_FRAME_GAP_S]
         self.seen = [*self.seen[max(0, len(before) - 1) :][-MOST_SEEN:], now]
         if not before:
             return False
@@ -166,7 +166,7 @@ class Taking:
 
     def _guessed(self, left: Grey8, right: Grey8) -> Board | None:
         """Return the board, once the last frames have all shown the same one."""
-        guess = guess_charuco([left, right]) or guess_chessboard([left, right], at_leisure=False)
+        guess = guess_charuco([left, right]) or guess_chessboard([left, right], thorough=False)
         self.guesses = [] if guess is None else [*self.guesses, guess][-ALIKE:]
         # The share of the markers is measured in each frame anew.
         kinds = {replace(one, markers=one.markers and replace(one.markers, share=0.5)) for one in self.guesses}
@@ -187,7 +187,7 @@ class Taking:
             return
         left, right = found.both[0]
         pose = board_pose(left, right, self.board, size)
-        if not self.collected.adds(pose):
+        if not self.collected.is_new(pose):
             return
         self.size = size
         self.collected.keep(pose, left, right, size)
@@ -206,7 +206,7 @@ class Taking:
             "outlines": self.outlines,
             "progress": self.collected.progress(),
             "count": count,
-            "ready": count >= FEWEST_PAIRS,
+            "ready": count >= MIN_PAIRS,
             "enough": not missing,
         }
 
@@ -250,7 +250,7 @@ def show_live() -> None:
 def _calibrate_with_these() -> None:
     """Make the pairs taken the page's own files."""
     taking: Taking = st.session_state[f"{KEY}.live"]
-    if len(taking.collected.poses) < FEWEST_PAIRS:
+    if len(taking.collected.poses) < MIN_PAIRS:
         return
     count = len(taking.files) // 2
     hand_in([*taking.files], matched, f"The {count} pairs that the camera has taken are in use.", key=FILES)

@@ -17,7 +17,7 @@ from stereolag.core.typography import typeset
 from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.maps import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER
-from stereolag.geometry.scene import seen_from_above
+from stereolag.geometry.scene import birds_eye_view
 from stereolag.io.images import read_image
 from stereolag.pair import PairId
 from stereolag.stereo.evaluation import evaluate
@@ -321,7 +321,7 @@ def test_the_cloud_stands_upright_in_its_colours_and_is_seen_from_any_side_as_fa
 
 
 def test_the_birds_eye_view_has_the_camera_at_the_bottom() -> None:
-    figure = birds_eye(seen_from_above(POINTS, COLOURS, cells=50), "m")
+    figure = birds_eye(birds_eye_view(POINTS, COLOURS, cells=50), "m")
     assert figure.layout.yaxis.range[0] == 0
     assert figure.layout.yaxis.scaleanchor == "x"
     assert figure.data[0].y0 >= POINTS[:, 2].min()

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from stereolag.geometry.board_samples import MOST_SAMPLES, BoardPose, Collected, board_pose, is_still
+from stereolag.geometry.board_samples import MAX_SAMPLES, BoardPose, Collected, board_pose, is_still
 from stereolag.geometry.boards import Board, BoardViews, Corners, Markers
 from stereolag.geometry.calibrating import ENOUGH_COVERAGE, calibrate_boards, covered_cells
 from tests.held_boards import BASELINE_M, CHESSBOARD, SIZE, SQUARE_M, held, obeying, seen
@@ -54,7 +54,7 @@ def test_the_side_that_is_nearer_is_known_whichever_end_the_corners_are_counted_
 def test_a_part_of_a_board_with_markers_has_a_pose() -> None:
     some = np.array([0, 1, 2, 9, 10, 11, 18, 19, 20])
     part = [Corners(some, one.of(some)) for one in seen(held(turn=(0, 0.5, 0)))]
-    assert board_pose(part[0], part[1], Board(9, 6, Markers("DICT_4X4_1000")), SIZE).to_right > 0.3
+    assert board_pose(part[0], part[1], Board(9, 6, Markers("DICT_4X4_1000")), SIZE).tilt_across > 0.3
 
 
 def test_a_board_is_still_if_no_corner_moves_by_more_than_ten_pixels_a_second() -> None:
@@ -74,10 +74,10 @@ def test_a_pose_adds_something_if_it_differs_from_all_that_are_kept() -> None:
     collected = Collected()
     for across in (0.2, 0.6):
         pair = seen(held(across))
-        assert collected.adds(pose_of(*pair))
+        assert collected.is_new(pose_of(*pair))
         collected.keep(pose_of(*pair), *pair, SIZE)
-    assert not collected.adds(pose_of(*seen(held(0.55))))
-    assert collected.adds(pose_of(*seen(held(0.55, turn=(0.5, 0, 0)))))
+    assert not collected.is_new(pose_of(*seen(held(0.55))))
+    assert collected.is_new(pose_of(*seen(held(0.55, turn=(0.5, 0, 0)))))
 
 
 def test_whoever_does_what_is_missing_is_soon_done_and_well_calibrated() -> None:
@@ -107,7 +107,7 @@ def test_what_is_covered_is_within_the_corners_of_each_picture() -> None:
 
 def test_many_pictures_are_enough_whatever_they_lack() -> None:
     collected, pair = Collected(), seen(held())
-    for _ in range(MOST_SAMPLES):
+    for _ in range(MAX_SAMPLES):
         assert collected.missing()
         collected.keep(pose_of(*pair), *pair, SIZE)
     assert not collected.missing()

@@ -126,7 +126,7 @@ def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
 def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
     pairs: Pictures, views: BoardViews, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(boards, "LARGEST_SIDE", 240)
+    monkeypatch.setattr(boards, "MAX_SEARCH_SIDE_PX", 240)
     deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in pairs[1:3]]
     found = find_boards(deep, (9, 6))
     for number, side in np.ndindex(2, 2):
@@ -253,7 +253,7 @@ def test_no_row_of_a_small_board_is_left_out_for_its_edge() -> None:
 @pytest.mark.parametrize("quarters", range(4))
 def test_corners_are_counted_from_the_white_end_by_both_detectors_however_the_board_is_turned(quarters: int) -> None:
     picture = np.ascontiguousarray(np.rot90(np.pad(board_picture(CHESSBOARD, 40), 60, constant_values=255), quarters))
-    for detect in (boards.find_chessboard, boards.find_in_running_picture):
+    for detect in (boards.find_chessboard, boards.find_in_live_frame):
         found = detect(picture, CHESSBOARD)
         assert found is not None
         square = found.points[[0, 1, 9, 10]].mean(axis=0).astype(int)
@@ -321,7 +321,7 @@ def test_a_bent_board_that_is_never_seen_as_a_whole_is_a_doubt(by: float, doubte
 
 def test_what_speaks_against_a_calibration_is_said(views: BoardViews, plain: StereoCalibration) -> None:
     few = calibrate_boards(replace(views, left=(*views.left[:4], *[None] * 4)), SQUARE_M)
-    assert few.doubts[0].startswith("4 pairs count") and "The board has covered" in few.doubts[1]
+    assert few.doubts[0].startswith("4 pairs are used") and "The board has covered" in few.doubts[1]
     fine = replace(plain, left_coverage=0.5, right_coverage=0.6)
     assert fine.doubts == ()
     for change, said in (

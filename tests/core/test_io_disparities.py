@@ -21,9 +21,9 @@ import stereolag as sl
 from stereolag import read_disparity, read_image, write_disparity
 from stereolag.io.arrays import npy
 from stereolag.io.disparities import (
-    BEYOND_ALL_PX,
     DISPARITY_FORMATS,
     FORMATS,
+    MAX_DISPARITY_PX,
     check_kitti,
     confidence_png,
     kitti_png,
@@ -112,7 +112,7 @@ def test_a_failure_leaves_the_file_that_was_there(tmp_path: Path, monkeypatch: p
 
 @given(
     disparity=hnp.arrays(np.float32, shapes, elements=st.floats(min_value=0, width=32)).filter(
-        lambda a: (a < BEYOND_ALL_PX).any()
+        lambda a: (a < MAX_DISPARITY_PX).any()
     ),
     scale=st.sampled_from(["-1.0", "1.0", "-0.003922", "2e-3"]),
 )
@@ -120,7 +120,7 @@ def test_a_pfm_is_read_in_both_byte_orders_whatever_its_scale(disparity, scale):
     """Middlebury's files have 0.00392157 (1/255), others 1/256: OpenCV multiplies the others by 256, we do not."""
     found = read_disparity(pfm_of(disparity, scale))
     assert found.dtype == np.float32
-    np.testing.assert_array_equal(found, np.where(disparity < BEYOND_ALL_PX, disparity, np.nan))
+    np.testing.assert_array_equal(found, np.where(disparity < MAX_DISPARITY_PX, disparity, np.nan))
 
 
 @given(pixels=hnp.arrays(np.uint16, shapes).filter(np.any))
@@ -235,7 +235,7 @@ def test_the_map_among_the_arrays_of_an_npz_or_mat_is_read_and_of_two_alike_none
         saved_by(scipy.io.savemat, {"GT": disparity, "focal": 700.0, "name": "scene"}),
     ):
         np.testing.assert_array_equal(read_disparity(data), disparity.astype(np.float32))
-    with pytest.raises(ValueError, match=r"not the only one in its file, of “left” \(9, 11\), “right”"):
+    with pytest.raises(ValueError, match=r"not the only one in its file, which holds “left” \(9, 11\), “right”"):
         read_disparity(saved_by(np.savez, left=disparity, right=disparity))
 
 

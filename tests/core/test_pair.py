@@ -119,7 +119,7 @@ def sintel_png(disparity: np.ndarray) -> bytes:
         (image_png(np.rint(TRUE_PX * 64).astype(np.uint16)), "4 times too small"),
         (image_png(np.rint(TRUE_PX * 100).astype(np.uint16)), "2.56 times too small"),
         (image_png(np.rint(TRUE_PX * 256).astype(np.uint16)), ""),
-        (pfm(-TRUE_PX), "of the other sign"),
+        (pfm(-TRUE_PX), "opposite in sign"),
         (pfm(np.where(np.eye(60, 160) > 0, -9999, TRUE_PX)), ""),
         (npy(np.where(np.eye(60, 160) > 0, np.nan, TRUE_PX)), ""),
         (image_tiff(np.where(np.eye(60, 160) > 0, -32768, TRUE_PX)), ""),

@@ -11,9 +11,9 @@ from straight_and_raw import D1, D2, M1, M2, P1, P2, R1, R2, RIG, SIZE, R, T, ra
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import (
-    as_deep,
+    as_same_bit_depth,
     calibration_for,
-    cropped_alike,
+    cropped_to_common_size,
     preview_divisor,
     rectified_calibration,
     rectify,
@@ -181,12 +181,12 @@ CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, 
 @pytest.mark.parametrize(("rows", "cols"), [(50, 50), (49, 51), (51, 49)])
 def test_what_differs_by_a_few_pixels_is_cropped_and_nothing_else(rows: int, cols: int) -> None:
     left = np.arange(50 * 50).reshape(50, 50)
-    cropped = cropped_alike(left, np.zeros((rows, cols)))
+    cropped = cropped_to_common_size(left, np.zeros((rows, cols)))
     assert cropped[0].shape == cropped[1].shape == (min(rows, 50), min(cols, 50))
     assert cropped[0][0, 0] == left[0, 0]
     for shape in ((rows + 4, cols), (rows, cols - 4)):
         with pytest.raises(ValueError, match=f"left is 50 × 50 and right is {shape[1]} × {shape[0]} pixels"):
-            cropped_alike(left, np.zeros(shape))
+            cropped_to_common_size(left, np.zeros(shape))
 
 
 def test_a_calibration_fits_the_images_it_was_made_for_resized_or_cropped_a_little() -> None:
@@ -232,9 +232,9 @@ def test_a_disparity_shrinks_with_its_picture_and_invents_nothing() -> None:
 def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
     shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
     deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
-    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
+    found = as_same_bit_depth(deep, shallow) if deep_is_left else as_same_bit_depth(shallow, deep)
     assert [image.dtype for image in found] == [np.uint16, np.uint16]
     same = deep, deep
-    assert all(one is deep for one in as_deep(*same))
+    assert all(one is deep for one in as_same_bit_depth(*same))
     # One grey level of a camera with this many bits is the tolerance.
     assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)

@@ -21,9 +21,9 @@ SIZE = {"width": 640, "height": 480}
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(1, 20))
 
 
-def seen(place: tuple[float, float, float]) -> scene.SeenPoint:
+def seen(place: tuple[float, float, float]) -> scene.ImagePoint:
     x, y, z = place
-    return scene.SeenPoint(240 + 800 * y / z, 320 + 800 * x / z, 800 * 0.1 / z - 3)
+    return scene.ImagePoint(240 + 800 * y / z, 320 + 800 * x / z, 800 * 0.1 / z - 3)
 
 
 @given(places, places)
@@ -38,8 +38,8 @@ def test_its_error_is_what_noisy_disparities_spread_it_by() -> None:
     rng = np.random.default_rng(0)
     first, second = seen((-1.0, 0.2, 4.0)), seen((1.5, -0.5, 6.0))
 
-    def noisy(point: scene.SeenPoint) -> scene.SeenPoint:
-        return scene.SeenPoint(point.row, point.col, point.disparity + rng.normal(0, 0.05))
+    def noisy(point: scene.ImagePoint) -> scene.ImagePoint:
+        return scene.ImagePoint(point.row, point.col, point.disparity + rng.normal(0, 0.05))
 
     spread = [scene.distance_between(CAMERA, noisy(first), noisy(second), **SIZE).metres for _ in range(2000)]
     apart = scene.distance_between(CAMERA, first, second, **SIZE, disparity_error=0.05)
@@ -48,19 +48,21 @@ def test_its_error_is_what_noisy_disparities_spread_it_by() -> None:
 
 def test_the_middle_of_the_picture_stands_in_for_a_centre_but_nothing_for_a_depth() -> None:
     plain, told = Calibration(800.0, 0.1), Calibration(800.0, 0.1, cx=319.5, cy=239.5)
-    points = scene.SeenPoint(10, 20, 8.0), scene.SeenPoint(300, 500, 16.0)
+    points = scene.ImagePoint(10, 20, 8.0), scene.ImagePoint(300, 500, 16.0)
     assert scene.distance_between(plain, *points, **SIZE) == scene.distance_between(told, *points, **SIZE)
-    apart = scene.distance_between(CAMERA, scene.SeenPoint(1, 1, math.nan), points[1], **SIZE)
+    apart = scene.distance_between(CAMERA, scene.ImagePoint(1, 1, math.nan), points[1], **SIZE)
     assert math.isnan(apart.metres) and math.isnan(apart.error)
 
 
 def test_a_known_distance_makes_depths_metric_whatever_was_known_before() -> None:
     for known in (None, CAMERA):
-        calibration = scene.calibrated_by(known, 25.0, 3.0, width=640)
+        calibration = scene.calibration_from_distance(known, 25.0, 3.0, width=640)
         assert float(calibration.depth(25.0)) == pytest.approx(3.0)
-    assert scene.calibrated_by(CAMERA, 25.0, 3.0, width=640).focal_px == 800
+    assert scene.calibration_from_distance(CAMERA, 25.0, 3.0, width=640).focal_px == 800
     # With a 60° field of view, half the picture is tan 30° times the focal length wide.
-    assert 320 / scene.calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
+    assert 320 / scene.calibration_from_distance(None, 25.0, 3.0, width=640).focal_px == pytest.approx(
+        math.tan(math.radians(30))
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 10])
@@ -123,7 +125,7 @@ GREY = np.uint8([[100, 100, 100]])
 def test_points_fall_into_their_cells_whatever_their_height_and_more_of_them_are_more_opaque() -> None:
     points = np.array([[0, 5, 1], [0, -5, 1], [9.9, 0, 1], *[[0, 0, 10.9]] * 40])
     colours = np.uint8([[10, 20, 30], [30, 40, 50], [0, 0, 255], *[[255, 0, 0]] * 40])
-    view = scene.seen_from_above(points, colours, cells=10)
+    view = scene.birds_eye_view(points, colours, cells=10)
     assert view.picture.shape == (10, 10, 4)
     assert view.cell == pytest.approx(0.99)
     assert (view.left, view.near) == (0, 1)
@@ -137,7 +139,7 @@ def test_points_fall_into_their_cells_whatever_their_height_and_more_of_them_are
 @given(st.integers(1, 300), st.integers(1, 64), st.integers(0, 2**32 - 1))
 def test_every_point_is_in_the_picture(count: int, cells: int, seed: int) -> None:
     points = np.random.default_rng(seed).normal(0, 5, (count, 3)).astype(np.float32)
-    view = scene.seen_from_above(points, GREY.repeat(count, axis=0), cells=cells)
+    view = scene.birds_eye_view(points, GREY.repeat(count, axis=0), cells=cells)
     rows, cols = view.picture.shape[:2]
     assert max(rows, cols) <= cells
     reach = np.array([view.left, view.near]) + view.cell * np.array([cols, rows])
@@ -179,13 +181,13 @@ def test_the_sky_follows_the_rotation_alone(nothing: float) -> None:
     ("act", "message"),
     [
         *(
-            (lambda given=given: scene.calibrated_by(None, *given, width=640), "above 0")
+            (lambda given=given: scene.calibration_from_distance(None, *given, width=640), "above 0")
             for given in [(0, 3), (-2, 3), (25, 0)]
         ),
         (lambda: scene.flying_pixels(np.zeros(4)), "allowed"),
         (lambda: scene.subsampled(CLOUD, BODY[:1, :3], 0), "max_points is 0"),
-        (lambda: scene.seen_from_above(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
-        (lambda: scene.seen_from_above(CLOUD, GREY, cells=0), "cells is 0"),
+        (lambda: scene.birds_eye_view(CLOUD[:0], BODY[:0, :3]), r"must be \(n, 3\)"),
+        (lambda: scene.birds_eye_view(CLOUD, GREY, cells=0), "cells is 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused(act, message: str) -> None:

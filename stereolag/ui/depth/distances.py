@@ -13,14 +13,14 @@ from stereolag.figures.clouds import Colours, Points, birds_eye, point_cloud
 from stereolag.figures.pictures import PEAK, as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import (
-    FIELD_OF_VIEW,
-    MOST_POINTS,
+    ASSUMED_FIELD_OF_VIEW_DEG,
+    MAX_POINTS,
     BirdsEyeView,
-    SeenPoint,
-    calibrated_by,
+    ImagePoint,
+    birds_eye_view,
+    calibration_from_distance,
     clean_point_cloud,
     distance_between,
-    seen_from_above,
     subsampled,
 )
 from stereolag.pair import Pair
@@ -114,7 +114,7 @@ def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
                 depth, uncertainty = calibration.depth(value), calibration.depth_uncertainty(value, error)
                 line.append(length_in_words(float(depth), float(uncertainty)))
         if calibration is not None and two:
-            first, second = (SeenPoint(*point, float(disparity[point])) for point in points)
+            first, second = (ImagePoint(*point, float(disparity[point])) for point in points)
             distance = distance_between(calibration, first, second, width=width, height=height, disparity_error=error)
             length = length_in_words(distance.metres, distance.error)
             line.append(length if math.isnan(distance.metres) else f"**{length}**")
@@ -147,12 +147,12 @@ def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
     if pair.calibration is None:
         prose.caption(
             "Depths follow from this one distance. Distances across the image also need the focal length: "
-            f"a horizontal field of view of {FIELD_OF_VIEW:g}° is assumed."
+            f"a horizontal field of view of {ASSUMED_FIELD_OF_VIEW_DEG:g}° is assumed."
         )
 
 
 def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> None:
-    calibration = calibrated_by(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
+    calibration = calibration_from_distance(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
     st.session_state[known_key(pair.digest)] = KnownDistance(*point, metres, calibration)
 
 
@@ -260,8 +260,8 @@ def _map_points(view: DepthView, name: str, calibration: Calibration, farthest: 
         near = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
         points, colours = clean_point_cloud(calibration, near, as_rgb(view.pair.left), max_points=None)
         flying = int(np.count_nonzero(np.isfinite(near))) - len(points)
-        above = seen_from_above(points, colours, cells=BIRDS_EYE_CELLS) if len(points) else None
-        return MapPoints(*subsampled(points, colours, MOST_POINTS), len(points), flying, farthest, above)
+        above = birds_eye_view(points, colours, cells=BIRDS_EYE_CELLS) if len(points) else None
+        return MapPoints(*subsampled(points, colours, MAX_POINTS), len(points), flying, farthest, above)
 
     return computed(
         "points",

@@ -17,7 +17,7 @@ from stereolag.geometry.rectification import turned
 from stereolag.io.arrays import npy
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import (
-    FARTHEST_M,
+    MAX_PNG_DEPTH_M,
     check_kitti,
     confidence_png,
     depth_png,
@@ -482,7 +482,7 @@ def _metrics(download: Download) -> str:
 
 def _millimetres_in_words(download: Download) -> str:
     """Return a description of the depth PNG, with the number of pixels that are too far away for download."""
-    said = f"Depth of every pixel of the left image, mm in 16 bits, as in ROS; 0: none, or beyond {FARTHEST_M} m"
+    said = f"Depth of every pixel of the left image, mm in 16 bits, as in ROS; 0: none, or beyond {MAX_PNG_DEPTH_M} m"
     if download.calibration is None:
         return f"{said}."
     shown = download.calibration.depth(download.shown.disparity * download.factor)

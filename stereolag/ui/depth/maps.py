@@ -19,7 +19,7 @@ from stereolag.core.typography import duration, percent
 from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.pictures import as_rgb, coloured, png
 from stereolag.figures.verdicts import REASON_WORDS
-from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
+from stereolag.geometry.scene import TYPICAL_DISPARITY_ERROR_PX, typical_error
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName
@@ -302,10 +302,10 @@ def disparity_error(view: DepthView, name: str) -> float:
     """Return the typical error of the disparities of a map, px: measured if there is ground truth, whose own is 0."""
     truth = view.pair.truth
     if name == TRUTH or truth is None:
-        return 0.0 if name == TRUTH else DISPARITY_ERROR
+        return 0.0 if name == TRUTH else TYPICAL_DISPARITY_ERROR_PX
     disparity = view.results[name].disparity
     error: float = remembered("typical error", lambda: typical_error(disparity, truth), **view.kept(name))
-    return DISPARITY_ERROR if math.isnan(error) else error
+    return TYPICAL_DISPARITY_ERROR_PX if math.isnan(error) else error
 
 
 def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
