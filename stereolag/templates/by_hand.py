@@ -19,10 +19,9 @@ from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 from stereolag.templates.places import peaks
-from stereolag.templates.score_maps import best_position
+from stereolag.templates.score_maps import ScoreMap, best_position
 from stereolag.templates.search import match_template
 
-ScoreMap = npt.NDArray[np.float32]
 Offsets = npt.NDArray[np.intp]
 
 PICTURE_PIXELS = 250_000
@@ -96,7 +95,7 @@ def reduced_search(
         (row, col) of a place to keep: it falls on a pixel of the reduced picture, and if only a part of the image is
         kept, that part surrounds it.
     score_map
-        The score of every place of the whole image, if known: scores are then read from it, not computed anew.
+        The score of every place of the whole image, if known: it is then reduced instead of computed again.
     pixels
         Approximate number of pixels of the reduced picture.
 

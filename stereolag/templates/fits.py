@@ -69,7 +69,7 @@ Measured without noise: up to 0.05 where the template is, from 0.21 where a sibl
 """
 
 NOISE_FACTOR = 2.5
-"""Noise, as estimated from the median block, is multiplied by this before a block is said to differ by more."""
+"""Factor of the noise in the median block, beyond which a block differs."""
 
 MAX_GRADIENT_NOISE = 0.4
 """Largest squared difference over squared gradient of the median block that is taken for noise.
@@ -120,12 +120,6 @@ MIN_OPAQUE_SHARE = 0.6
 CLIPPED_SHARE = 0.985
 """Share of an integer type's largest value from which a pixel is taken for clipped."""
 
-TINT_GAINS = (0.4, 1.0)
-"""Limits of the gain under a tint."""
-
-MAX_TINT_RESIDUAL = 0.1
-"""Largest residual under a tint over that of a gain for each channel."""
-
 
 def blocks_of(shape: tuple[int, int]) -> tuple[int, int]:
     """Return rows and columns of the blocks of a template."""
@@ -163,7 +157,7 @@ class Fit:
     motion
         Down and right, px, logarithm of the size, and angle, radians.
     colour_change
-        How far the fitted colours are from what a light does, as a share of the variance: :func:`_colour_change`.
+        Distance of the fitted colours from the effect of a light, as a share of the variance: :func:`_colour_change`.
     background
         (rows, cols), the variance that the background contributes if it varies as much as the place.
     """
@@ -371,7 +365,7 @@ class Fit:
         return explained_variance(observed, predicted, weights)
 
     def explained_in(self, blocks: npt.NDArray[np.bool_]) -> float:
-        """Return the same share in some blocks alone."""
+        """Return the same share in these blocks alone."""
         weights = self._flat((self.pixels_of(blocks) & self.judged).astype(np.float32))
         return (
             explained_variance(self._flat(self.observed), self._flat(self.predicted), weights) if weights.any() else 0.0
@@ -513,7 +507,7 @@ class Fit:
             differing = np.asarray((difference > limit) & judged)
         if not differing.any():
             return differing
-        # All moves take long to try; the gradient bounds what a move by a pixel can change, mostly to too little.
+        # Trying all moves takes long; the gradient limits the change by a move of a pixel, mostly to less than needed.
         least = np.sqrt(difference[differing]) - MAX_MOVE_EFFECT * np.sqrt(steepness[differing])
         if (np.square(np.maximum(least, 0)) > limit[differing]).any():
             return differing
@@ -576,7 +570,7 @@ def best_fit(
 def _colour_change(
     template: Matrix, predicted: Matrix, observed: Matrix, weights: Matrix, dtype: np.dtype[Any]
 ) -> tuple[float, Matrix | None]:
-    """Return how far the fitted colours are from what a light or a tint does, as a share of the variance.
+    """Return the distance of the fitted colours from the effect of a light or a tint, as a share of the variance.
 
     A light or a camera multiplies each channel by a gain; haze and exposure add one offset to all. A tint is one gain
     of all channels and an offset of each. Clipped pixels could be brighter, and are left out of the fit.
@@ -607,7 +601,7 @@ def _colour_change(
     tint_error = float((shares @ np.square(fitted - gain * given)).sum())
     variance = max(float(predicted.var(axis=0).sum()), 1e-12)
     change = float(shares @ error) / variance
-    if TINT_GAINS[0] <= gain <= TINT_GAINS[1] and tint_error < MAX_TINT_RESIDUAL * change * variance:
+    if 0.4 <= gain <= 1 and tint_error < 0.1 * change * variance:
         return tint_error / variance, None
     return change, light
 

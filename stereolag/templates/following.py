@@ -206,7 +206,7 @@ class _Compared(NamedTuple):
 
 
 class _Refuted(NamedTuple):
-    """A place in an image that did not show the lost template of that pose; it is skipped for so many frames more."""
+    """A place in an image that did not show the lost template at that pose, and the frames for which it is skipped."""
 
     pose: tuple[float, float]
     row: int
@@ -309,7 +309,7 @@ class _View:
         return self._compared[-1]
 
     def _is_close(self, place: _Compared, last: Pose | None, sides: float) -> bool:
-        """Return whether a place is at most so many sides of the template away from the last one."""
+        """Return whether a place is within `sides` sides of the template of the last one."""
         if last is None:
             return False
         row, col = self.corner(last)

@@ -171,7 +171,7 @@ class _Blocks:
         return np.asarray(blocks.repeat(np.diff(self._edges[0]), axis=0).repeat(np.diff(self._edges[1]), axis=1))
 
     def best_near(self, image: Image, row: int, col: int, reach: int) -> _Place:
-        """Return the best place within `reach` px of one."""
+        """Return the best place within `reach` px of (row, col)."""
         (height, width), (top, left) = self._weights.shape, (row - reach, col - reach)
         planes = _surrounded(image, top, left, row + height + reach, col + width + reach)
         gaps = np.asarray(np.isnan(planes).any(axis=0))

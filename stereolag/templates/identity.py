@@ -205,12 +205,12 @@ def identity(
 def _identity_of_silhouette(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
     """Return the content of a place of a silhouette: its edges in every block, and none of its colour beside it.
 
-    The first two channels of the image are its edges, the others its distance from the silhouette's colour.
+    The first two channels of the image are its edges, the others its difference from the silhouette's colour.
     """
     height, width = pattern.shape
     part = np.nan_to_num(image[row : row + height, col : col + width])
-    alpha, observed, distance = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2:]
-    near = nearness(distance)
+    alpha, observed, difference = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2:]
+    near = nearness(difference)
     own, grid = edges(pattern.colours), blocks_of(pattern.shape)
     energy = np.square(own).sum(axis=2)
     is_edge = energy > MIN_EDGE_ENERGY**2 * energy.max()
@@ -230,14 +230,14 @@ def _identity_of_silhouette(image: Image, pattern: Pattern, row: int, col: int) 
     explained = float(total**2 / max(own_energy.sum() * observed_energy.sum(), 1e-12)) if total > 0 else 0.0
     visible = float(own_energy[agrees].sum() / own_energy.sum())
     if agrees.all():
-        other = not has_own_colour and _has_other_colour(alpha, distance)
+        other = not has_own_colour and _has_other_colour(alpha, difference)
         return _rounded("other_colours" if other else "same", 1.0, (1.0,), explained, agrees)
     return _rounded("differs" if visible >= MIN_VISIBLE_DIFFERS else "not_there", 1.0, (1.0,), explained, agrees)
 
 
-def _has_other_colour(alpha: Plane, distance: Plane) -> bool:
-    """Return whether a shape is of no mixture of its own colour with the background; `distance` is from that colour."""
-    soft, shown = (blurred(plane, CHROMA_SIGMA_PX, cv2.BORDER_REPLICATE) for plane in (alpha, distance))
+def _has_other_colour(alpha: Plane, difference: Plane) -> bool:
+    """Return whether a shape is of no mixture of its own colour, from which `difference` is, with the background."""
+    soft, shown = (blurred(plane, CHROMA_SIGMA_PX, cv2.BORDER_REPLICATE) for plane in (alpha, difference))
     # At the edges of the shape, on both sides of which the background is the same.
     down, right = gradient(soft)
     steepness = np.square(down) + np.square(right)

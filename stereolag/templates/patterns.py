@@ -193,9 +193,11 @@ def prepared(image: Image, template: Image, mask: Image | None, *, exact: bool =
         level = grey_level(colours, colours)
         colour = _one_colour(colours, weights, level if mask is None else 0.0)
         if colour is not None:
-            away = np.asarray((large - np.asarray(colour, np.float32)) / np.float32(level), np.float32)
+            difference = np.asarray((large - np.asarray(colour, np.float32)) / np.float32(level), np.float32)
             shape = shares.astype(np.float32)[:, :, np.newaxis]
-            return np.dstack([edges(nearness(away)), away]), pattern_of(shape, np.ones(shares.shape), silhouette=True)
+            return np.dstack([edges(nearness(difference)), difference]), pattern_of(
+                shape, np.ones(shares.shape), silhouette=True
+            )
     has_alpha = mask is None and template.ndim == 3 and template.shape[2] == 4 and template.dtype.kind == "u"
     most = float(template[:, :, 3].max()) / np.iinfo(template.dtype).max if has_alpha else 0.0
     return large, pattern_of(colours, weights, most_opaque=most)
@@ -223,12 +225,12 @@ def _one_colour(colours: Image, weights: Weights, level: float) -> Weights | Non
     return first + mean if level or not away.any() else None
 
 
-def nearness(away: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def nearness(difference: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return the negative logarithm of the distance to a colour, (rows, cols), from (rows, cols, channels) differences.
 
     Differences are in grey levels of 255.
     """
-    return np.asarray(-np.log(np.linalg.norm(away, axis=2) + NEARNESS_OFFSET))
+    return np.asarray(-np.log(np.linalg.norm(difference, axis=2) + NEARNESS_OFFSET))
 
 
 def edges(plane: Image) -> npt.NDArray[np.float32]:

@@ -149,7 +149,7 @@ def peaks(score_map: ScoreMap, shape: tuple[int, int]) -> Places:
 
 @compiled(fastmath={"contract"}, counted=False)
 def mark_peaks(scores: Array, first: int, highest: Array, marks: Array) -> None:
-    """Mark the places of some rows of a score map that no neighbour exceeds; NaN exceeds none, and is not marked.
+    """Mark the local maxima in some rows of a score map; NaN is never one, nor higher than a neighbour.
 
     Parameters
     ----------

@@ -142,15 +142,7 @@ def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float)
         (np.arange(side) + (span.start or 0) + 0.5 - start) / factor - 0.5
         for side, span, start, factor in zip(observed.shape, drawing, (top, left), stretch, strict=False)
     )
-
-    def drawn_at(down: Plane, across: Plane) -> Plane:
-        return _sampled(given, rows + down / stretch[0], cols + across / stretch[1])
-
-    down, across = np.zeros(len(rows), np.float32), np.zeros(len(cols), np.float32)
-    for _ in range(2):
-        across = _shifts(drawn_at, down, across, observed, weights, 1)
-        down = _shifts(drawn_at, down, across, observed, weights, 0)
-    drawn = drawn_at(down, across)
+    down, across, drawn = _shifted_to_fit(given, rows, cols, stretch, observed, weights)
     slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
     own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in extent)]
     size_by_ink = _size_by_ink(own.astype(np.float32), part[drawing] - part.mean(axis=(0, 1)))
@@ -272,6 +264,25 @@ def _drawing_extent(template: Pattern) -> list[tuple[int, int]]:
         end = int(drawn[-1]) + 1 + DRAWING_MARGIN_PX
         ends.append((max(0, int(drawn[0]) - DRAWING_MARGIN_PX), min(len(step), end)))
     return ends
+
+
+def _shifted_to_fit(
+    template: Plane, rows: Plane, cols: Plane, stretch: Matrix, observed: Plane, weights: Plane
+) -> tuple[Plane, Plane, Plane]:
+    """Return the shifts of each row and column that fit the image best, px of the image, and the template drawn so.
+
+    `rows` and `cols` are those of the template before they are shifted; `stretch` is its height and width in the image
+    over its own.
+    """
+
+    def drawn_at(down: Plane, across: Plane) -> Plane:
+        return _sampled(template, rows + down / stretch[0], cols + across / stretch[1])
+
+    down, across = np.zeros(len(rows), np.float32), np.zeros(len(cols), np.float32)
+    for _ in range(2):
+        across = _shifts(drawn_at, down, across, observed, weights, 1)
+        down = _shifts(drawn_at, down, across, observed, weights, 0)
+    return down, across, drawn_at(down, across)
 
 
 def _shifts(

@@ -39,7 +39,7 @@ def estimate_search(
 ) -> Estimate:
     """Return the memory and time that :func:`stereolag.templates.match_template` needs.
 
-    The method's row of :data:`stereolag.core.jobs.COSTS` lists what it takes. "sampled" needs more if no value of the
+    The terms are in the method's row of :data:`stereolag.core.jobs.COSTS`. "sampled" needs more if no value of the
     template is rare in the image: such a search is refused once the places with the value are counted.
 
     Parameters
@@ -183,8 +183,8 @@ def match_template(
     Parameters
     ----------
     image
-        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); integers or floats. Its alpha is ignored. Pixels without data,
-        NaN or far beyond all others, leave the places that hold them without a score.
+        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); integers or floats. Its alpha is ignored. Places that contain
+        pixels without data, NaN or far beyond all others, have no score.
     template
         Likewise, no larger than the image. Its alpha is the weight of its pixels, as a mask is. If one of the two is
         grey, the luminance of the other is compared. A template of one colour is searched by the edges of its alpha.

@@ -1,4 +1,4 @@
-"""Which methods, OpenCV's among them, still find a template at a known place of an image made harder to search."""
+"""Trials of each method, including OpenCV's: whether it still finds a template in a degraded image."""
 
 from __future__ import annotations
 
