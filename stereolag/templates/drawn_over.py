@@ -30,10 +30,10 @@ MIN_SIZE_RATIO = 8
 BADGE_HEIGHTS_PX = (8, 40)
 """Smallest and largest height of a badge."""
 
-EDGE_OVER_TEXTURE = 9.0
-"""Squared gradient of an edge of the template over the median beside the overlay."""
+MIN_EDGE_OVER_TEXTURE = 9.0
+"""Least squared gradient of an edge of the template over the median beside the overlay."""
 
-EDGE_OVER_VARIANCE = 0.003
+MIN_EDGE_OVER_VARIANCE = 0.003
 """Least squared gradient of an edge of the template over its variance, px⁻²."""
 
 MIN_OUTLINED = 0.95
@@ -49,7 +49,7 @@ Measured: up to 0.36 at switches and boxes in another state, 0.69 around an arro
 """
 
 MIN_PART = 0.25
-"""Least share of a region of a part whose outline is compared by itself."""
+"""Least share of a region that a part of it has, for its outline to be compared by itself."""
 
 MIN_PLAIN_RATIO = 7.0
 """Least squared gradient of the template at the rim of something plain over that within it.
@@ -177,7 +177,7 @@ def _is_outlined(template: Plane, steepness: Plane, outline: npt.NDArray[Any]) -
     if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():
         return False
     variance = float(template.var(axis=(0, 1)).sum())
-    least = max(EDGE_OVER_TEXTURE * median(steepness[~outer]), EDGE_OVER_VARIANCE * variance)
+    least = max(MIN_EDGE_OVER_TEXTURE * median(steepness[~outer]), MIN_EDGE_OVER_VARIANCE * variance)
     edges = cv2.dilate(np.asarray(steepness > least, dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
     return bool(edges[rim].mean() >= MIN_OUTLINED and edges[beside].sum() <= MAX_EDGES_AROUND * beside.sum())
 
