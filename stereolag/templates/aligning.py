@@ -1,4 +1,4 @@
-"""A place of an image, moved and blurred by parts of a pixel until a template fits it."""
+"""Alignment of an image patch with a template, to a fraction of a pixel: shift, size, angle and blur."""
 
 from __future__ import annotations
 
@@ -14,44 +14,49 @@ from stereolag.core.inputs import Image
 Plane: TypeAlias = npt.NDArray[np.float32]
 Matrix: TypeAlias = npt.NDArray[np.float64]
 
-FARTHEST, STILL = np.array([1.2, 1.2, 0.05, 0.05]), 1e-4
-"""Largest shift down and across, px, and change of size (a logarithm) and angle (radians), of the alignment; and what a
-template varies less along, beside the other way, cannot tell how far it is moved: stripes along themselves."""
+MAX_MOTION = np.array([1.2, 1.2, 0.05, 0.05])
+"""Largest motion of the alignment: shift down and across, px; change of size (logarithm) and of angle (radians)."""
 
-AROUND = 4
-"""Px around a place that are kept, too."""
+MOTION_RIDGE = 1e-4
+"""Ridge of the fitted motion, as a share of the gradient's energy in the steeper of two directions: where a template
+varies less than that, as stripes do along themselves, its shift is undetermined."""
 
-TOLD, RIM = 0.1, 2
-"""Least share of what remains that a blur explains, as of noise and other things it explains a little too; and width of
-the rim, px, that does not tell it."""
+PATCH_MARGIN_PX = 4
+"""Pixels kept around a place."""
+
+MIN_BLUR_GAIN = 0.1
+"""Least share of the residual that a blur must explain: it also explains a little of noise."""
+
+BLUR_RIM_PX = 2
+"""Width of the rim that is left out when the blur is fitted: there, pixels from outside are mixed in."""
 
 
-class Place:
-    """What an image shows around a place, less the template's mean."""
+class Patch:
+    """The image at and around a place, minus the template's mean."""
 
     def __init__(self, image: Image, mean: Matrix, row: int, col: int, shape: tuple[int, int]) -> None:
-        top, left = max(0, row - AROUND), max(0, col - AROUND)
-        part = image[top : max(top, row + shape[0]) + AROUND, left : max(left, col + shape[1]) + AROUND]
-        self._part = np.nan_to_num((part - mean).astype(np.float32))
+        top, left = max(0, row - PATCH_MARGIN_PX), max(0, col - PATCH_MARGIN_PX)
+        bottom, right = max(top, row + shape[0]) + PATCH_MARGIN_PX, max(left, col + shape[1]) + PATCH_MARGIN_PX
+        self._pixels = np.nan_to_num((image[top:bottom, left:right] - mean).astype(np.float32))
         self._corner = np.array([col - left, row - top])
         self._shape = shape
 
-    def moved(self, motion: Matrix, margin: int = 0) -> Plane:
-        """Return the place, and so many px around it, moved by (rows, cols, logarithm of size, angle)."""
-        down, right, size, angle = motion
-        cosine, sine = math.exp(size) * math.cos(angle), math.exp(size) * math.sin(angle)
+    def warped(self, motion: Matrix, margin: int = 0) -> Plane:
+        """Return the patch, and `margin` px around it, moved by (rows, cols, logarithm of size, angle in radians)."""
+        down, right, log_size, angle = motion
+        cosine, sine = math.exp(log_size) * math.cos(angle), math.exp(log_size) * math.sin(angle)
         linear = np.array([[cosine, -sine], [sine, cosine]])
         middle = (np.array(self._shape[::-1]) - 1) / 2
         offset = middle + self._corner + np.array([right, down]) - linear @ (middle + margin)
         size = self._shape[1] + 2 * margin, self._shape[0] + 2 * margin
-        moved = cv2.warpAffine(
-            self._part,
+        warped = cv2.warpAffine(
+            self._pixels,
             np.column_stack([linear, offset]),
             size,
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return np.asarray(moved, dtype=np.float32).reshape(*size[::-1], -1)
+        return np.asarray(warped, dtype=np.float32).reshape(*size[::-1], -1)
 
 
 def gradient(image: Plane) -> list[Plane]:
@@ -62,51 +67,58 @@ def gradient(image: Plane) -> list[Plane]:
     ]
 
 
-class Motions:
-    """The motions of a place, as :meth:`Place.moved` takes them.
+def squared_gradient(image: Plane) -> Plane:
+    """Return the squared length of the gradient, summed over channels, (rows, cols)."""
+    down, right = (np.square(derivative).sum(axis=2) for derivative in gradient(image))
+    return np.asarray(down + right)
+
+
+class MotionSolver:
+    """Least-squares steps of the motion that :meth:`Patch.warped` takes, linearised by the image gradient.
 
     Parameters
     ----------
-    on
-        (rows, cols), the pixels that count.
+    valid
+        (rows, cols), the pixels compared.
     channels
         Number of channels.
-    posed
-        Whether there are changes of size and angle beside shifts.
+    refine_pose
+        Whether size and angle are fitted as well as the shift.
     """
 
-    def __init__(self, on: npt.NDArray[np.bool_], channels: int, posed: bool) -> None:
-        self._on = slice(None) if on.all() else np.repeat(on, channels)
-        self._posed = posed
-        # The rim of a blurred place shows what is beyond it as well.
-        inner = np.zeros(on.shape, np.float32)
-        inner[RIM:-RIM, RIM:-RIM] = 1
-        self._inner = np.repeat(inner[on], channels)
-        # As long as the values of all channels: products with a short last axis take several times as long.
+    def __init__(self, valid: npt.NDArray[np.bool_], channels: int, refine_pose: bool) -> None:
+        self._valid = slice(None) if valid.all() else np.repeat(valid, channels)
+        self._refine_pose = refine_pose
+        inner = np.zeros(valid.shape, np.float32)
+        inner[BLUR_RIM_PX:-BLUR_RIM_PX, BLUR_RIM_PX:-BLUR_RIM_PX] = 1
+        self._inner = np.repeat(inner[valid], channels)
+        # One value per pixel and channel: products with a short last axis take several times as long.
         self._rows, self._cols = (
             np.repeat(at - (side - 1) / 2, channels).astype(np.float32)
-            for at, side in zip(np.nonzero(on), on.shape, strict=True)
+            for at, side in zip(np.nonzero(valid), valid.shape, strict=True)
         )
 
-    def explaining(self, predicted: Plane, residual: Plane, trust: Plane) -> tuple[Matrix, float]:
-        """Return the motion and the blur that explain most of the residual of pixels that are trusted more or less."""
-        roots = np.repeat(np.sqrt(trust), predicted.shape[2])
-        down, right = (one.ravel()[self._on] * roots for one in gradient(predicted))
+    def step(self, predicted: Plane, residual: Plane, weights: Plane) -> tuple[Matrix, float]:
+        """Return the motion, and the change of the squared blur (px²), that explain most of the weighted residual."""
+        roots = np.repeat(np.sqrt(weights), predicted.shape[2])
+        down, right = (derivative.ravel()[self._valid] * roots for derivative in gradient(predicted))
         terms = [-down, -right]
-        if self._posed:
+        if self._refine_pose:
             terms += [-(self._rows * down + self._cols * right), self._rows * right - self._cols * down]
-        # A little more blur adds half of the Laplacian for each square px of its spread.
-        bend = np.asarray(cv2.Laplacian(predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)).ravel()[self._on]
-        weighted = np.stack([*terms, bend * roots * self._inner / 2])
+        # A little more blur adds half of the Laplacian for each square px of its variance.
+        laplacian = np.asarray(cv2.Laplacian(predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
+        weighted = np.stack([*terms, laplacian.ravel()[self._valid] * roots * self._inner / 2])
         products = (weighted @ weighted.T).astype(np.float64)
         energies = np.append(np.repeat(products.diagonal()[:-1].reshape(-1, 2).max(axis=1), 2), products[-1, -1])
-        products[np.diag_indices(len(products))] += 1e-9 + STILL * energies
-        wanted = residual.ravel() * roots
-        sums = weighted @ wanted
-        solved, still = np.linalg.solve(products, sums), np.linalg.solve(products[:-1, :-1], sums[:-1])
-        moved = np.zeros(4)
-        if solved @ sums - still @ sums[:-1] < TOLD * float(np.square(wanted * self._inner).sum()):
-            moved[: len(terms)] = still
-            return moved, 0.0
-        moved[: len(terms)] = solved[:-1]
-        return moved, float(solved[-1])
+        products[np.diag_indices(len(products))] += 1e-9 + MOTION_RIDGE * energies
+        target = residual.ravel() * roots
+        sums = weighted @ target
+        with_blur = np.linalg.solve(products, sums)
+        without_blur = np.linalg.solve(products[:-1, :-1], sums[:-1])
+        motion = np.zeros(4)
+        blur_gain = with_blur @ sums - without_blur @ sums[:-1]
+        if blur_gain < MIN_BLUR_GAIN * float(np.square(target * self._inner).sum()):
+            motion[: len(terms)] = without_blur
+            return motion, 0.0
+        motion[: len(terms)] = with_blur[:-1]
+        return motion, float(with_blur[-1])

@@ -19,22 +19,19 @@ from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
 from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 from stereolag.templates.places import peaks
-from stereolag.templates.score_maps import best_position
+from stereolag.templates.score_maps import ScoreMap, best_position
 from stereolag.templates.search import match_template
 
-ScoreMap = npt.NDArray[np.float32]
 Offsets = npt.NDArray[np.intp]
 
-PIXELS = 250_000
-"""Pixels of the reduced picture: some hundred kilobytes to send, and one screen's width."""
+PICTURE_PIXELS = 250_000
+"""Pixels of the reduced picture: a few hundred kilobytes to send, and the width of a screen."""
 
-LEAST_SIDE = 12
-"""Px; a smaller template shows too little. To avoid that, only a part of the picture is sent."""
+MIN_SIDE_PX = 12
+"""Least side of the reduced template; to keep it, only a part of a large picture is sent."""
 
-LEAST_OPAQUE = 16
-"""With fewer fully opaque pixels, those that are at least half opaque count too."""
-
-RIVALS = 3
+MIN_OPAQUE_PIXELS = 16
+"""With fewer fully opaque pixels, those that are at least half opaque are compared too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +47,8 @@ class ReducedSearch:
     opaque
         (height, width), the pixels compared.
     score_map
-        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat: those of the reduced pixels, or the
-        best of the places of the whole image that share one.
+        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat: the scores of the reduced picture,
+        or the best score of the whole image in each block of factor × factor places.
     factor
         Image pixels along each side averaged into one.
     row, col
@@ -74,11 +71,9 @@ class ReducedSearch:
 
     @cached_property
     def leaders(self) -> list[tuple[int, int, float]]:
-        """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
+        """Return (row, col, score) of the best place and three rivals, best first, none overlapping another."""
         places = peaks(self.score_map, (self.opaque.shape[0], self.opaque.shape[1]))
-        return [
-            (int(places.rows[one]), int(places.cols[one]), float(places.scores[one])) for one in places.best(RIVALS + 1)
-        ]
+        return [(int(places.rows[at]), int(places.cols[at]), float(places.scores[at])) for at in places.best(4)]
 
 
 def reduced_search(
@@ -88,7 +83,7 @@ def reduced_search(
     *,
     near: tuple[int, int] | None = None,
     score_map: ScoreMap | None = None,
-    pixels: int = PIXELS,
+    pixels: int = PICTURE_PIXELS,
 ) -> ReducedSearch:
     """Reduce an image and a template by the same whole factor, and score the template at every place in the image.
 
@@ -100,7 +95,7 @@ def reduced_search(
         (row, col) of a place to keep: it falls on a pixel of the reduced picture, and if only a part of the image is
         kept, that part surrounds it.
     score_map
-        The score of every place of the whole image, if known: scores are then read from it, not computed anew.
+        The score of every place of the whole image, if known: it is then reduced instead of computed again.
     pixels
         Approximate number of pixels of the reduced picture.
 
@@ -111,9 +106,11 @@ def reduced_search(
     """
     whole, small = as_image(image, "image", gaps=True), as_image(template, "template", gaps=True)
     opaque = opaque_pixels(small, mask)
-    colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in same_channels(whole, small))
+    colours, sought = (
+        as_rgb(picture[:, :, 0] if picture.shape[2] == 1 else picture) for picture in same_channels(whole, small)
+    )
     wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
-    factor = max(1, min(wanted, min(opaque.shape) // LEAST_SIDE))
+    factor = max(1, min(wanted, min(opaque.shape) // MIN_SIDE_PX))
     place = near or (0, 0)
     starts, sides = zip(
         *(
@@ -142,7 +139,7 @@ def reduced_search(
 def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[int, int]:
     """Return the start of the picture along one side, and its number of reduced pixels.
 
-    A picture still far too large at this factor is cut to a part around the place `at`.
+    A picture that is still far too large at this factor is cut to a part around the place `at`.
     """
     offset = at % factor
     side = (length - offset) // factor
@@ -160,28 +157,29 @@ def _block_means(colours: Rgb, factor: int) -> Rgb:
 
 
 def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mask]:
-    """Return the mean of the opaque pixels of each block, and which blocks count."""
+    """Return the mean of the opaque pixels of each block, and which blocks are compared."""
     rows, cols = opaque.shape[0] // factor, opaque.shape[1] // factor
     inner = np.s_[: rows * factor, : cols * factor]
     blocks = opaque[inner].reshape(rows, factor, cols, factor)
     filled = blocks.mean(axis=(1, 3))
     sums = np.where(opaque[..., np.newaxis], colours, 0)[inner].reshape(rows, factor, cols, factor, 3)
     means = sums.sum(axis=(1, 3)) / np.maximum(blocks.sum(axis=(1, 3)), 1)[..., np.newaxis]
-    counts = filled == 1
-    if np.count_nonzero(counts) < LEAST_OPAQUE:
-        counts = filled >= 0.5
-    return np.rint(means).astype(np.uint8), counts
+    compared = filled == 1
+    if np.count_nonzero(compared) < MIN_OPAQUE_PIXELS:
+        compared = filled >= 0.5
+    return np.rint(means).astype(np.uint8), compared
 
 
-SCORE_MAP_WIDTH = 700
+MAX_MAP_WIDTH_PX = 700
+"""Largest width of the score map as shown."""
 
-BAND = 32
+BAND_ROWS = 32
 """Rows of blocks processed at a time, so that the map of a large image is never copied as a whole."""
 
 
 def block_side(score_map: ScoreMap) -> int:
-    """Return how many places along each side share one pixel of the map shown."""
-    return max(1, -(-int(score_map.shape[1]) // SCORE_MAP_WIDTH))
+    """Return the number of places along each side that share one pixel of the map shown."""
+    return max(1, -(-int(score_map.shape[1]) // MAX_MAP_WIDTH_PX))
 
 
 def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
@@ -190,8 +188,8 @@ def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets,
     Offsets are from the block's top-left corner; a block without scores is NaN.
     """
     bands = [
-        _best_of_band(score_map[first : first + factor * BAND], factor)
-        for first in range(0, score_map.shape[0], factor * BAND)
+        _best_of_band(score_map[first : first + factor * BAND_ROWS], factor)
+        for first in range(0, score_map.shape[0], factor * BAND_ROWS)
     ]
     best, down, right = (np.concatenate(parts) for parts in zip(*bands, strict=True))
     return best, down, right
@@ -207,27 +205,28 @@ def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, 
     return np.where(np.isneginf(best), np.float32(np.nan), best), down, right
 
 
-MOST_ANCHORS = 24
-"""Most template pixels to choose from, each of a different colour."""
+MAX_ANCHORS = 24
+"""Largest number of template pixels to choose from, each of a different colour."""
 
-FEWEST_ANCHORS = 8
+MIN_ANCHORS = 8
+"""Number of anchors even in large images, and of the rarest colours that are always among them."""
 
-MOST_COMPARED = 100_000_000
+MAX_COMPARISONS = 100_000_000
 """Limit on image pixels times anchors: in larger images fewer anchors are tried."""
 
-MOST_COLOURS = 4096
-"""Most colours of a template, the rarest, from which the anchors are taken."""
+MAX_COLOURS = 4096
+"""Largest number of colours of a template, the rarest, from which the anchors are taken."""
 
-MOST_DOTS = 600
-"""Most dots per stage; if there are more, only every second, third … is shown."""
+MAX_DOTS = 600
+"""Largest number of dots per stage; if there are more, only every second, third … is shown."""
 
-MOST_PRODUCTS = 30_000_000
+MAX_PRODUCTS = 30_000_000
 """If scoring the remaining positions takes more pixel products, they are only counted."""
 
 
 @dataclass(frozen=True)
 class Anchor:
-    """A pixel of the template, and the image positions left at each stage of the search for it.
+    """A pixel of the template, and the image positions that remain at each stage of the search for it.
 
     Attributes
     ----------
@@ -242,7 +241,7 @@ class Anchor:
     dots
         For the last three stages, (row, col) of the anchor in the image; only some if there are many.
     best
-        (row, col, score) of the best position; None if no positions are left, or too many to score.
+        (row, col, score) of the best position; None if no positions remain, or too many to score.
     """
 
     row: int
@@ -276,20 +275,20 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
     pattern = pattern_of(colours, opaque_pixels(small, mask))
     shown = as_rgb(colours[:, :, 0] if colours.shape[2] == 1 else colours)
     pixels = searched.shape[0] * searched.shape[1]
-    most = min(MOST_ANCHORS, max(FEWEST_ANCHORS, MOST_COMPARED // pixels))
-    chosen = rare_pixels(searched, pattern, seed, most=MOST_COLOURS)
+    most = min(MAX_ANCHORS, max(MIN_ANCHORS, MAX_COMPARISONS // pixels))
+    chosen = rare_pixels(searched, pattern, seed, most=MAX_COLOURS)
     if len(chosen) > most:
-        later = np.linspace(FEWEST_ANCHORS, len(chosen) - 1, most - FEWEST_ANCHORS).astype(int)
-        chosen = chosen[:FEWEST_ANCHORS] + [chosen[at] for at in later]
+        later = np.linspace(MIN_ANCHORS, len(chosen) - 1, most - MIN_ANCHORS).astype(int)
+        chosen = chosen[:MIN_ANCHORS] + [chosen[at] for at in later]
     found = []
     for row, col in chosen:
         try:
             stages = anchor_stages(searched, pattern, row, col)
         except ValueError:  # too common to search
             continue
-        kept = (stages.coloured, stages.agreeing, stages.scored)
-        coloured, agreeing, scored = (len(rows) for rows, _ in kept)
-        few = scored * pattern.deviations.size <= MOST_PRODUCTS
+        positions = (stages.coloured, stages.agreeing, stages.scored)
+        coloured, agreeing, scored = (len(rows) for rows, _ in positions)
+        few = scored * pattern.deviations.size <= MAX_PRODUCTS
         red, green, blue = (int(channel) for channel in shown[row, col])
         found.append(
             Anchor(
@@ -298,7 +297,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
                 stages.run,
                 (red, green, blue),
                 (pixels, coloured, agreeing, scored),
-                tuple(_dots(rows + row, cols + col) for rows, cols in kept),
+                tuple(_dots(rows + row, cols + col) for rows, cols in positions),
                 best_position(searched, pattern, *stages.scored) if few else None,
             )
         )
@@ -306,5 +305,5 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
 
 
 def _dots(rows: Indices, cols: Indices) -> list[tuple[int, int]]:
-    every = max(1, -(-len(rows) // MOST_DOTS))
+    every = max(1, -(-len(rows) // MAX_DOTS))
     return list(zip(rows[::every].tolist(), cols[::every].tolist(), strict=True))

@@ -1,32 +1,44 @@
-"""How what is seen differs from what was predicted: in all, beyond a part of a pixel, and in windows of a few px."""
+"""Differences between an image and its prediction: overall, beyond a fraction of a pixel, and in small windows."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from stereolag.templates.aligning import RIM, Matrix, Plane, gradient
+from stereolag.templates.aligning import BLUR_RIM_PX, Matrix, Plane, gradient
 from stereolag.templates.patterns import FULL_WEIGHT, blurred
 
-TOLERANCE = 0.5
-"""Share of a pixel by which edges may be displaced without counting as a difference."""
+EDGE_TOLERANCE_PX = 0.5
+"""Displacement of an edge that does not count as a difference."""
 
-MARK, STRONG, ANOTHER, UNMOVED, NOISY = 1.5, 0.4, 0.14, 0.08, 20
-"""Spread of a window about a mark, px; least variance in it, as a share of the largest; and least squared difference in
-it, as a share of that variance, of another mark: as it is, and less what a move and a blur of its own explain; and how
-many times the median of all differences that is at least: noise and JPEG make 2 to 14, other marks 48 and more but for
-one of a dozen.
+MARK_SIGMA_PX = 1.5
+"""Sigma of the Gaussian window about a mark."""
 
-A frame that agrees, or many such marks, hide one from what is told block by block. Measured on cards and signs of a
-map: from 0.082 at 8 of 14 taken for others; up to 0.06 where the template is, but for 1 of 243.
+MIN_MARK_VARIANCE = 0.4
+"""Least variance in the window of a mark, as a share of the largest of all windows."""
+
+MIN_MARK_DIFFERENCE = 0.14
+"""Least squared difference between two marks, as a share of that variance."""
+
+MIN_UNMOVED_DIFFERENCE = 0.08
+"""The same after each mark was moved by a fraction of a pixel and blurred.
+
+Measured on cards and signs of a map: from 0.082 at 8 of 14 marks that differ; up to 0.06 where the template is, but for
+1 of 243.
+"""
+
+MIN_OVER_NOISE = 20
+"""Least squared difference between two marks over the median of all windows.
+
+Measured: 2 to 14 for noise and JPEG, 48 and more for other marks but for one of a dozen.
 """
 
 
-def explained(seen: Plane, predicted: Plane, counts: Plane) -> float:
-    """Return the share of the variance of pixels seen, one after another, that those predicted explain."""
-    varies = float(counts @ squares(seen - counts @ seen / counts.sum()))
-    left = float(counts @ squares(seen - predicted))
-    return max(0.0, 1 - left / varies) if varies > 0 else 0.0
+def explained_variance(observed: Plane, predicted: Plane, weights: Plane) -> float:
+    """Return the share of the weighted variance of observed (n, channels) pixels that the prediction explains."""
+    variance = float(weights @ squares(observed - weights @ observed / weights.sum()))
+    residual = float(weights @ squares(observed - predicted))
+    return max(0.0, 1 - residual / variance) if variance > 0 else 0.0
 
 
 def squares(vectors: Plane) -> Plane:
@@ -34,79 +46,86 @@ def squares(vectors: Plane) -> Plane:
     return np.asarray(np.einsum("ij,ij->i", vectors, vectors))
 
 
-def beyond(one: Plane, other: Plane) -> Plane:
-    """Return by how much one image leaves the range of the other within a part of a pixel around."""
+def excess(image: Plane, other: Plane) -> Plane:
+    """Return how far each pixel lies outside the range of the other image's values within a fraction of a pixel."""
     square = np.ones((3, 3), np.uint8)
     highest, lowest = (change(other, square).reshape(other.shape) for change in (cv2.dilate, cv2.erode))
-    upper, lower = other + TOLERANCE * (highest - other), other + TOLERANCE * (lowest - other)
-    return np.asarray(np.maximum(np.maximum(lower - one, one - upper), 0))
+    upper, lower = other + EDGE_TOLERANCE_PX * (highest - other), other + EDGE_TOLERANCE_PX * (lowest - other)
+    return np.asarray(np.maximum(np.maximum(lower - image, image - upper), 0))
 
 
 class Windows:
-    """Means and variances over windows of a few px, of what counts.
+    """Weighted means and variances over Gaussian windows of a few pixels.
 
     Parameters
     ----------
     weights
-        (rows, cols), how much a pixel counts.
-    spread
-        Spread of the windows, px.
+        (rows, cols), the weight of each pixel.
+    sigma
+        Sigma of the windows, px.
 
     Attributes
     ----------
     shares
-        (rows, cols), how much of the window about each pixel counts.
+        (rows, cols), the mean weight in the window about each pixel.
     """
 
-    def __init__(self, weights: Plane, spread: float) -> None:
-        self._weights, self._spread = weights[:, :, np.newaxis], spread
-        self.shares = np.maximum(blurred(weights, spread, cv2.BORDER_REPLICATE), 1e-3)
+    def __init__(self, weights: Plane, sigma: float) -> None:
+        self._weights, self._sigma = weights[:, :, np.newaxis], sigma
+        self.shares = np.maximum(blurred(weights, sigma, cv2.BORDER_REPLICATE), 1e-3)
 
     def mean(self, plane: Plane) -> Plane:
         """Return the means of a plane (rows, cols, channels)."""
-        soft = blurred(plane * self._weights, self._spread, cv2.BORDER_REPLICATE)
+        soft = blurred(plane * self._weights, self._sigma, cv2.BORDER_REPLICATE)
         return np.asarray(soft.reshape(plane.shape) / self.shares[:, :, np.newaxis], dtype=np.float32)
 
-    def squared(self, plane: Plane) -> Plane:
+    def mean_square(self, plane: Plane) -> Plane:
         """Return the means of the squares of a plane, summed over channels."""
         return self.mean(np.square(plane).sum(axis=2, keepdims=True))[:, :, 0]
 
     def variance(self, plane: Plane) -> Plane:
         """Return the variances of a plane, summed over channels."""
-        return np.asarray(np.maximum(self.squared(plane) - np.square(self.mean(plane)).sum(axis=2), 0))
+        return np.asarray(np.maximum(self.mean_square(plane) - np.square(self.mean(plane)).sum(axis=2), 0))
 
-    def compared(self, drawn: Plane, seen: Plane, faintest: float) -> tuple[Plane, Plane]:
-        """Return the squared differences, as shares of the larger variance, 0 where that is faint; and that variance.
+    def relative_differences(self, drawn: Plane, observed: Plane, min_variance: float) -> tuple[Plane, Plane]:
+        """Return the variance of the difference as a share of the larger of both variances, and that variance.
 
-        Faint is less than this share of the largest: nothing is drawn there that could differ.
+        The share is 0 where the larger variance is below `min_variance`, a share of its maximum: nothing is drawn there
+        that could differ.
         """
-        most = np.maximum(self.variance(drawn), self.variance(seen))
-        left = self.variance(drawn - seen) / np.maximum(most, 1e-12)
-        return np.asarray(np.where(most > faintest * most.max(), left, 0), dtype=np.float32), most
+        larger = np.maximum(self.variance(drawn), self.variance(observed))
+        shares = self.variance(drawn - observed) / np.maximum(larger, 1e-12)
+        return np.asarray(np.where(larger > min_variance * larger.max(), shares, 0), dtype=np.float32), larger
 
 
-def another_mark(seen: Plane, predicted: Plane, weights: Plane) -> bool:
-    """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
-    if min(weights.shape) <= 2 * RIM:
+def has_another_mark(observed: Plane, predicted: Plane, weights: Plane) -> bool:
+    """Return whether a mark differs by more than a shift by a fraction of a pixel, or a blur, of that mark explains.
+
+    A frame that agrees, or many such marks, hide one that differs from the comparison of blocks.
+    """
+    if min(weights.shape) <= 2 * BLUR_RIM_PX:
         return False
-    windows, left, inner = Windows(weights, MARK), seen - predicted, np.s_[RIM:-RIM, RIM:-RIM]
-    usual = float(np.median(windows.variance(left)[inner]))
-    if windows.squared(left)[inner].max() <= NOISY * usual:
+    windows, residual = Windows(weights, MARK_SIGMA_PX), observed - predicted
+    inner = np.s_[BLUR_RIM_PX:-BLUR_RIM_PX, BLUR_RIM_PX:-BLUR_RIM_PX]
+    median_variance = float(np.median(windows.variance(residual)[inner]))
+    if windows.mean_square(residual)[inner].max() <= MIN_OVER_NOISE * median_variance:
         return False
-    shares, most = windows.compared(predicted, seen, STRONG)
+    shares, variance = windows.relative_differences(predicted, observed, MIN_MARK_VARIANCE)
     where = np.zeros(weights.shape, dtype=np.bool_)
-    where[inner] = (shares[inner] > ANOTHER) & (windows.shares[inner] > FULL_WEIGHT)  # no ground shines through
+    opaque = windows.shares[inner] > FULL_WEIGHT  # no background shows through
+    where[inner] = (shares[inner] > MIN_MARK_DIFFERENCE) & opaque
     if not where.any():
         return False
 
-    def common(one: Plane, other: Plane) -> Matrix:
-        return windows.mean((one * other).sum(axis=2, keepdims=True))[where].ravel().astype(np.float64)
+    def mean_product(plane: Plane, other: Plane) -> Matrix:
+        return windows.mean((plane * other).sum(axis=2, keepdims=True))[where].ravel().astype(np.float64)
 
-    bend = cv2.Laplacian(predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE).reshape(left.shape)
-    terms = [*gradient(predicted), np.asarray(bend, dtype=np.float32)]
-    products = np.array([[common(one, other) for other in terms] for one in terms]).transpose(2, 0, 1)
-    sums = np.stack([common(one, left) for one in terms], axis=1)
+    laplacian = cv2.Laplacian(predicted, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE).reshape(residual.shape)
+    terms = [*gradient(predicted), np.asarray(laplacian, dtype=np.float32)]
+    products = np.array([[mean_product(plane, other) for other in terms] for plane in terms]).transpose(2, 0, 1)
+    sums = np.stack([mean_product(plane, residual) for plane in terms], axis=1)
     ridge = (1e-9 + 1e-3 * float(products.max())) * np.eye(len(terms))
     moves = np.linalg.solve(products + ridge, sums[:, :, np.newaxis])[:, :, 0]
-    rest = common(left, left) - (moves * sums).sum(axis=1)
-    return bool((rest > np.maximum(UNMOVED * most[where], NOISY * usual)).any())
+    unexplained = mean_product(residual, residual) - (moves * sums).sum(axis=1)
+    limits = np.maximum(MIN_UNMOVED_DIFFERENCE * variance[where], MIN_OVER_NOISE * median_variance)
+    return bool((unexplained > limits).any())

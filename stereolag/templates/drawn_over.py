@@ -1,7 +1,7 @@
-"""Whether a place shows the template, but for a thing that a screen draws over whatever is there.
+"""Whether a place shows the template under an overlay that screens draw over their content.
 
-A text cursor, the arrow of the mouse, the ring around what has the focus, the tint of a selection, the shadow of
-something in front of its ground: no sibling differs by such a thing alone, and all other pixels are the template's.
+Overlays are a text cursor, the arrow of the mouse, a focus ring, the tint of a selection, a badge, a scroll bar and a
+drop shadow: no sibling of a template differs by one of these alone, and all other pixels are the template's.
 """
 
 from __future__ import annotations
@@ -15,148 +15,160 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import Plane, gradient
+from stereolag.templates.aligning import Plane, squared_gradient
 from stereolag.templates.patterns import Pattern
 
-LEAST_AREA, LEAST_LONG = 4900, 1.2
-"""Least number of pixels of a template, or least width over height: an icon with a stroke more is its sibling."""
-
-CURSOR = (13, 3)
-"""Least length and greatest width of a text cursor, px: strokes of letters are shorter."""
-
-THICKEST, OF_SIDE, OF_TEMPLATE = 4, 0.4, 0.4
-"""Greatest thickness of a ring, px, least share of each of its sides that is seen, and of the template within it."""
+MAX_RING_PX = 4
+"""Largest thickness of a focus ring."""
 
 ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (11.5, 11.5)])
-"""The corners of the arrow of the mouse, x and y, at 100 % of a screen, px."""
+"""Corners (x, y) of the arrow of the mouse on a screen at 100 %, px."""
 
-ARROW_SIZES, LIKE_ARROW, BESIDE = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0), 0.7, 8
-"""Its sizes, the least share that it and what differs have in common, and how many times its size, or that of a badge
-within it, a template has: what fills more of it is a part of it."""
+MIN_SIZE_RATIO = 8
+"""Least area of a template over that of an arrow, or of a badge within it: anything larger is a part of it."""
 
-BAR, OF_BAR = 24, 0.75
-"""Greatest width of a bar along a side, px, and least share of it that differs."""
+BADGE_HEIGHTS_PX = (8, 40)
+"""Smallest and largest height of a badge."""
 
-BADGE, ROUND, NEW = (8, 40), (0.68, 0.95), 0.5
-"""Least and greatest height of a badge, px, and of its box that it fills; and least share of it that differs: if less,
-the template has that badge, with another number in it.
+MIN_EDGE_OVER_TEXTURE = 9.0
+"""Least squared gradient of an edge of the template over the median beside the overlay."""
+
+MIN_EDGE_OVER_VARIANCE = 0.003
+"""Least squared gradient of an edge of the template over its variance, px⁻²."""
+
+MIN_OUTLINED = 0.95
+"""Least share of a region's outline that is at edges of the template where the template has that outline.
+
+Measured: 1.0 at switches and boxes in another state; under overlays up to 0.92, around letters under a text cursor.
 """
 
-STEEP, OF_VARIANCE, OUTLINED, TEXTURE, PART = 9.0, 0.003, 0.95, 0.5, 0.25
-"""Squared gradient of an edge of the template, over the median one beside a thing and over the template's variance; the
-least share of the rim of a thing that is at such edges where the template itself has that outline; the largest 3 to 12
-px around it, where texture has edges too; and the least share of a thing of a part with a rim of its own.
+MAX_EDGES_AROUND = 0.5
+"""Largest share of edges 3 to 12 px around that outline: texture has edges everywhere.
 
-Measured: 1.0 and up to 0.36 at switches and boxes in another state; at things in front up to 0.92 around letters under
-a text cursor, and 0.69 around an arrow over texture.
+Measured: up to 0.36 at switches and boxes in another state, 0.69 around an arrow over texture.
 """
 
-PLAIN, STEEPER = 7.0, 1.4
-"""Least squared gradient at the rim of a plain thing over that within it; and how many times the energy of that rim in
-the template the rim of something in front has.
+MIN_PART = 0.25
+"""Least share of a region that a part of it has, for its outline to be compared by itself."""
 
-Measured where a hat is gone: from 8 in six of seven, and 0.3 to 1.4; where something is in front of such a thing, 1.6.
+MIN_PLAIN_RATIO = 7.0
+"""Least squared gradient of the template at the rim of something plain over that within it.
+
+Measured where a hat is gone: from 8 in six of seven.
 """
 
-LEAST_GAIN, LEAST_TINTED = 0.4, 0.95
-"""Least contrast under a tint, and least share of the variance there that the tinted template explains."""
+MIN_RIM_RATIO = 1.4
+"""Least squared gradient at the rim of an overlay over the template's own there.
 
-DARKEST, SMOOTH, NEUTRAL, FADES, DARK = 0.3, 0.08, 0.08, 0.05, 40.0
-"""Darkest shadow, largest step of it from one pixel to the next, largest difference of it between channels, least by
-which it fades, and the least value at which its share can be told."""
+Measured: 0.3 to 1.4 where a hat is gone, 1.6 where something is in front of such a thing.
+"""
 
-LIKE, NOISY, AS_THEY_ARE, MOST = 6.0, 5.0, 20, 0.75
-"""Greatest difference of pixels that are the same, grey levels of 255, unless it is so many times this percentile; and
-the largest share of the pixels that may differ by more."""
+MAX_SAME_DIFFERENCE = 6.0
+"""Largest difference of equal pixels without much noise, grey levels of 255."""
 
-ONE, ALL = 0.9, 0.97
-"""Least share of what differs that is one thing, and that is within the outline of what it is taken for."""
+NOISE_RATIO = 5.0
+"""Largest difference of equal pixels over :data:`NOISE_PERCENTILE` of all differences."""
+
+NOISE_PERCENTILE = 20
+
+MAX_DIFFERING = 0.75
+"""Largest share of the pixels that may differ."""
+
+MIN_IN_REGION = 0.9
+"""Least share of the differing pixels that are one region, or of pixels that have its colour."""
+
+MIN_IN_OUTLINE = 0.97
+"""Least share of the differing pixels that are within the outline of the overlay."""
 
 
 def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | None:
-    """Return which pixels are drawn over, (rows, cols), None if that is not all by which a place differs.
+    """Return the mask of the pixels under an overlay, (rows, cols); None unless the place differs by that alone.
 
     Parameters
     ----------
     image
         (rows, cols, channels) uint8, as many channels as the pattern.
     pattern
-        The template in its own size, all of whose pixels count the same.
+        The template at its own size, with equal weights.
     row, col
         The place, exactly.
     """
     rows, cols = pattern.shape
-    if rows * cols < LEAST_AREA and cols < LEAST_LONG * rows:
+    if rows * cols < 4900 and cols < 1.2 * rows:  # an icon: with one stroke more, it is a sibling
         return None
     part = image[max(row, 0) : row + rows, max(col, 0) : col + cols]
     if part.shape != pattern.colours.shape:
         return None
-    seen, template = part.astype(np.float32), pattern.colours.astype(np.float32)
-    away = seen - template
-    level = np.array([median(channel) for channel in np.moveaxis(away, 2, 0)], dtype=np.float32)
-    # What most pixels differ by is a tint, or another light, and no noise.
-    spreads = [float(percentiles(np.abs(one).max(axis=2), AS_THEY_ARE)[0]) for one in (away, away - level)]
-    noise = max(LIKE, NOISY * min(spreads))
-    differ = np.abs(away).max(axis=2) > noise
-    varies = min(float(one.std(axis=(0, 1)).max()) for one in (template, seen))
-    if not 0 < differ.mean() <= MOST or noise > max(LIKE, varies):  # what differs by as much as all varies is no noise
+    observed, template = part.astype(np.float32), pattern.colours.astype(np.float32)
+    difference = observed - template
+    level = np.array([median(channel) for channel in np.moveaxis(difference, 2, 0)], dtype=np.float32)
+    # The median difference is a tint, or another light, and not noise.
+    spreads = [
+        float(percentiles(np.abs(plane).max(axis=2), NOISE_PERCENTILE)[0]) for plane in (difference, difference - level)
+    ]
+    noise = max(MAX_SAME_DIFFERENCE, NOISE_RATIO * min(spreads))
+    differ = np.abs(difference).max(axis=2) > noise
+    deviation = min(float(plane.std(axis=(0, 1)).max()) for plane in (template, observed))
+    if not 0 < differ.mean() <= MAX_DIFFERING or noise > max(MAX_SAME_DIFFERENCE, deviation):
         return None
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
         cv2.morphologyEx(np.asarray(differ, dtype=np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     )
-    thing = differ & (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
-    alone = (
-        thing.sum() >= ONE * differ.sum() and not has_outline(template, thing) and not is_gone(template, seen, thing)
+    region = differ & (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+    may_be_in_front = (
+        region.sum() >= MIN_IN_REGION * differ.sum()
+        and not has_outline(template, region)
+        and not is_gone(template, observed, region)
     )
-    over = (
-        (alone and (_is_cursor(thing, seen, noise) or _is_arrow(thing)))
-        or (alone and _is_bar(differ, seen, noise))
-        or (alone and _is_over_edges(thing, template, noise) and _is_badge(thing, image, row, col, noise))
-        or _is_ring(differ, seen, noise)
-        or _is_tint(differ, template, seen)
-        or _is_shadow(differ, template, seen)
+    is_overlay = (
+        (may_be_in_front and (_is_cursor(region, observed, noise) or _is_arrow(region)))
+        or (may_be_in_front and _is_bar(differ, observed, noise))
+        or (may_be_in_front and _is_over_edges(region, template, noise) and _is_badge(region, image, row, col, noise))
+        or _is_ring(differ, observed, noise)
+        or _is_tint(differ, template, observed)
+        or _is_shadow(differ, template, observed)
     )
-    return differ if over else None
+    return differ if is_overlay else None
 
 
-def has_outline(template: Plane, thing: Mask) -> bool:
-    """Return whether the template has edges all along the rim of a thing: it is in another state, or gone.
+def has_outline(template: Plane, region: Mask) -> bool:
+    """Return whether the template has edges all along the outline of a region: it is a part in another state, or gone.
 
-    As a switch is, or the check mark of a box, or a letter. Of a knob that moves, the rim where the template has it
-    tells; noise makes gaps in a thing, so that its hull tells as well.
+    Such a part is a switch, the check mark of a box, or a letter. Where a knob has moved, the outline at its place in
+    the template is enough; noise makes gaps in a region, so that its convex hull is tried as well.
     """
-    found, _ = cv2.findContours(thing.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    found, _ = cv2.findContours(region.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not found:
         return False
-    least, hull = PART * thing.sum(), cv2.convexHull(np.concatenate(found))
-    large = [one for one in found if cv2.contourArea(one) >= least]
-    steep = sum(np.square(one).sum(axis=2) for one in gradient(template))
-    return any(_is_outlined(template, steep, outline) for outline in [hull, *large])
+    hull = cv2.convexHull(np.concatenate(found))
+    large = [outline for outline in found if cv2.contourArea(outline) >= MIN_PART * region.sum()]
+    steepness = squared_gradient(template)
+    return any(_is_outlined(template, steepness, outline) for outline in [hull, *large])
 
 
-def is_gone(template: Plane, seen: Plane, differ: Mask) -> bool:
-    """Return whether the template has something plain or thin where it differs, and no clearer outline is seen there.
+def is_gone(template: Plane, observed: Plane, differ: Mask) -> bool:
+    """Return whether the template has something plain or thin where it differs, and the image no clearer outline.
 
-    What is in front of the template has an outline of its own; what goes on behind something that is gone has none.
+    Something in front of the template has an outline; the background continues where something is gone.
     """
-    thing, square = without_gaps(differ), np.ones((5, 5), np.uint8)
-    inner = cv2.erode(thing, square) > 0
-    rim = (cv2.dilate(thing, square) > 0) & ~inner
-    own, there = (sum(np.square(one).sum(axis=2) for one in gradient(plane)) for plane in (template, seen))
+    region, square = without_gaps(differ), np.ones((5, 5), np.uint8)
+    inner = cv2.erode(region, square) > 0
+    rim = (cv2.dilate(region, square) > 0) & ~inner
+    own, shown = squared_gradient(template), squared_gradient(observed)
     at_rim = float(own[rim].sum())
-    is_plain = at_rim * inner.sum() >= PLAIN * float(own[inner].sum()) * rim.sum()
-    return bool(is_plain and there[rim].sum() < STEEPER * at_rim)
+    is_plain = at_rim * inner.sum() >= MIN_PLAIN_RATIO * float(own[inner].sum()) * rim.sum()
+    return bool(is_plain and shown[rim].sum() < MIN_RIM_RATIO * at_rim)
 
 
 def without_gaps(differ: Mask) -> npt.NDArray[np.uint8]:
-    """Return what differs, as 0 and 1, without gaps of less than 5 px and without what is thinner than 3 px."""
+    """Return a mask as 0 and 1, with gaps of less than 5 px filled and without parts thinner than 3 px."""
     closed = cv2.morphologyEx(differ.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     return np.asarray(cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
 
-def _is_outlined(template: Plane, steep: Plane, outline: npt.NDArray[Any]) -> bool:
-    """Return whether the template has edges all along a closed line: one that it cuts off does not count."""
-    filled = cv2.drawContours(np.zeros(steep.shape, np.uint8), [outline], -1, 1, -1)
+def _is_outlined(template: Plane, steepness: Plane, outline: npt.NDArray[Any]) -> bool:
+    """Return whether the template has edges all along a closed line that does not touch its rim."""
+    filled = cv2.drawContours(np.zeros(steepness.shape, np.uint8), [outline], -1, 1, -1)
     inner, outer, near, far = (
         change(filled, np.ones((side, side), np.uint8)) > 0
         for change, side in ((cv2.erode, 3), (cv2.dilate, 3), (cv2.dilate, 7), (cv2.dilate, 25))
@@ -164,138 +176,146 @@ def _is_outlined(template: Plane, steep: Plane, outline: npt.NDArray[Any]) -> bo
     rim, beside = outer & ~inner, far & ~near
     if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():
         return False
-    least = max(STEEP * median(steep[~outer]), OF_VARIANCE * float(template.var(axis=(0, 1)).sum()))
-    edges = cv2.dilate(np.asarray(steep > least, dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return bool(edges[rim].mean() >= OUTLINED and edges[beside].sum() <= TEXTURE * beside.sum())
+    variance = float(template.var(axis=(0, 1)).sum())
+    least = max(MIN_EDGE_OVER_TEXTURE * median(steepness[~outer]), MIN_EDGE_OVER_VARIANCE * variance)
+    edges = cv2.dilate(np.asarray(steepness > least, dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return bool(edges[rim].mean() >= MIN_OUTLINED and edges[beside].sum() <= MAX_EDGES_AROUND * beside.sum())
 
 
 def _box(differ: Mask) -> tuple[slice, slice]:
-    """Return the rows and columns that hold all that differs."""
+    """Return the rows and columns that contain all differing pixels."""
     rows, cols = (np.flatnonzero(differ.any(axis=axis)) for axis in (1, 0))
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _is_uniform(values: Plane, noise: float) -> bool:
     """Return whether values (pixels, channels) are of one colour."""
-    middle = [median(channel) for channel in values.T]
-    return bool((np.abs(values - middle).max(axis=1) <= noise).mean() >= ONE)
+    colour = [median(channel) for channel in values.T]
+    return bool((np.abs(values - colour).max(axis=1) <= noise).mean() >= MIN_IN_REGION)
 
 
-def _is_cursor(differ: Mask, seen: Plane, noise: float) -> bool:
+def _is_cursor(differ: Mask, observed: Plane, noise: float) -> bool:
     rows, cols = _box(differ)
-    part = seen[rows, cols]
-    return part.shape[0] >= CURSOR[0] and part.shape[1] <= CURSOR[1] and _is_uniform(part[differ[rows, cols]], noise)
+    part = observed[rows, cols]
+    is_line = part.shape[0] >= 13 and part.shape[1] <= 3  # px; strokes of letters are shorter
+    return is_line and _is_uniform(part[differ[rows, cols]], noise)
 
 
-def _is_ring(differ: Mask, seen: Plane, noise: float) -> bool:
+def _is_ring(differ: Mask, observed: Plane, noise: float) -> bool:
     rows, cols = _box(differ)
     part = differ[rows, cols]
-    if min(part.shape) < 4 * THICKEST or part.size < OF_TEMPLATE * differ.size:
+    if min(part.shape) < 4 * MAX_RING_PX or part.size < 0.4 * differ.size:
         return False
-    inner = part[THICKEST:-THICKEST, THICKEST:-THICKEST]
-    if inner.sum() > (1 - ALL) * part.sum():
+    inner = part[MAX_RING_PX:-MAX_RING_PX, MAX_RING_PX:-MAX_RING_PX]
+    if inner.sum() > (1 - MIN_IN_OUTLINE) * part.sum():
         return False
-    sides = [side.any(axis=0) for turned in (part, part.T) for side in (turned[:THICKEST], turned[-THICKEST:])]
-    return all(side.mean() >= OF_SIDE for side in sides) and _is_uniform(seen[rows, cols][part], noise)
+    sides = [side.any(axis=0) for turned in (part, part.T) for side in (turned[:MAX_RING_PX], turned[-MAX_RING_PX:])]
+    return all(side.mean() >= 0.4 for side in sides) and _is_uniform(observed[rows, cols][part], noise)
 
 
-def _is_bar(differ: Mask, seen: Plane, noise: float) -> bool:
-    """Return whether what differs is a bar of one or two colours along a whole side of the template."""
+def _is_bar(differ: Mask, observed: Plane, noise: float) -> bool:
+    """Return whether the differing pixels are a bar of one or two colours along a whole side of the template."""
     rows, cols = _box(differ)
-    part, sides = seen[rows, cols], differ.shape
-    along = [one.stop - one.start == side for one, side in zip((rows, cols), sides, strict=True)]
-    at_rim = [one.start == 0 or one.stop == side for one, side in zip((rows, cols), sides, strict=True)]
-    wide = min(part.shape[:2])
-    if along[0] == along[1] or not all(at_rim) or wide > min(BAR, OF_TEMPLATE * min(sides)) or wide < 3:
+    part, sides = observed[rows, cols], differ.shape
+    is_whole_side = [span.stop - span.start == side for span, side in zip((rows, cols), sides, strict=True)]
+    at_rim = [span.start == 0 or span.stop == side for span, side in zip((rows, cols), sides, strict=True)]
+    width = min(part.shape[:2])
+    if is_whole_side[0] == is_whole_side[1] or not all(at_rim):
         return False
-    if differ[rows, cols].mean() < OF_BAR:
+    if not 3 <= width <= min(24, 0.4 * min(sides)) or differ[rows, cols].mean() < 0.75:
         return False
     values = part.reshape(-1, part.shape[2])
     first = np.abs(values - [median(channel) for channel in values.T]).max(axis=1) <= noise
-    return bool(first.mean() >= ONE) or (bool(first.mean() >= 1 / 3) and _is_uniform(values[~first], noise))
+    return bool(first.mean() >= MIN_IN_REGION) or (bool(first.mean() >= 1 / 3) and _is_uniform(values[~first], noise))
 
 
-def _is_over_edges(thing: Mask, template: Plane, noise: float) -> bool:
-    """Return whether a thing that is small beside the template is over edges of it: a mark on its ground is its own."""
-    rim = np.concatenate([thing[[0, -1]].ravel(), thing[:, [0, -1]].ravel()])
-    small = thing.sum() * BESIDE <= thing.size
-    return bool(small and (rim.any() or not _is_uniform(template[thing], noise)))
+def _is_over_edges(region: Mask, template: Plane, noise: float) -> bool:
+    """Return whether a small region is over edges of the template, or at its rim: a mark on plain ground is its own."""
+    rim = np.concatenate([region[[0, -1]].ravel(), region[:, [0, -1]].ravel()])
+    small = region.sum() * MIN_SIZE_RATIO <= region.size
+    return bool(small and (rim.any() or not _is_uniform(template[region], noise)))
 
 
-def _is_badge(thing: Mask, image: Image, row: int, col: int, noise: float) -> bool:
-    """Return whether what differs is of a disc or a pill of one colour, with something in it, seen in the image."""
-    rows, cols = (at + corner for at, corner in zip(np.nonzero(thing), (row, col), strict=True))
-    top, left = max(0, int(rows.min()) - BADGE[1]), max(0, int(cols.min()) - BADGE[1])
-    around = image[top : int(rows.max()) + BADGE[1], left : int(cols.max()) + BADGE[1]]
+def _is_badge(region: Mask, image: Image, row: int, col: int, noise: float) -> bool:
+    """Return whether a region is a part of a disc or a pill in the image, of one colour with something in it."""
+    rows, cols = (at + corner for at, corner in zip(np.nonzero(region), (row, col), strict=True))
+    least, most = BADGE_HEIGHTS_PX
+    top, left = max(0, int(rows.min()) - most), max(0, int(cols.min()) - most)
+    around = image[top : int(rows.max()) + most, left : int(cols.max()) + most]
     own = rows - top, cols - left
     colour = [median(channel) for channel in around[own].T]
-    like = np.asarray(np.abs(around - np.asarray(colour, dtype=np.float32)).max(axis=2) <= noise, dtype=np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(like)
-    inside = labels[own][like[own] > 0]
+    distance = np.abs(around - np.asarray(colour, dtype=np.float32)).max(axis=2)
+    has_colour = np.asarray(distance <= noise, dtype=np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(has_colour)
+    inside = labels[own][has_colour[own] > 0]
     if not inside.size:
         return False
     disc = 1 + int(np.argmax(np.bincount(inside, minlength=len(stats))[1:]))
     height, width = int(stats[disc, cv2.CC_STAT_HEIGHT]), int(stats[disc, cv2.CC_STAT_WIDTH])
-    if not BADGE[0] <= height <= BADGE[1] or not 0.85 * height <= width <= 3 * height:
+    if not least <= height <= most or not 0.85 * height <= width <= 3 * height:
         return False
     found, _ = cv2.findContours(np.asarray(labels == disc, dtype=np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    filled = cv2.fillConvexPoly(np.zeros(like.shape, np.uint8), cv2.convexHull(np.concatenate(found)), 1)
-    share = float(filled.sum()) / (height * width)
+    filled = cv2.fillConvexPoly(np.zeros(has_colour.shape, np.uint8), cv2.convexHull(np.concatenate(found)), 1)
+    fill = float(filled.sum()) / (height * width)
     reached = cv2.dilate(filled, np.ones((5, 5), np.uint8)) > 0
     down, right = (at + corner for at, corner in zip(np.nonzero(filled), (top - row, left - col), strict=True))
-    within = (down >= 0) & (down < thing.shape[0]) & (right >= 0) & (right < thing.shape[1])
-    is_new = thing[down[within], right[within]].mean() >= NEW
-    return ROUND[0] <= share <= ROUND[1] and bool(is_new and reached[own].mean() >= ALL)
+    within = (down >= 0) & (down < region.shape[0]) & (right >= 0) & (right < region.shape[1])
+    # If fewer pixels differ, the template has that badge too, with another number in it.
+    is_new = region[down[within], right[within]].mean() >= 0.5
+    return 0.68 <= fill <= 0.95 and bool(is_new and reached[own].mean() >= MIN_IN_OUTLINE)
 
 
 def _is_arrow(differ: Mask) -> bool:
     rows, cols = _box(differ)
     height, width = rows.stop - rows.start, cols.stop - cols.start
-    if height * width * BESIDE > differ.size:
+    if height * width * MIN_SIZE_RATIO > differ.size:
         return False
     found, _ = cv2.findContours(differ[rows, cols].astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     filled = cv2.drawContours(np.zeros((height, width), np.uint8), found, -1, 1, -1) > 0
-    for size in ARROW_SIZES:
-        tall, wide = (math.ceil(size * side) + 2 for side in ARROW[:, ::-1].max(axis=0))
+    for scale in (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0):
+        tall, wide = (math.ceil(scale * side) + 2 for side in ARROW[:, ::-1].max(axis=0))
         if abs(tall - height) > 2 + 0.1 * tall or abs(wide - width) > 2 + 0.1 * wide:
             continue
-        corners = np.rint(16 * (ARROW * size + 1)).astype(np.int32)
+        corners = np.rint(16 * (ARROW * scale + 1)).astype(np.int32)
         arrow = cv2.fillPoly(np.zeros((max(tall, height), max(wide, width)), np.uint8), [corners], 1, cv2.LINE_8, 4)
         shape = np.asarray(cv2.dilate(arrow, np.ones((3, 3), np.uint8)) > 0)
-        other = np.zeros_like(shape)
+        shifted = np.zeros_like(shape)
         for down in range(shape.shape[0] - height + 1):
             for right in range(shape.shape[1] - width + 1):
-                other[:] = False
-                other[down : down + height, right : right + width] = filled
-                if (other & shape).sum() >= LIKE_ARROW * (other | shape).sum():
+                shifted[:] = False
+                shifted[down : down + height, right : right + width] = filled
+                if (shifted & shape).sum() >= 0.7 * (shifted | shape).sum():
                     return True
     return False
 
 
-def _is_tint(differ: Mask, template: Plane, seen: Plane) -> bool:
-    """Return whether all that differs is in rows or columns that something translucent of one colour covers."""
+def _is_tint(differ: Mask, template: Plane, observed: Plane) -> bool:
+    """Return whether the differing pixels are whole rows or columns under something translucent of one colour."""
     rows, cols = _box(differ)
-    tall, wide = (one.stop - one.start == side for one, side in zip((rows, cols), differ.shape, strict=True))
-    if tall == wide or differ[rows, cols].mean() < ONE:
+    whole_cols, whole_rows = (
+        span.stop - span.start == side for span, side in zip((rows, cols), differ.shape, strict=True)
+    )
+    if whole_cols == whole_rows or differ[rows, cols].mean() < MIN_IN_REGION:
         return False
-    below, shown = (plane[rows, cols].reshape(-1, plane.shape[2]) for plane in (template, seen))
+    below, shown = (plane[rows, cols].reshape(-1, plane.shape[2]) for plane in (template, observed))
     below, shown = (plane - plane.mean(axis=0, dtype=np.float64) for plane in (below, shown))
     gain = float((below * shown).sum()) / max(float(np.square(below).sum()), 1e-12)
-    left = float(np.square(shown - gain * below).sum())
-    return LEAST_GAIN <= gain <= 1 and left <= (1 - LEAST_TINTED) * float(np.square(shown).sum())
+    residual = float(np.square(shown - gain * below).sum())
+    return 0.4 <= gain <= 1 and residual <= (1 - 0.95) * float(np.square(shown).sum())
 
 
-def _is_shadow(differ: Mask, template: Plane, seen: Plane) -> bool:
-    """Return whether all that differs is darker by a share that fades and is the same in all channels."""
-    light = template.min(axis=2) > DARK
-    shares = np.where(light[:, :, np.newaxis], seen / np.maximum(template, 1), 1)
+def _is_shadow(differ: Mask, template: Plane, observed: Plane) -> bool:
+    """Return whether the differing pixels are darker by a share that fades and is the same in all channels."""
+    light = template.min(axis=2) > 40  # in darker pixels the share cannot be measured
+    shares = np.where(light[:, :, np.newaxis], observed / np.maximum(template, 1), 1)
     share, where = shares.mean(axis=2), differ & light
-    if where.sum() < ALL * differ.sum() or share[where].min() < DARKEST or share[where].max() > 1:
+    if where.sum() < MIN_IN_OUTLINE * differ.sum() or not 0.3 <= share[where].min() <= share[where].max() <= 1:
         return False
-    if np.ptp(shares[where], axis=1).max() > NEUTRAL or np.ptp(share[where]) < FADES:
+    has_colour, fades = np.ptp(shares[where], axis=1).max() > 0.08, np.ptp(share[where]) >= 0.05
+    if has_colour or not fades:
         return False
     steps = [
         np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]]
         for axis in (0, 1)
     ]
-    return all(not step.size or float(np.mean(step <= SMOOTH)) >= ALL for step in steps)
+    return all(not step.size or float(np.mean(step <= 0.08)) >= MIN_IN_OUTLINE for step in steps)

@@ -1,4 +1,4 @@
-"""Template search from a rare pixel: only places with exactly the same values are scored."""
+"""Template search from a rare pixel: only places with exactly the template's values are scored."""
 
 from __future__ import annotations
 
@@ -17,25 +17,22 @@ from stereolag.templates.patterns import Pattern
 from stereolag.templates.places import Places
 from stereolag.templates.score_maps import scores_at
 
-ATTEMPTS = 8
+MAX_ANCHORS = 8
 """Anchors tried, each of another colour, before giving up: some may be covered in the image."""
 
-SAMPLE = 20_000
+SAMPLED_PIXELS = 20_000
 """Pixels of the image used to judge the rarity of a colour."""
 
-GRID_REACH = 1
-"""The grid of positions scored around a hit extends this far to every side, px."""
+BYTES_PER_POSITION = 64
+"""Memory per position with the anchor's value, for its indices and pixels."""
 
-HIT_BYTES = 64
-"""Bytes per position with the anchor's value, for its indices and pixels."""
-
-BATCH = 10_000_000
+BATCH_VALUES = 10_000_000
 """Pixel values compared between two progress calls."""
 
 
 @dataclass(frozen=True)
 class AnchorStages:
-    """The positions left at each stage once an anchor is chosen, as rows and columns.
+    """The positions that remain at each stage of the search for an anchor, as rows and columns.
 
     Parameters
     ----------
@@ -46,7 +43,7 @@ class AnchorStages:
     agreeing
         Those at which both ends of the run agree too.
     scored
-        All within a small grid around these.
+        All positions within a pixel of these.
     """
 
     run: tuple[int, int]
@@ -89,7 +86,7 @@ def exact_positions(
     for attempt, (row, col) in enumerate(anchors):
         rows, cols = anchor_stages(image, pattern, row, col).scored
         candidates += len(rows)
-        batch = BATCH // pattern.deviations.size + 1
+        batch = BATCH_VALUES // pattern.deviations.size + 1
         scores = np.empty(len(rows))
         for start in range(0, len(rows), batch):
             part = slice(start, start + batch)
@@ -106,7 +103,7 @@ def exact_positions(
     return Places(found[0][scored], found[1][scored], found[2][scored], pattern.shape), candidates
 
 
-def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = ATTEMPTS) -> list[tuple[int, int]]:
+def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = MAX_ANCHORS) -> list[tuple[int, int]]:
     """Return (row, col) of opaque template pixels of different colours, the rarest in a sample of the image first.
 
     Parameters
@@ -118,7 +115,7 @@ def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = AT
     """
     random = np.random.default_rng(seed)
     rows, cols = np.nonzero(pattern.opaque)
-    sample_rows, sample_cols = (random.integers(0, length, SAMPLE) for length in image.shape[:2])
+    sample_rows, sample_cols = (random.integers(0, length, SAMPLED_PIXELS) for length in image.shape[:2])
     colours, appearances = np.unique(_codes(image[sample_rows, sample_cols]), return_counts=True)
     shuffled = random.permutation(len(rows))
     codes = _codes(pattern.colours[rows[shuffled], cols[shuffled]])
@@ -136,7 +133,7 @@ def _codes(pixels: Image) -> npt.NDArray[np.float64]:
 
 
 def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorStages:
-    """Return the positions left at each stage with the template's pixel (row, col) as the anchor.
+    """Return the positions that remain at each stage with the template's pixel (row, col) as the anchor.
 
     Parameters
     ----------
@@ -158,7 +155,7 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
     # A position inside the image has its pixel (row, col) inside this part of it.
     marks = cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value)
     check_memory(
-        Estimate(HIT_BYTES * cv2.countNonZero(marks), 0.0),
+        Estimate(BYTES_PER_POSITION * cv2.countNonZero(marks), 0.0),
         hint="No value of the template is rare in this image; the method 'fft' does not depend on that.",
     )
     coloured = rows, cols = _nonzero(marks)
@@ -169,11 +166,10 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
 
 
 def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:
-    """Return each position within the grid's reach of any of these once; there are `places` down and across."""
+    """Return each position within a pixel of any of these, once; there are `places` down and across."""
     near = np.zeros(places, dtype=np.uint8)
     near[rows, cols] = 1
-    side = 2 * GRID_REACH + 1
-    return _nonzero(cv2.dilate(near, np.ones((side, side), dtype=np.uint8)))
+    return _nonzero(cv2.dilate(near, np.ones((3, 3), dtype=np.uint8)))
 
 
 def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:

@@ -1,4 +1,4 @@
-"""A template fitted to a place: a shift below a pixel, the light and its colours; and what remains, block by block."""
+"""A template fitted to a place of an image: motion below a pixel, blur, light and colours; residuals block by block."""
 
 from __future__ import annotations
 
@@ -13,95 +13,117 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import AROUND, FARTHEST, Matrix, Motions, Place, Plane, gradient
-from stereolag.templates.differences import another_mark, beyond, explained, squares
+from stereolag.templates.aligning import (
+    MAX_MOTION,
+    PATCH_MARGIN_PX,
+    Matrix,
+    MotionSolver,
+    Patch,
+    Plane,
+    squared_gradient,
+)
+from stereolag.templates.differences import excess, explained_variance, has_another_mark, squares
 from stereolag.templates.patterns import FULL_WEIGHT, Pattern
-from stereolag.templates.softening import LEAST_MIXED, Blur, Rim
+from stereolag.templates.softening import MIN_BLEED, BackgroundBleed, Blur
 
-STEPS = 8
-"""Steps of the alignment; the first of them trust all pixels alike."""
+MAX_STEPS = 8
+"""Steps of the alignment."""
 
-TRUSTING = 3
+UNWEIGHTED_STEPS = 3
+"""Steps before pixels that disagree are given less weight."""
 
-CURVE, FLATTEST = 3, 0.1
-"""Power up to which the curve of tones goes, and its least slope beside its steepest.
+MOTION_TOLERANCE_PX = 0.002
+"""The alignment ends, unless asked otherwise, once a step moves no corner by more."""
 
-Measured: from 0.18 under gammas of 0.55 to 1.8; 0.04 where it made one round spot of another, half as wide.
+NO_DIFFERENCE = 1e-6
+"""Squared difference that counts as none, as a share of the variance."""
+
+TONE_CURVE_DEGREE = 3
+"""Degree of the polynomial fitted to the tones."""
+
+MIN_SLOPE_RATIO = 0.1
+"""Least slope of a tone curve over its greatest.
+
+Measured: from 0.18 under gammas of 0.55 to 1.8; 0.04 where a curve made one round spot of another, half as wide.
 """
 
-SOFTEST, SHARPEST, SOFTER, OF_RIM = 1.0, -0.4, 0.02, 1.5
-"""Largest blur of a place over that of the template, its squared spread, px, and the least, of a place sharper than the
-template; the least change of it; and so many times its spread what is beyond the rim is mixed in."""
+BLUR_VARIANCE_LIMITS = (-0.4, 1.0)
+"""Limits of the squared blur of a place minus that of the template, px²; negative where the place is sharper."""
 
-SETTLED, NONE = 0.002, 1e-6
-"""The alignment ends once a step moves no corner by so many px, unless told otherwise, and changes the colours by no
-more than what is no difference: a squared one of the last share of the variance."""
+MIN_BLUR_CHANGE = 0.02
+"""Least change of the squared blur that is applied, px²."""
 
-BLOCKS, LEAST_BLOCK = 7, 5
-"""Blocks along the side of a square template, unless one then has fewer pixels a side than the least."""
+RIM_SIGMAS = 1.5
+"""Width of the rim into which a blur mixes pixels from outside the template, in sigmas of the blur."""
 
-DIFFERENT, TIMES, OF_STEEP, DISPLACED = 0.06, 2.5, 0.4, 0.003
-"""Least mean squared difference of a block that disagrees, as a share of the template's variance, beside so many times
-what noise and steepness make of it in the median block; how much steepness can make; and what of it no displacement by
-a part of a pixel explains.
+BLOCKS_PER_SIDE = 7
+"""Blocks along the side of a square template."""
 
-Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is. Over how steep a block is: up to
-0.3 in the median block where the template is, 1.1 where most blocks show something else.
+MIN_BLOCK_PX = 5
+"""Least side of a block; a small template has fewer blocks."""
+
+MIN_BLOCK_DIFFERENCE = 0.06
+"""Least mean squared difference of a block that disagrees, above the noise, as a share of the template's variance.
+
+Measured without noise: up to 0.05 where the template is, from 0.21 where a sibling is.
 """
 
-FAINT, SHIFTED, EXACT = 0.02, 0.25, 10.0
-"""Least difference of a faint block that disagrees where all others fit exactly, and share of how steep it is, as if it
-was moved by half a pixel; beside so many times the noise.
+NOISE_FACTOR = 2.5
+"""Factor of the noise in the median block, beyond which a block differs."""
 
-Measured: a word in faint letters beside clear ones has 0.03 to 0.06, and a suit for another one of 13 px 0.05 to 0.17.
+MAX_GRADIENT_NOISE = 0.4
+"""Largest squared difference over squared gradient of the median block that is taken for noise.
+
+Measured: up to 0.3 where the template is, 1.1 where most blocks show something else.
 """
 
-THROUGH = 2.0
-"""Difference of a block, in units of what is seen of the background there if it varies as the place does."""
+MIN_UNDISPLACED_DIFFERENCE = 0.003
+"""Least part of a block's difference that no displacement by a fraction of a pixel explains."""
 
-MOVES_AT_MOST = 3.0
-"""Roots of a block's mean squared gradient that it changes at most when it is moved by a pixel each way."""
+MIN_FAINT_DIFFERENCE = 0.02
+"""Least difference of a faint block that disagrees where all others fit exactly.
 
-SAMPLED = 2**16
-"""Pixels, evenly spread, that tell what a slope or a bend explains."""
+Measured: a word in faint letters beside clear ones has 0.03 to 0.06, another suit of a card, 13 px high, 0.05 to 0.17.
+"""
 
-OF_MOVED = 0.5
-"""Share of a difference that may remain where it is due to a move."""
+HALF_PIXEL_DIFFERENCE = 0.25
+"""Squared difference over squared gradient when a block is moved by half a pixel."""
 
-PARTED = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shifts of a part of the template against the rest, px."""
+FAINT_NOISE_FACTOR = 10.0
+"""As :data:`NOISE_FACTOR`, for faint blocks."""
 
-STEADY, MOST = 0.01, 0.3
-"""Squared gradient that is added to that of a block, and the largest difference of one that agrees, both as shares of
-the template's variance."""
+BACKGROUND_FACTOR = 2.0
+"""Difference allowed where the background shows through, over the variance that it contributes if it varies as much as
+the place."""
 
-COUNTS, COUNTED = 0.5, 0.3
-"""Least weight of a pixel that can disagree, as the background shows through others; least share of them in a block."""
+MAX_MOVE_EFFECT = 3.0
+"""Largest change of a block moved by a pixel each way, in roots of its mean squared gradient."""
 
-OPAQUE = 0.6
+MAX_REMAINING = 0.5
+"""Largest share of a difference that remains where a move or the background explains it."""
+
+GRADIENT_FLOOR = 0.01
+"""Added to the squared gradient of a block, as a share of the template's variance."""
+
+MAX_AGREEING_DIFFERENCE = 0.3
+"""Largest difference of a block that agrees, however noisy, as a share of the template's variance."""
+
+MIN_JUDGED_WEIGHT = 0.5
+"""Least weight of a pixel that can disagree: through others the background shows."""
+
+MIN_JUDGED_SHARE = 0.3
+"""Least share of such pixels in a block that can disagree."""
+
+MIN_OPAQUE_SHARE = 0.6
 """Least share of the pixels of an opaque template through which no background shows."""
 
-ROUNDING = float(np.finfo(np.float32).eps)
-"""The share of its level by which a flat place may vary, computed as it is."""
-
-GRAIN = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
-"""Filter that keeps the variance of noise and nothing of planes."""
-
-ALMOST_WHITE = 0.985
-"""Share of the largest value of an integer type from which pixels are taken for clipped."""
-
-
-TINTED, TINT = (0.4, 1.0), 0.1
-"""Gains under a tint, and the share of what gains of the channels leave that it has to leave at most."""
-
-WHITE, NEUTRAL, NEARLY, LEAST_WHITE, COLOURED = 200, 12, 20, 8, 25
-"""Least value of white, greatest difference of its channels in the template and where it is seen, least number of such
-pixels, and by how much more the channels differ in a light that colours it, grey levels of 255."""
+CLIPPED_SHARE = 0.985
+"""Share of an integer type's largest value from which a pixel is taken for clipped."""
 
 
 def blocks_of(shape: tuple[int, int]) -> tuple[int, int]:
     """Return rows and columns of the blocks of a template."""
-    side = max(LEAST_BLOCK, math.sqrt(shape[0] * shape[1]) / BLOCKS)
+    side = max(MIN_BLOCK_PX, math.sqrt(shape[0] * shape[1]) / BLOCKS_PER_SIDE)
     return max(1, round(shape[0] / side)), max(1, round(shape[1] / side))
 
 
@@ -116,12 +138,28 @@ class Fit:
         The template, resized and rotated as at the place.
     row, col
         The place, accurate to a pixel.
-    posed
-        Whether size and angle are refined too.
-    settled
-        The alignment ends once a step moves no corner by so many px.
+    refine_pose
+        Whether size and angle are fitted as well as the shift.
+    tolerance_px
+        The alignment ends once a step moves no corner by more.
     sharp
         Whether the place is as sharp as the template; otherwise its blur is fitted too.
+
+    Attributes
+    ----------
+    observed, predicted
+        (rows, cols, channels), the blurred image at the place and its prediction from the template, both minus the
+        template's mean.
+    weights, template_weights
+        (rows, cols), the weight of each pixel, 0 outside the image; and as in the pattern.
+    variance
+        Variance of the prediction.
+    motion
+        Down and right, px, logarithm of the size, and angle, radians.
+    colour_change
+        Distance of the fitted colours from the effect of a light, as a share of the variance: :func:`_colour_change`.
+    background
+        (rows, cols), the variance that the background contributes if it varies as much as the place.
     """
 
     def __init__(
@@ -130,364 +168,381 @@ class Fit:
         pattern: Pattern,
         row: int,
         col: int,
-        posed: bool,
-        settled: float = SETTLED,
+        refine_pose: bool,
+        tolerance_px: float = MOTION_TOLERANCE_PX,
         *,
         sharp: bool = False,
     ) -> None:
-        self.own_weights = pattern.weights.astype(np.float32)
-        self.weights = _inside(self.own_weights, image, row, col)
+        self.template_weights = pattern.weights.astype(np.float32)
+        self.weights = _inside(self.template_weights, image, row, col)
         self.shape = pattern.shape
-        on = self.weights > 0
-        self._on = slice(None) if on.all() else on.ravel()
-        # But for the rim of one that was resized.
-        self.is_opaque = bool((self.own_weights[on] >= FULL_WEIGHT).mean() >= OPAQUE)
+        valid = self.weights > 0
+        self._valid = slice(None) if valid.all() else valid.ravel()
+        # A template that was resized has a rim of lower weight.
+        self.is_opaque = bool((self.template_weights[valid] >= FULL_WEIGHT).mean() >= MIN_OPAQUE_SHARE)
         self._deviations = np.moveaxis(pattern.deviations, 0, 2).astype(np.float32)
-        self._known, blur = self.weights, Blur(self.weights)
-        self._counts = self._flat(self.weights)
-        self._soften(blur(self._deviations), 0.0)
-        # Where the template's mean is 0 too, float32 holds the values of a place on any pedestal.
-        first = np.nonzero(on)[0][0], np.nonzero(on)[1][0]
+        self._weights_in_image, blur = self.weights, Blur(self.weights)
+        self._flat_weights = self._flat(self.weights)
+        self._set_template(blur(self._deviations), 0.0)
+        # Minus the template's mean, the values of a place on any pedestal fit into float32.
+        first = np.nonzero(valid)[0][0], np.nonzero(valid)[1][0]
         mean = pattern.colours[first].astype(np.float64) - pattern.deviations[:, first[0], first[1]]
-        self._place = partial(Place, image, mean, row, col, self.shape)  # planes are large, and two fits are compared
-        place = self._place()
-        channels = self._given.shape[1]
-        self._mixture = np.zeros((channels + 1, channels))
-        self._curves: list[tuple[float, Matrix] | None] = [None] * channels
-        self.seen = self.predicted = self.template
+        # Made again when needed: its planes are large, and two fits are compared.
+        self._patch = partial(Patch, image, mean, row, col, self.shape)
+        patch = self._patch()
+        channels = self._template_pixels.shape[1]
+        self._colour_map = np.zeros((channels + 1, channels))
+        self._tone_curves: list[tuple[float, Matrix] | None] = [None] * channels
+        self.observed = self.predicted = self.template
         self.variance = 0.0
-        self.motion, trust = self._aligned(place, blur, posed, settled, sharp)
-        rim = round(OF_RIM * math.sqrt(max(self._softer, 0.0)))
+        self.motion, robust_weights = self._aligned(patch, blur, refine_pose, tolerance_px, sharp)
+        rim = round(RIM_SIGMAS * math.sqrt(max(self._blur_variance, 0.0)))
         inner = np.s_[rim:-rim, rim:-rim]
-        if rim and self.weights[inner].sum() > LEAST_BLOCK**2 and self._energy(inner) > self._energy(np.s_[:]) / 2:
-            blur, trust = self._without_rim(rim, place, trust)
-        self._beside = place.moved(self.motion)
-        soft, lit, shown = (
-            self._flat(blur.softened(one)).astype(np.float64) + mean
-            for one in (self.template, self.predicted, self.seen)
+        if rim and self.weights[inner].sum() > MIN_BLOCK_PX**2 and self._energy(inner) > self._energy(np.s_[:]) / 2:
+            blur, robust_weights = self._without_rim(rim, patch, robust_weights)
+        self._sharp_patch = patch.warped(self.motion)
+        template, predicted, observed = (
+            self._flat(blur.evened(plane)).astype(np.float64) + mean
+            for plane in (self.template, self.predicted, self.observed)
         )
-        trusted = (trust * (self._counts >= COUNTS)).astype(np.float64)
-        self.recoloured, light = _recoloured(soft, lit, shown, trusted, image.dtype)
+        trusted = (robust_weights * (self._flat_weights >= MIN_JUDGED_WEIGHT)).astype(np.float64)
+        self.colour_change, light = _colour_change(template, predicted, observed, trusted, image.dtype)
         if light is not None and image.dtype == np.uint8 and self._keeps_white(pattern, mean, light):
-            self.recoloured = 1.0
-        if squares(self._residual()).max() >= NONE * self.variance:
-            self._curves = self._tones(trust.astype(np.float64))
-            self.predicted = self._as_seen(self.template)
-        behind = 0.0 if (self.own_weights[on] >= 1).all() else float(self._beside.var(axis=(0, 1)).sum())
-        self.shown_through = behind * np.square(1 - np.cbrt(self.weights))
+            self.colour_change = 1.0
+        if squares(self._residual()).max() >= NO_DIFFERENCE * self.variance:
+            self._tone_curves = self._fitted_tone_curves(robust_weights.astype(np.float64))
+            self.predicted = self._rendered(self.template)
+        is_translucent = (self.template_weights[valid] < 1).any()
+        behind = float(self._sharp_patch.var(axis=(0, 1)).sum()) if is_translucent else 0.0
+        self.background = behind * np.square(1 - np.cbrt(self.weights))
 
-    def _soften(self, template: Plane, softer: float) -> None:
-        """Compare the template blurred by so much more than the place, a squared spread, px."""
-        self._softer = softer
+    def _set_template(self, template: Plane, blur_variance: float) -> None:
+        """Fit this blurred template from now on; the place is blurrier by `blur_variance`, px²."""
+        self._blur_variance = blur_variance
         self.template = template
-        self._given = self._flat(self.template)
-        covariance = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
-        self._about = cv2.calcCovarMatrix(self._given, None, covariance, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
-        self._terms = np.vstack([self._given.T, np.ones(len(self._given))]).astype(np.float64)
-        # Where only a flat part of the template is inside the image, its level alone keeps the mixture solvable.
-        level = float(np.square(self._given.mean(axis=0, dtype=np.float64)).sum())
-        least = (1e-4 * float(self._about.trace()) + 1e-9 * level) or 1.0
-        self._ridge = np.diag([least * len(self._given)] * self._given.shape[1] + [0.0])
+        self._template_pixels = self._flat(self.template)
+        flags = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
+        self._covariance = cv2.calcCovarMatrix(self._template_pixels, None, flags, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
+        ones = np.ones(len(self._template_pixels))
+        self._terms = np.vstack([self._template_pixels.T, ones]).astype(np.float64)
+        # Where only a flat part of the template is inside the image, its level alone keeps the colour map solvable.
+        level = float(np.square(self._template_pixels.mean(axis=0, dtype=np.float64)).sum())
+        ridge = (1e-4 * float(self._covariance.trace()) + 1e-9 * level) or 1.0
+        self._ridge = np.diag([ridge * len(self._template_pixels)] * self._template_pixels.shape[1] + [0.0])
 
-    def _energy(self, some: Any) -> float:
-        """Return the energy of the template in some of its pixels."""
-        part = self._deviations[some]
-        return float(np.einsum("ijk,ijk,ij", part, part, self.weights[some]))
+    def _energy(self, region: Any) -> float:
+        """Return the energy of the template in a region."""
+        part = self._deviations[region]
+        return float(np.einsum("ijk,ijk,ij", part, part, self.weights[region]))
 
-    def _without_rim(self, rim: int, place: Place, trust: Plane) -> tuple[Blur, Plane]:
-        """Fit the light without the rim, so many px, with which what is beyond it is mixed; return blur and trust."""
+    def _without_rim(self, rim: int, patch: Patch, robust_weights: Plane) -> tuple[Blur, Plane]:
+        """Fit the light without a rim of so many px, mixed with what is outside; return blur and robust weights."""
         inner = np.zeros_like(self.weights)
         inner[rim:-rim, rim:-rim] = 1
         self.weights = self.weights * inner
-        self._counts, trust, blur = self._flat(self.weights), trust * self._flat(inner), Blur(self.weights)
-        # What is at its own rim is mixed in with all else.
-        self._soften(blur(self._as_soft()), self._softer)
-        self.seen = blur(place.moved(self.motion))
-        self._mixture = self._in_light(trust)
-        self.predicted = self._as_seen(self.template)
-        return blur, trust
+        self._flat_weights, robust_weights = self._flat(self.weights), robust_weights * self._flat(inner)
+        blur = Blur(self.weights)
+        # The template's own rim is blurred into the rest.
+        self._set_template(blur(self._as_soft_as_patch()), self._blur_variance)
+        self.observed = blur(patch.warped(self.motion))
+        self._colour_map = self._fitted_colour_map(robust_weights)
+        self.predicted = self._rendered(self.template)
+        return blur, robust_weights
 
     def _keeps_white(self, pattern: Pattern, mean: Matrix, light: Matrix) -> bool:
-        """Return whether what is white is seen in no colour, though the gains and the offset of a light colour it.
+        """Return whether white is seen as white, though the gains and the offset of a light would colour it.
 
-        A few letters on a button count as little as their area, but tell that its other colour is not due to light.
+        A few letters on a button have little weight, but show that its other colour is not due to the light. All limits
+        are grey levels of 255; chroma is the difference between the channels of a pixel.
         """
-        white = (pattern.colours.min(axis=2) >= WHITE) & (np.ptp(pattern.colours, axis=2) <= NEUTRAL) & self.counted
-        if white.sum() < LEAST_WHITE:
+        white = (pattern.colours.min(axis=2) >= 200) & (np.ptp(pattern.colours, axis=2) <= 12) & self.judged
+        if white.sum() < 8:  # pixels
             return False
         lit = np.clip(pattern.colours[white] * light[:-1] + light[-1], 0, 255)
-        seen = self._beside[white] + mean
-        is_white = seen.min(axis=1).mean() > WHITE / 2
-        kept, coloured = (median(np.ptp(one, axis=1)) for one in (seen, lit))
-        return bool(is_white and kept <= NEARLY and coloured > kept + COLOURED)
+        observed = self._sharp_patch[white] + mean
+        is_bright = observed.min(axis=1).mean() > 100
+        observed_chroma, lit_chroma = (median(np.ptp(pixels, axis=1)) for pixels in (observed, lit))
+        return bool(is_bright and observed_chroma <= 20 and lit_chroma > observed_chroma + 25)
 
-    def _aligned(self, place: Place, blur: Blur, posed: bool, settled: float, sharp: bool) -> tuple[Matrix, Plane]:
-        """Align the place and fit its light, in turns; return the motion and how far the pixels are trusted."""
-        motion = moved = np.zeros(4)
-        softened = False
-        trust = self._counts
-        motions = Motions(self.weights > 0, len(self._mixture) - 1, posed)
+    def _aligned(
+        self, patch: Patch, blur: Blur, refine_pose: bool, tolerance_px: float, sharp: bool
+    ) -> tuple[Matrix, Plane]:
+        """Fit motion, blur and light in turns; return the motion and the robust weights of the pixels."""
+        motion = step_motion = np.zeros(4)
+        blur_changed = False
+        robust_weights = self._flat_weights
+        solver = MotionSolver(self.weights > 0, len(self._colour_map) - 1, refine_pose)
         reach = np.array([1, 1, sum(self.shape) / 2, sum(self.shape) / 2])
-        for step in range(STEPS):
-            self.seen = blur(place.moved(motion))
-            before, self._mixture = self._mixture, self._in_light(trust)
-            self.predicted = self._as_seen(self.template)
-            variance = self._varied(self._mixture)
-            rounding = ROUNDING**2 * float(np.square(self._mixture[-1]).sum())
+        for step in range(MAX_STEPS):
+            self.observed = blur(patch.warped(motion))
+            before, self._colour_map = self._colour_map, self._fitted_colour_map(robust_weights)
+            self.predicted = self._rendered(self.template)
+            variance = self._mapped_variance(self._colour_map)
+            rounding = float(np.finfo(np.float32).eps) ** 2 * float(np.square(self._colour_map[-1]).sum())
             self.variance = variance if variance > rounding else 0.0
-            other = self._mixture - before
-            changed = self._varied(other) + float(np.square(other[-1]).sum())
-            still = np.abs(moved) @ reach < settled and not softened
-            ended = step > TRUSTING and still and changed < NONE * self.variance
-            if step == STEPS - 1 or ended or not self.variance > 0:
+            change = self._colour_map - before
+            changed = self._mapped_variance(change) + float(np.square(change[-1]).sum())
+            still = np.abs(step_motion) @ reach < tolerance_px and not blur_changed
+            ended = step > UNWEIGHTED_STEPS and still and changed < NO_DIFFERENCE * self.variance
+            if step == MAX_STEPS - 1 or ended or not self.variance > 0:
                 break
             residual = self._residual()
             squared = squares(residual)
-            moved, softer = motions.explaining(self.predicted, residual, trust)
-            motion = np.clip(motion + moved, -FARTHEST, FARTHEST)
-            softer = 0.0 if sharp else min(max(self._softer + softer, SHARPEST), SOFTEST)
-            softened = abs(softer - self._softer) > SOFTER
-            if softened:
-                self._soften(blur(self._deviations, softer), softer)
-            if step >= TRUSTING - 1:  # pixels that something else covers are trusted ever less
-                usual = max(0.06 * self.variance, 2 * median(squared))
-                trust = np.asarray(self._counts / np.square(1 + squared.astype(np.float64) / usual), dtype=np.float32)
-            elif step and squared.max() < NONE * self.variance:
+            step_motion, blur_step = solver.step(self.predicted, residual, robust_weights)
+            motion = np.clip(motion + step_motion, -MAX_MOTION, MAX_MOTION)
+            least, most = BLUR_VARIANCE_LIMITS
+            blur_variance = 0.0 if sharp else min(max(self._blur_variance + blur_step, least), most)
+            blur_changed = abs(blur_variance - self._blur_variance) > MIN_BLUR_CHANGE
+            if blur_changed:
+                self._set_template(blur(self._deviations, blur_variance), blur_variance)
+            if step >= UNWEIGHTED_STEPS - 1:  # pixels covered by something else lose weight from step to step
+                scale = max(0.06 * self.variance, 2 * median(squared))
+                factors = np.square(1 + squared.astype(np.float64) / scale)
+                robust_weights = np.asarray(self._flat_weights / factors, dtype=np.float32)
+            elif step and squared.max() < NO_DIFFERENCE * self.variance:
                 break
-        return motion, trust
+        return motion, robust_weights
 
-    def _in_light(self, trust: Plane) -> Matrix:
-        """Return the mixture of the template's colours, and a level, that is nearest to what is seen."""
-        channels, terms = self._given.shape[1], self._terms
-        weighted = terms * trust
-        products, sums = weighted @ terms.T, weighted @ self._flat(self.seen)
-        # A template of few colours leaves the mixture open: the nearest to one gain of all channels is taken.
+    def _fitted_colour_map(self, weights: Plane) -> Matrix:
+        """Return the affine map of the template's colours, (channels + 1, channels), nearest to the image."""
+        channels, terms = self._template_pixels.shape[1], self._terms
+        weighted = terms * weights
+        products, sums = weighted @ terms.T, weighted @ self._flat(self.observed)
+        # A template of few colours leaves the map undetermined: the nearest to one gain of all channels is taken.
         energies = (products.diagonal() - np.square(products[-1]) / products[-1, -1])[:-1]
         common = sums[:-1].diagonal() - products[-1, :-1] * sums[-1] / products[-1, -1]
-        self._sign = float(common.sum() / energies.sum()) if energies.sum() > 0 else 0.0
-        self._slopes = common / np.where(energies > 0, energies, 1.0)
-        alike = np.vstack([self._sign * np.eye(channels), np.zeros(channels)])
-        return np.asarray(np.linalg.solve(products + self._ridge, sums + self._ridge @ alike))
+        self._common_gain = float(common.sum() / energies.sum()) if energies.sum() > 0 else 0.0
+        self._gains = common / np.where(energies > 0, energies, 1.0)
+        one_gain = np.vstack([self._common_gain * np.eye(channels), np.zeros(channels)])
+        return np.asarray(np.linalg.solve(products + self._ridge, sums + self._ridge @ one_gain))
 
-    def _varied(self, mixture: Matrix) -> float:
-        """Return the variance of the template in a mixture of its colours."""
-        return float((mixture[:-1].T @ self._about @ mixture[:-1]).trace())
+    def _mapped_variance(self, colour_map: Matrix) -> float:
+        """Return the variance of the template under a map of its colours."""
+        return float((colour_map[:-1].T @ self._covariance @ colour_map[:-1]).trace())
 
     def _residual(self) -> Plane:
-        return self._flat(self.seen) - self._flat(self.predicted)
+        return self._flat(self.observed) - self._flat(self.predicted)
 
     @property
     def contrast(self) -> float:
-        """Standard deviation of what is predicted over that of the template, negative for its negative."""
-        spread = float(self._about.trace())
-        return math.copysign(math.sqrt(self.variance / spread), self._sign) if spread > 0 else 0.0
+        """Standard deviation of the prediction over that of the template, negative for its negative."""
+        variance = float(self._covariance.trace())
+        return math.copysign(math.sqrt(self.variance / variance), self._common_gain) if variance > 0 else 0.0
 
     @property
     def gain(self) -> tuple[float, ...]:
-        """For each channel the slope of its values against those of the template, the contrast if it has but one."""
-        varies = np.ptp(self._given, axis=0) > 0
-        return tuple(float(slope) if own else self.contrast for slope, own in zip(self._slopes, varies, strict=True))
+        """For each channel the slope of its values against the template's, or the contrast if those are constant."""
+        varies = np.ptp(self._template_pixels, axis=0) > 0
+        return tuple(float(gain) if own else self.contrast for gain, own in zip(self._gains, varies, strict=True))
 
     @property
     def is_blurred(self) -> bool:
-        """Whether the place is more or less sharp than the template."""
-        return abs(self._softer) > SOFTER
+        """Whether the place is blurrier or sharper than the template."""
+        return abs(self._blur_variance) > MIN_BLUR_CHANGE
 
     @property
     def explained(self) -> float:
         """Share of the variance of the place that the template explains."""
-        return explained(self._flat(self.seen), self._flat(self.predicted), self._counts)
+        return explained_variance(self._flat(self.observed), self._flat(self.predicted), self._flat_weights)
 
     @property
-    def explained_beyond(self) -> float:
-        """The same share of what no slope or bend explains: those are in every shading."""
-        some = np.s_[:: max(1, self._counts.size // SAMPLED)]
-        counts, seen, predicted = (self._flat(one)[some] for one in (self.weights, self.seen, self.predicted))
+    def explained_detail(self) -> float:
+        """The same share without a quadratic surface, which is in every shading."""
+        every = np.s_[:: max(1, self._flat_weights.size // 2**16)]  # that many pixels determine a surface
+        weights, observed, predicted = (
+            self._flat(plane)[every] for plane in (self.weights, self.observed, self.predicted)
+        )
         down, right = (
-            self._flat(np.broadcast_to((at / side - 0.5).astype(np.float32), self.shape))[some]
+            self._flat(np.broadcast_to((at / side - 0.5).astype(np.float32), self.shape))[every]
             for at, side in zip(np.ogrid[: self.shape[0], : self.shape[1]], self.shape, strict=True)
         )
         terms = np.stack([np.ones_like(down), down, right, down * down, down * right, right * right]).astype(np.float64)
-        weighted = terms * counts
+        weighted = terms * weights
         products = weighted @ terms.T + 1e-9 * np.eye(len(terms))
-        seen, predicted = (one - terms.T @ np.linalg.solve(products, weighted @ one) for one in (seen, predicted))
-        return explained(seen, predicted, counts)
+        observed, predicted = (
+            pixels - terms.T @ np.linalg.solve(products, weighted @ pixels) for pixels in (observed, predicted)
+        )
+        return explained_variance(observed, predicted, weights)
 
     def explained_in(self, blocks: npt.NDArray[np.bool_]) -> float:
-        """Return the same share of these blocks alone."""
-        counts = self._flat((self.over(blocks) & self.counted).astype(np.float32))
-        return explained(self._flat(self.seen), self._flat(self.predicted), counts) if counts.any() else 0.0
+        """Return the same share in these blocks alone."""
+        weights = self._flat((self.pixels_of(blocks) & self.judged).astype(np.float32))
+        return (
+            explained_variance(self._flat(self.observed), self._flat(self.predicted), weights) if weights.any() else 0.0
+        )
 
     def has_another_mark(self) -> bool:
-        """Return whether some mark differs by more than a move by a part of a pixel, or a blur, of its own explains."""
-        left = self._flat(self.seen - self.predicted)
-        exact = squares(left).max() < NONE * self.variance
-        return not exact and another_mark(self.seen, self.predicted, self.weights)
+        """Return whether a mark differs by more than a shift by a fraction of a pixel, or a blur, of it explains."""
+        exact = squares(self._flat(self.observed - self.predicted)).max() < NO_DIFFERENCE * self.variance
+        return not exact and has_another_mark(self.observed, self.predicted, self.weights)
 
     def grain_in(self, blocks: npt.NDArray[np.bool_]) -> float:
-        """Return the mean square of the grain of the place in these blocks, over that of what remains there.
+        """Return the energy of the grain of the place in some blocks over that of the residual there.
 
-        Grain is what no plane through nine pixels holds: noise has 8 times as much of it as of what a blur leaves.
+        Grain is the residual from a plane through 3 × 3 pixels: noise has 8 times the energy left by the blur.
         """
-        where = self.over(blocks) & self.counted
-        grain = cv2.filter2D(self._beside, -1, GRAIN).reshape(self._beside.shape)[where]
-        remains = (self.seen - self.predicted)[where]
-        return float(np.square(grain).sum() / max(float(np.square(remains).sum()), 1e-12))
+        where = self.pixels_of(blocks) & self.judged
+        kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6  # keeps the variance of noise
+        grain = cv2.filter2D(self._sharp_patch, -1, kernel).reshape(self._sharp_patch.shape)[where]
+        residual = (self.observed - self.predicted)[where]
+        return float(np.square(grain).sum() / max(float(np.square(residual).sum()), 1e-12))
 
-    def over(self, blocks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return which pixels are in these blocks."""
+    def pixels_of(self, blocks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return the mask of the pixels in some blocks."""
         inside = cv2.resize(blocks.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST)
         return np.asarray(inside > 0)
 
     @property
-    def counted(self) -> npt.NDArray[np.bool_]:
+    def judged(self) -> npt.NDArray[np.bool_]:
         """The pixels that can disagree."""
-        return np.asarray(self.weights >= COUNTS)
+        return np.asarray(self.weights >= MIN_JUDGED_WEIGHT)
+
+    @property
+    def judged_shares(self) -> Plane:
+        """The share of pixels that can disagree in each block."""
+        return block_means(self.judged, blocks_of(self.shape))
 
     def _flat(self, plane: Plane) -> Plane:
-        """Return the pixels of a plane that count, one after another."""
-        return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._on])
+        """Return the valid pixels of a plane, one after another."""
+        return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._valid])
 
-    def _tones(self, trust: Matrix) -> list[tuple[float, Matrix] | None]:
-        """Return for each channel a curve of the predicted tones over their spread, if it rises steadily; and that.
+    def _fitted_tone_curves(self, weights: Matrix) -> list[tuple[float, Matrix] | None]:
+        """Return for each channel the scale and polynomial that map predicted to observed tones; None unless it rises.
 
-        A screen's or camera's gamma is one. What a sibling has elsewhere is none.
+        The gamma of a screen or camera is such a curve; differences between siblings are not.
         """
         curves: list[tuple[float, Matrix] | None] = []
-        predicted, seen = (self._flat(one).astype(np.float64) for one in (self.predicted, self.seen))
+        predicted, observed = (self._flat(plane).astype(np.float64) for plane in (self.predicted, self.observed))
         for channel, tones in enumerate(predicted.T):
-            spread = tones.std()
+            scale = tones.std()
             curves.append(None)
-            if not spread > 1e-4 * np.abs(tones).max():  # its powers cannot be told apart
+            if not scale > 1e-4 * np.abs(tones).max():  # its powers cannot be told apart
                 continue
-            terms = np.vander(tones / spread, CURVE + 1)
-            weighted = terms * trust[:, np.newaxis]
-            ridge = 1e-6 * trust.sum() * np.eye(CURVE + 1)
-            curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen[:, channel])
-            ends = np.linspace(tones.min(), tones.max(), 17) / spread
-            rises = np.diff(np.polyval(curve, ends))
-            if rises.min() > FLATTEST * rises.max():
-                curves[-1] = float(spread), curve
+            terms = np.vander(tones / scale, TONE_CURVE_DEGREE + 1)
+            weighted = terms * weights[:, np.newaxis]
+            ridge = 1e-6 * weights.sum() * np.eye(TONE_CURVE_DEGREE + 1)
+            curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ observed[:, channel])
+            steps = np.linspace(tones.min(), tones.max(), 17) / scale
+            slopes = np.diff(np.polyval(curve, steps))
+            if slopes.min() > MIN_SLOPE_RATIO * slopes.max():
+                curves[-1] = float(scale), curve
         return curves
 
-    def _as_seen(self, plane: Plane) -> Plane:
-        """Return colours of the template in the light of the place, 0 where they do not count."""
-        mixture = self._mixture.astype(np.float32)
-        lit = plane @ mixture[:-1] + mixture[-1]
-        for channel, curve in enumerate(self._curves):
+    def _rendered(self, plane: Plane) -> Plane:
+        """Return colours of the template in the light of the place, 0 where the weight is 0."""
+        colour_map = self._colour_map.astype(np.float32)
+        lit = plane @ colour_map[:-1] + colour_map[-1]
+        for channel, curve in enumerate(self._tone_curves):
             if curve is not None:
-                spread, powers = curve
-                lit[:, :, channel] = np.polyval(powers.astype(np.float32), lit[:, :, channel] / np.float32(spread))
-        if not isinstance(self._on, slice):
+                scale, powers = curve
+                lit[:, :, channel] = np.polyval(powers.astype(np.float32), lit[:, :, channel] / np.float32(scale))
+        if not isinstance(self._valid, slice):
             lit[self.weights == 0] = 0
         return np.asarray(lit)
 
     @property
     def sharp(self) -> tuple[Plane, Plane]:
-        """What is predicted and what is seen, neither blurred."""
-        return self._as_seen(self._as_soft()), self._beside
+        """The prediction and the image at the place, neither blurred for the comparison."""
+        return self._rendered(self._as_soft_as_patch()), self._sharp_patch
 
-    def _as_soft(self) -> Plane:
-        """Return the template as soft as the place."""
-        if self._softer <= SOFTER:
+    def _as_soft_as_patch(self) -> Plane:
+        if self._blur_variance <= MIN_BLUR_CHANGE:
             return self._deviations
-        return Blur(self._known).by(self._deviations, math.sqrt(self._softer))
+        return Blur(self._weights_in_image).by(self._deviations, math.sqrt(self._blur_variance))
 
-    def differences(self, *, sharp: bool = False) -> Plane:
-        """Return what no displacement of edges by a part of a pixel explains, squared, summed over channels.
+    def squared_differences(self, *, sharp: bool = False) -> Plane:
+        """Return the squared differences, summed over channels, that no displacement by part of a pixel explains.
 
         Of the blurred images, or of the sharp ones.
         """
-        predicted, seen = self.predicted, self.seen
-        if sharp:
-            predicted, seen = self.sharp
-        least = np.minimum(beyond(seen, predicted), beyond(predicted, seen))
-        return np.asarray(np.square(least).sum(axis=2) * self.counted)
+        predicted, observed = self.sharp if sharp else (self.predicted, self.observed)
+        least = np.minimum(excess(observed, predicted), excess(predicted, observed))
+        return np.asarray(np.square(least).sum(axis=2) * self.judged)
 
-    def averaged(self, plane: Plane | None) -> Plane:
-        """Return the mean over each block of what counts, as a share of the variance; None: the share that counts."""
-        inside = averaged(self.counted, blocks_of(self.shape))
-        if plane is None:
-            return inside
-        total = averaged(plane * self.counted, blocks_of(self.shape))
-        return np.asarray(total / np.maximum(inside, 1e-6) / self.variance, dtype=np.float32)
+    def _relative_means(self, plane: Plane) -> Plane:
+        """Return the mean of a plane over the judged pixels of each block, as a share of the variance."""
+        total = block_means(plane * self.judged, blocks_of(self.shape))
+        return np.asarray(total / np.maximum(self.judged_shares, 1e-6) / self.variance, dtype=np.float32)
 
-    def disagrees(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return the blocks that differ by more than noise, which is in all blocks alike or as they are steep.
-
-        What is beside the template may be mixed into its rim.
-        """
-        disagrees = self._differing(counts)
-        if not disagrees.any():
-            return disagrees
-        rim = Rim(np.cbrt(self.own_weights))
-        if (averaged(rim.reached, disagrees.shape) < LEAST_MIXED)[disagrees].any():
-            return disagrees
-        around = self._place().moved(self.motion, AROUND)
-        mixed = self.predicted + rim.mixed_in(around, self.sharp[0], self.seen - self.predicted, Blur(self.weights))
-        left, remains = (self.averaged(np.square(self.seen - one).sum(axis=2)) for one in (self.predicted, mixed))
-        if (remains > OF_MOVED * left)[disagrees].any():
-            return disagrees
+    def disagreeing(self, judged: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return which of the judged blocks differ by more than noise and background mixed into the rim explain."""
+        disagreeing = self._differing(judged)
+        if not disagreeing.any():
+            return disagreeing
+        bleed = BackgroundBleed(np.cbrt(self.template_weights))
+        if (block_means(bleed.max_share, disagreeing.shape) < MIN_BLEED)[disagreeing].any():
+            return disagreeing
+        surroundings = self._patch().warped(self.motion, PATCH_MARGIN_PX)
+        residual = self.observed - self.predicted
+        mixed = self.predicted + bleed.change(surroundings, self.sharp[0], residual, Blur(self.weights))
+        before, after = (
+            self._relative_means(np.square(self.observed - plane).sum(axis=2)) for plane in (self.predicted, mixed)
+        )
+        if (after > MAX_REMAINING * before)[disagreeing].any():
+            return disagreeing
         self.predicted = mixed
-        return self._differing(counts)
+        return self._differing(judged)
 
-    def _differing(self, counts: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return the blocks that differ by more than noise.
+    def _differing(self, judged: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return which of the judged blocks differ by more than noise; noise is uniform or grows with the gradient.
 
-        None does if all agree once the parts there are moved a little: drawn on whole pixels, a mark and its frame
-        are.
+        None differs if all agree once the parts there are moved a little, as a mark and its frame are when each is
+        drawn on whole pixels.
         """
-        if not counts.any():
-            return counts
-        left = self.averaged(np.square(self.seen - self.predicted).sum(axis=2))
-        steep = self.averaged(sum(np.square(one).sum(axis=2) for one in gradient(self.predicted))) + STEADY
-        # In flat blocks what is left is no more than noise, however little that is beside how steep they are.
-        shares = [median((left / steep)[some]) for some in (counts, counts & (steep > 2 * STEADY)) if some.any()]
-        noise = np.maximum(median(left[counts]), steep * min(*shares, OF_STEEP))
-        behind = THROUGH * self.averaged(self.shown_through)
-        most = np.minimum(DIFFERENT + TIMES * noise, MOST) + behind
-        disagrees = np.asarray((left > most) & counts & (self.averaged(self.differences()) > DISPLACED))
-        if not disagrees.any():
-            most = np.maximum(FAINT, SHIFTED * steep) + EXACT * noise + behind
-            disagrees = np.asarray((left > most) & counts)
-        if not disagrees.any():
-            return disagrees
-        # Most cannot: what a pixel's move changes is bounded by how steep a block is, and to try all moves takes long.
-        least = np.sqrt(left[disagrees]) - MOVES_AT_MOST * np.sqrt(steep[disagrees])
-        if (np.square(np.maximum(least, 0)) > most[disagrees]).any():
-            return disagrees
-        moved = self.averaged(np.square(self.seen - self._with_parts_moved(disagrees)).sum(axis=2))
-        # Where a mark is another one, a move explains a little of it as well.
-        still = np.asarray((moved > np.minimum(most, OF_MOVED * left)) & disagrees)
-        return disagrees if still.any() else still
+        if not judged.any():
+            return judged
+        difference = self._relative_means(np.square(self.observed - self.predicted).sum(axis=2))
+        steepness = self._relative_means(squared_gradient(self.predicted)) + GRADIENT_FLOOR
+        # In flat blocks the difference is noise alone, however large it is beside their gradient.
+        steep = judged & (steepness > 2 * GRADIENT_FLOOR)
+        shares = [median((difference / steepness)[blocks]) for blocks in (judged, steep) if blocks.any()]
+        noise = np.maximum(median(difference[judged]), steepness * min(*shares, MAX_GRADIENT_NOISE))
+        behind = BACKGROUND_FACTOR * self._relative_means(self.background)
+        limit = np.minimum(MIN_BLOCK_DIFFERENCE + NOISE_FACTOR * noise, MAX_AGREEING_DIFFERENCE) + behind
+        undisplaced = self._relative_means(self.squared_differences())
+        differing = np.asarray((difference > limit) & judged & (undisplaced > MIN_UNDISPLACED_DIFFERENCE))
+        if not differing.any():
+            limit = np.maximum(MIN_FAINT_DIFFERENCE, HALF_PIXEL_DIFFERENCE * steepness)
+            limit = limit + FAINT_NOISE_FACTOR * noise + behind
+            differing = np.asarray((difference > limit) & judged)
+        if not differing.any():
+            return differing
+        # Trying all moves takes long; the gradient limits the change by a move of a pixel, mostly to less than needed.
+        least = np.sqrt(difference[differing]) - MAX_MOVE_EFFECT * np.sqrt(steepness[differing])
+        if (np.square(np.maximum(least, 0)) > limit[differing]).any():
+            return differing
+        moved = self._relative_means(np.square(self.observed - self._with_parts_moved(differing)).sum(axis=2))
+        # A move explains a little of another mark as well.
+        still = np.asarray((moved > np.minimum(limit, MAX_REMAINING * difference)) & differing)
+        return differing if still.any() else still
 
     def _with_parts_moved(self, blocks: npt.NDArray[np.bool_]) -> Plane:
-        """Return what is predicted, all of it moved by up to a pixel so that these blocks fit best."""
+        """Return the prediction, all of it moved by up to a pixel so that these blocks fit best."""
         rows, cols = self.shape
-        where = self.over(blocks) & self.counted
+        where = self.pixels_of(blocks) & self.judged
         best, least = self.predicted, math.inf
-        for down, right in product(PARTED, repeat=2):
+        for down, right in product(np.linspace(-1, 1, 9), repeat=2):
             matrix = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
             moved = cv2.warpAffine(self.predicted, matrix, (cols, rows), borderMode=cv2.BORDER_REPLICATE)
             moved = np.asarray(moved, dtype=np.float32).reshape(self.predicted.shape)
-            left = float(np.square((self.seen - moved)[where]).sum())
-            if left < least:
-                best, least = moved, left
+            error = float(np.square((self.observed - moved)[where]).sum())
+            if error < least:
+                best, least = moved, error
         return best
 
-    def structure(self) -> Plane:
-        """Return the energy of each block of the template about its own mean."""
-        whole, weights = Blur(self.own_weights)(self._deviations), self.own_weights[:, :, np.newaxis]
-        share = averaged(self.own_weights, blocks_of(self.shape))
-        means, squares = (
+    def block_energies(self) -> Plane:
+        """Return the energy of each block of the template about its own mean, 0 where few of its pixels are valid."""
+        blurred, weights = Blur(self.template_weights)(self._deviations), self.template_weights[:, :, np.newaxis]
+        share = block_means(self.template_weights, blocks_of(self.shape))
+        means, mean_squares = (
             [
-                averaged(one, blocks_of(self.shape)) / np.maximum(share, 1e-6)
-                for one in np.moveaxis(weights * power, 2, 0)
+                block_means(plane, blocks_of(self.shape)) / np.maximum(share, 1e-6)
+                for plane in np.moveaxis(weights * power, 2, 0)
             ]
-            for power in (whole, np.square(whole))
+            for power in (blurred, np.square(blurred))
         )
-        energy = np.sum(squares, axis=0) - np.square(means).sum(axis=0)
-        return np.asarray(np.where(share > COUNTED, np.maximum(energy, 0) * share, 0))
+        energy = np.sum(mean_squares, axis=0) - np.square(means).sum(axis=0)
+        return np.asarray(np.where(share > MIN_JUDGED_SHARE, np.maximum(energy, 0) * share, 0))
 
 
 def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
@@ -496,56 +551,62 @@ def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:
     top, left = max(row, 0), max(col, 0)
     part = np.isfinite(image[top : max(row + weights.shape[0], 0), left : max(col + weights.shape[1], 0)]).all(axis=2)
     flags = np.asarray(part, dtype=np.uint8)
-    around = flags if flags.all() else cv2.erode(flags, np.ones((5, 5), np.uint8))
-    known[top - row :, left - col :][: part.shape[0], : part.shape[1]] = around
+    eroded = flags if flags.all() else cv2.erode(flags, np.ones((5, 5), np.uint8))
+    known[top - row :, left - col :][: part.shape[0], : part.shape[1]] = eroded
     return np.asarray(weights * known, dtype=np.float32)
 
 
-def best_fit(image: Image, pattern: Pattern, row: int, col: int, posed: bool, settled: float = SETTLED) -> Fit:
-    """Return the fit of a place with its blur, or without one if the other tones of a gamma explain more."""
-    fit = Fit(image, pattern, row, col, posed, settled)
+def best_fit(
+    image: Image, pattern: Pattern, row: int, col: int, refine_pose: bool, tolerance_px: float = MOTION_TOLERANCE_PX
+) -> Fit:
+    """Return the fit of a place with its blur, or without one if the tone curve of a gamma explains more."""
+    fit = Fit(image, pattern, row, col, refine_pose, tolerance_px)
     if not fit.is_blurred:
         return fit
-    sharp = Fit(image, pattern, row, col, posed, settled, sharp=True)
-    return max(fit, sharp, key=lambda one: one.explained)
+    sharp = Fit(image, pattern, row, col, refine_pose, tolerance_px, sharp=True)
+    return max(fit, sharp, key=lambda candidate: candidate.explained)
 
 
-def _recoloured(
-    given: Matrix, predicted: Matrix, seen: Matrix, trust: Matrix, dtype: np.dtype[Any]
+def _colour_change(
+    template: Matrix, predicted: Matrix, observed: Matrix, weights: Matrix, dtype: np.dtype[Any]
 ) -> tuple[float, Matrix | None]:
-    """Return how far the fitted colours are from a gain of each channel and an offset of all, as a share of variance.
+    """Return the distance of the fitted colours from the effect of a light or a tint, as a share of the variance.
 
-    Or from a gain of all and an offset of each, as under a tint. And the gains and the offset, None of a single channel
-    or under a tint.
+    A light or a camera multiplies each channel by a gain; haze and exposure add one offset to all. A tint is one gain
+    of all channels and an offset of each. Clipped pixels could be brighter, and are left out of the fit.
 
-    A light or a camera multiplies channels; haze and exposure add to all. Pixels that the image clips could be
-    brighter, and do not count in the fit.
+    Returns
+    -------
+    The mean squared difference from the best light, or from a tint that leaves far less; and the gains of the light
+    followed by its offset, None for a single channel and under a tint.
     """
-    channels = given.shape[1]
+    channels = template.shape[1]
     if channels == 1:
         return 0.0, None
     top = float(np.iinfo(dtype).max) if dtype.kind == "u" else math.inf
     products, sums = np.zeros((channels + 1, channels + 1)), np.zeros(channels + 1)
-    for one in range(channels):
-        weights = trust * (seen[:, one] < ALMOST_WHITE * top)
-        terms = np.column_stack([given[:, one], np.ones(len(given))])
-        at = np.ix_([one, channels], [one, channels])
-        products[at] += terms.T @ (terms * weights[:, np.newaxis])
-        sums[[one, channels]] += terms.T @ (weights * predicted[:, one])
+    for channel in range(channels):
+        unclipped = weights * (observed[:, channel] < CLIPPED_SHARE * top)
+        terms = np.column_stack([template[:, channel], np.ones(len(template))])
+        at = np.ix_([channel, channels], [channel, channels])
+        products[at] += terms.T @ (terms * unclipped[:, np.newaxis])
+        sums[[channel, channels]] += terms.T @ (unclipped * predicted[:, channel])
     products[np.diag_indices(channels + 1)] += 1e-12 * (1 + np.trace(products))
     light = np.linalg.solve(products, sums)
-    lit = np.minimum(given * light[:-1] + light[-1], top)
-    away = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
-    shares = trust / trust.sum()
-    own, other = given - shares @ given, predicted - shares @ predicted
-    gain = float((shares @ (own * other)).sum() / max(float((shares @ np.square(own)).sum()), 1e-12))
-    left = float((shares @ np.square(other - gain * own)).sum())
-    varies = max(float(predicted.var(axis=0).sum()), 1e-12)
-    share = float(shares @ away) / varies
-    return (left / varies, None) if TINTED[0] <= gain <= TINTED[1] and left < TINT * share * varies else (share, light)
+    lit = np.minimum(template * light[:-1] + light[-1], top)
+    error = np.square(np.minimum(predicted, top) - lit).sum(axis=1)
+    shares = weights / weights.sum()
+    given, fitted = template - shares @ template, predicted - shares @ predicted
+    gain = float((shares @ (given * fitted)).sum() / max(float((shares @ np.square(given)).sum()), 1e-12))
+    tint_error = float((shares @ np.square(fitted - gain * given)).sum())
+    variance = max(float(predicted.var(axis=0).sum()), 1e-12)
+    change = float(shares @ error) / variance
+    if 0.4 <= gain <= 1 and tint_error < 0.1 * change * variance:
+        return tint_error / variance, None
+    return change, light
 
 
-def averaged(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
-    """Return the means of a plane over blocks, so many along its sides."""
+def block_means(plane: npt.NDArray[Any], shape: tuple[int, int]) -> Plane:
+    """Return the means of a plane over (rows, cols) blocks."""
     smaller = cv2.resize(np.ascontiguousarray(plane, dtype=np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
     return np.asarray(smaller, dtype=np.float32).reshape(shape)

@@ -1,7 +1,7 @@
-"""Places of a template of which a part is covered or outside the image: the blocks that still agree tell them.
+"""Places where a part of the template is covered or outside the image, found by the blocks that still agree.
 
-One thing in front leaves the other blocks as they are, whereas it can spoil the score of all pixels together. Outside
-the image there are no pixels: a place there has fewer blocks.
+An occluder leaves the other blocks unchanged, whereas it can spoil the score over all pixels. A place that is partly
+outside the image has fewer blocks.
 """
 
 from __future__ import annotations
@@ -24,46 +24,44 @@ from stereolag.templates.patterns import Pattern, blurred, in_grey, pattern_of, 
 from stereolag.templates.places import NOWHERE, Places, peaks
 from stereolag.templates.score_maps import Plane, fft_score_map, scores_at
 
-ALONG = 4
-"""Blocks along each side of the template."""
+BLOCKS_PER_SIDE = 4
 
-AGREEING = 0.5
-"""Share of the blocks, the best of them, by which a place is scored."""
+REDUCED_SIDE_PX = 36
+"""Side of the template, the root of its area, in the reduced image that is searched first."""
 
-SIDE = 36
-"""Side of the template in the reduced image in which places are looked for, the root of its area, px."""
+MIN_SIDE_PX = 20
+"""Least side of a template: smaller blocks contain too little."""
 
-LEAST_SIDE = 20
-"""Templates with a shorter side have too little in a block, px."""
+EQUALISED_ZERO = 128
+"""8-bit value of a pixel that is equal to the mean around it."""
 
-EVENED, STEADY = 1.5, 0.02
-"""Spread, px, of what every pixel is compared with, and the least contrast there as a share of the template's."""
+MAX_CANDIDATES = 12
+"""Places compared block by block, in the reduced image and then in the full one."""
 
-MIDDLE, FULL = 128, 40
-"""What no difference is, and what a difference as large as the contrast around it adds to that, in 8 bits."""
+MIN_BLOCK_SCORE = 0.6
+"""Least score of a block that agrees."""
 
-LIKELY = 12
-"""Places looked at, in the reduced image and then in the full one."""
+MIN_AGREEING = 0.3
+"""Least share of the blocks that agree, in the full image.
 
-AGREES = 0.6
-"""Least score of a block that shows its part of the template."""
-
-LEAST_AGREEING, LEAST_SCORE = 0.3, 0.7
-"""Least share of the blocks that agree, and least mean score of the best of them, in the full image.
-
-Measured at 243 places with 10 to 50 % hidden that the verdict then took: from 0.31 and from 0.75.
+Measured at 243 places with 10 to 50 % hidden that were then found: from 0.31.
 """
 
-LEAST_LIKELY, BELOW = 0.5, 0.3
-"""Least mean score of the best blocks in the reduced image, from 0.8 at places that are the template, and how far below
-the best place's it may be."""
+MIN_SCORE = 0.7
+"""Least score of a place in the full image. Measured at the same places: from 0.75."""
 
-FLAT = 20 * float(np.finfo(np.float32).eps)
-"""A block is flat up to this energy, as a share of its sum of squares."""
+MIN_REDUCED_SCORE = 0.5
+"""Least score of a place in the reduced image. Measured at places that are the template: from 0.8."""
+
+MAX_BELOW_BEST = 0.3
+"""Largest difference of a place's score from the best in the reduced image."""
+
+FLAT_ENERGY = 20 * float(np.finfo(np.float32).eps)
+"""Energy up to which a block is flat, as a share of its sum of squares."""
 
 
 def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
-    """Return the likeliest places of a template that is partly covered, or up to half of which is outside the image.
+    """Return the likeliest places of a template that is partly covered, or up to half outside the image.
 
     Parameters
     ----------
@@ -77,30 +75,33 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
     Returns
     -------
     Places
-        Rows and columns are negative above and left of the image. The scores are of the blocks that agree.
+        Rows and columns are negative above and left of the image. The scores are over the blocks that agree.
     """
-    if min(pattern.shape) < LEAST_SIDE or pattern.silhouette:
+    if min(pattern.shape) < MIN_SIDE_PX or pattern.silhouette:
         return NOWHERE
-    factor = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / SIDE)
-    flat, grey = in_grey(image, pattern)
+    factor = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / REDUCED_SIDE_PX)
+    grey_image, grey = in_grey(image, pattern)
     if factor >= 2:  # in two steps, the first an exact half, which takes far less time
-        little = reduced(reduced(flat[: flat.shape[0] // 2 * 2, : flat.shape[1] // 2 * 2], 2), factor / 2)
+        even = grey_image[: grey_image.shape[0] // 2 * 2, : grey_image.shape[1] // 2 * 2]
+        reduced_image = reduced(reduced(even, 2), factor / 2)
     else:
-        little = reduced(flat, factor)
+        reduced_image = reduced(grey_image, factor)
     small = warped(grey, 1 / factor, 0.0)
-    if small is not None and (grey.weights == 1).all():  # only the rim counts less, from what is beyond it
-        rim = int((small.weights == 0).any())  # without it, running sums do for the weights
+    if small is not None and (grey.weights == 1).all():  # only the rim has lower weights
+        rim = int((small.weights == 0).any())  # without it, all weights are 1, and running sums suffice
         inner = slice(rim, -rim or None)
         small = pattern_of(small.colours[inner, inner], small.weights[inner, inner] > 0)
-    if small is None or min(small.shape) < ALONG:
+    if small is None or min(small.shape) < BLOCKS_PER_SIDE:
         return NOWHERE
     coarse, fine = _Blocks(small), _Blocks(pattern)
     if not (coarse.varying.any() and fine.varying.any()):
         return NOWHERE
-    down, across = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
-    likely = [coarse.best_near(little, row, col, 1) for row, col in _roughly(little, small, progress)]
+    down, across = image.shape[0] / reduced_image.shape[0], image.shape[1] / reduced_image.shape[1]
+    candidates = [
+        coarse.best_near(reduced_image, row, col, 1) for row, col in _candidates(reduced_image, small, progress)
+    ]
     progress(0.6)
-    least = max([LEAST_LIKELY, *(place.score - BELOW for place in likely)])
+    least = max([MIN_REDUCED_SCORE, *(place.score - MAX_BELOW_BEST for place in candidates)])
     refined = in_threads(
         [
             partial(
@@ -110,25 +111,26 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
                 round((place.col + small.shape[1] / 2) * across - pattern.shape[1] / 2),
                 math.ceil(factor / 2) + 1,
             )
-            for place in likely
+            for place in candidates
             if place.score >= least
         ],
         lambda done: progress(0.6 + 0.4 * done),
     )
-    seen = [place for place in refined if place.agree.mean() >= LEAST_AGREEING and place.score >= LEAST_SCORE]
-    if not seen:
+    found = [place for place in refined if place.agrees.mean() >= MIN_AGREEING and place.score >= MIN_SCORE]
+    if not found:
         return NOWHERE
-    rows, cols = (np.array([place[side] for place in seen], dtype=np.intp) for side in range(2))
-    return Places(rows, cols, np.array([_seen_score(image, pattern, fine, place) for place in seen]), pattern.shape)
+    rows, cols = (np.array([place[side] for place in found], dtype=np.intp) for side in range(2))
+    scores = np.array([_visible_score(image, pattern, fine, place) for place in found])
+    return Places(rows, cols, scores, pattern.shape)
 
 
 class _Place(NamedTuple):
-    """A place, the mean score of the best of its blocks, and which of those that vary agree."""
+    """A place, the mean score of its best blocks, and which of the blocks that vary agree."""
 
     row: int
     col: int
     score: float
-    agree: Mask
+    agrees: Mask
 
 
 class _Blocks:
@@ -142,21 +144,22 @@ class _Blocks:
     Attributes
     ----------
     varying
-        (blocks down, blocks across), those in which something varies.
+        (blocks down, blocks across), the blocks that are not flat.
     """
 
     def __init__(self, pattern: Pattern) -> None:
-        self._edges = np.array([np.linspace(0, side, ALONG + 1).round() for side in pattern.shape], dtype=np.int64)
+        edges = [np.linspace(0, side, BLOCKS_PER_SIDE + 1).round() for side in pattern.shape]
+        self._edges = np.array(edges, dtype=np.int64)
         self._down, self._across = (
-            np.repeat(np.eye(ALONG, dtype=np.float32), np.diff(edges), axis=1) for edges in self._edges
+            np.repeat(np.eye(BLOCKS_PER_SIDE, dtype=np.float32), np.diff(ends), axis=1) for ends in self._edges
         )
         self._weights = pattern.weights.astype(np.float32)
         counts = np.maximum(self._summed(self._weights), 1e-6)
         planes = pattern.deviations.astype(np.float32)
         centred = planes - np.stack([self.spread(mean) for mean in self._summed(planes * self._weights) / counts])
         self._kernels = centred * self._weights
-        energy, squares = (self._summed(self._weights * np.square(one)).sum(axis=0) for one in (centred, planes))
-        self.varying = energy > FLAT * squares
+        energy, squares = (self._summed(self._weights * np.square(part)).sum(axis=0) for part in (centred, planes))
+        self.varying = energy > FLAT_ENERGY * squares
         self._scales = np.stack([1 / counts, 1 / np.sqrt(np.where(self.varying, energy, np.inf))])
 
     def _summed(self, planes: Plane) -> Plane:
@@ -168,20 +171,22 @@ class _Blocks:
         return np.asarray(blocks.repeat(np.diff(self._edges[0]), axis=0).repeat(np.diff(self._edges[1]), axis=1))
 
     def best_near(self, image: Image, row: int, col: int, reach: int) -> _Place:
-        """Return the best place within `reach` px of one."""
+        """Return the best place within `reach` px of (row, col)."""
         (height, width), (top, left) = self._weights.shape, (row - reach, col - reach)
         planes = _surrounded(image, top, left, row + height + reach, col + width + reach)
         gaps = np.asarray(np.isnan(planes).any(axis=0))
         planes[:, gaps] = 0
-        scores = np.zeros((2 * reach + 1, 2 * reach + 1, ALONG, ALONG), dtype=np.float32)
+        windows = 2 * reach + 1
+        scores = np.zeros((windows, windows, BLOCKS_PER_SIDE, BLOCKS_PER_SIDE), dtype=np.float32)
         score_blocks(
             planes, gaps if gaps.any() else gaps[:0], (self._kernels, self._weights), self._edges, self._scales, scores
         )
-        scores = scores.reshape(-1, ALONG, ALONG)[:, self.varying]
-        best = np.sort(scores, axis=1)[:, -max(1, round(AGREEING * scores.shape[1])) :].clip(0).mean(axis=1)
-        one = int(best.argmax())
-        down, across = divmod(one, 2 * reach + 1)
-        return _Place(top + down, left + across, float(best[one]), scores[one] >= AGREES)
+        scores = scores.reshape(windows**2, BLOCKS_PER_SIDE, BLOCKS_PER_SIDE)[:, self.varying]
+        best_blocks = np.sort(scores, axis=1)[:, -max(1, round(scores.shape[1] / 2)) :]  # the better half
+        means = best_blocks.clip(0).mean(axis=1)
+        best = int(means.argmax())
+        down, across = divmod(best, windows)
+        return _Place(top + down, left + across, float(means[best]), scores[best] >= MIN_BLOCK_SCORE)
 
 
 @compiled(fastmath={"contract", "reassoc"}, counted=False)
@@ -199,11 +204,12 @@ def score_blocks(
     template
         The deviations from each block's mean times the weights, (channels, height, width), and the weights.
     edges
-        (2, :data:`ALONG` + 1), the first row and column of each block, and the end of the last.
+        (2, :data:`BLOCKS_PER_SIDE` + 1), the first row and column of each block, and the end of the last.
     scales
-        (2, ALONG, ALONG), one over the weight of each block, and one over the norm of its deviations, 0 if it is flat.
+        (2, BLOCKS_PER_SIDE, BLOCKS_PER_SIDE), the inverse of each block's weight, and of the norm of its deviations, 0
+        if it is flat.
     scores
-        The result, (windows down, windows across, ALONG, ALONG).
+        The result, (windows down, windows across, BLOCKS_PER_SIDE, BLOCKS_PER_SIDE).
     """
     (kernels, weights), (rows, cols), kind = template, edges, planes.dtype.type
     for top, left in np.ndindex(scores.shape[:2]):
@@ -229,96 +235,107 @@ def score_blocks(
                     for col in range(cols[across], cols[across + 1]):
                         hidden |= gaps[top + row, left + col] and weights[row, col] > 0
             spread = squares - between
-            if spread > FLAT * squares and not hidden:
+            if spread > FLAT_ENERGY * squares and not hidden:
                 scores[top, left, down, across] = products * scales[1, down, across] / math.sqrt(spread)
 
 
-def _roughly(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[int, int]]:
-    """Return the likeliest places in the reduced image.
+def _candidates(image: Image, pattern: Pattern, progress: Progress) -> list[tuple[int, int]]:
+    """Return the likeliest places in the reduced image, by the score after local contrast was equalised.
 
-    By the score of what is left when every part varies alike: then what covers one part cannot drown the others.
+    Then an occluder of high contrast cannot outweigh the other parts.
     """
     down, right = (side // 2 for side in pattern.shape)
-    least = STEADY * pattern.norm / math.sqrt(pattern.count)
+    least_contrast = 0.02 * pattern.norm / math.sqrt(pattern.count)
     plane, gaps = image, None
     if image.dtype != np.uint8:
         plane = np.moveaxis(_surrounded(image, 0, 0, *image.shape[:2]), 0, 2)
         gaps = np.isnan(plane).any(axis=2)
         plane[gaps] = 0
     known = np.asarray(~gaps, dtype=np.float32) if gaps is not None and gaps.any() else None
-    evened = _evened(plane, known, least)
-    around = cv2.copyMakeBorder(evened, down, down, right, right, cv2.BORDER_CONSTANT, value=(MIDDLE,) * 4)
+    equalised = _equalised(plane, known, least_contrast)
+    value = (EQUALISED_ZERO,) * 4
+    padded = cv2.copyMakeBorder(equalised, down, down, right, right, cv2.BORDER_CONSTANT, value=value)
     try:
-        small = pattern_of(_evened(pattern.colours, pattern.weights.astype(np.float32), least), pattern.weights)
+        weights = pattern.weights.astype(np.float32)
+        small = pattern_of(_equalised(pattern.colours, weights, least_contrast), pattern.weights)
     except ValueError:
         return []
-    scores = fft_score_map(np.atleast_3d(around), small, lambda done: progress(0.4 * done))
+    scores = fft_score_map(np.atleast_3d(padded), small, lambda done: progress(0.4 * done))
     found = peaks(scores, pattern.shape)
-    return [(int(found.rows[one]) - down, int(found.cols[one]) - right) for one in found.best(LIKELY, share=0.5)]
+    best = found.best(MAX_CANDIDATES, share=0.5)
+    return [(int(found.rows[place]) - down, int(found.cols[place]) - right) for place in best]
 
 
-def _evened(image: Image, weights: Plane | None, least: float) -> Image:
-    """Return each pixel's difference from the mean around it over the contrast there, :data:`MIDDLE` for none."""
+def _equalised(image: Image, weights: Plane | None, least_contrast: float) -> Image:
+    """Return each pixel's difference from the mean around it over the contrast there, in 8 bits: 40 per unit."""
     border = cv2.BORDER_REFLECT if weights is None else cv2.BORDER_CONSTANT
-    softened = partial(blurred, spread=EVENED, border=border, size=(7, 7))
+    soft = partial(blurred, sigma=1.5, border=border, size=(7, 7))
 
-    def averaged(plane: Plane) -> Plane:
-        return softened(plane) if counts is None else np.asarray(softened(plane * counts) / share)
+    def local_mean(plane: Plane) -> Plane:
+        return soft(plane) if factors is None else np.asarray(soft(plane * factors) / share)
 
-    counts = None if weights is None else weights[:, :, np.newaxis]
-    share = 1.0 if counts is None else np.maximum(softened(counts), 1e-3)
-    away = image.astype(np.float32)
-    away -= averaged(away)
-    squares = np.square(away) if away.shape[2] == 1 else np.square(away).sum(axis=2, keepdims=True)
-    squares = averaged(squares)
-    squares += least**2
-    away *= np.divide(FULL, np.sqrt(squares, out=squares), out=squares)
-    if counts is not None:
-        away *= counts > 0
-    return np.asarray(cv2.add(away, np.array([MIDDLE] * 4, dtype=np.float64), dtype=cv2.CV_8U)).reshape(image.shape)
+    factors = None if weights is None else weights[:, :, np.newaxis]
+    share = 1.0 if factors is None else np.maximum(soft(factors), 1e-3)
+    deviations = image.astype(np.float32)
+    deviations -= local_mean(deviations)
+    squares = np.square(deviations) if image.shape[2] == 1 else np.square(deviations).sum(axis=2, keepdims=True)
+    squares = local_mean(squares)
+    squares += least_contrast**2
+    deviations *= np.divide(40, np.sqrt(squares, out=squares), out=squares)
+    if factors is not None:
+        deviations *= factors > 0
+    zero = np.array([EQUALISED_ZERO] * 4, dtype=np.float64)
+    return np.asarray(cv2.add(deviations, zero, dtype=cv2.CV_8U)).reshape(image.shape)
 
 
 def hidden_amounts(
     image_shape: Sequence[int], template_shape: Sequence[int], channels: int, itemsize: int
 ) -> dict[str, float]:
-    """Return what :func:`hidden_places` needs for an image of so many compared channels and bytes a value.
+    """Return the memory (bytes) and the work (pixel values) of :func:`hidden_places`, by their names in the cost table.
 
-    Bytes, and pixel values read or written, one after the other, under their names in the cost table.
+    Parameters
+    ----------
+    image_shape, template_shape
+        (rows, cols) or (rows, cols, channels).
+    channels
+        Number of channels compared.
+    itemsize
+        Bytes per value of the image.
     """
     (height, width), pixels = template_shape[:2], math.prod(image_shape[:2])
-    if min(height, width) < LEAST_SIDE:
+    if min(height, width) < MIN_SIDE_PX:
         return {"hidden": 0, "hidden_values": 0}
-    factor, score = max(1.0, math.sqrt(height * width) / SIDE), 4
+    factor, score = max(1.0, math.sqrt(height * width) / REDUCED_SIDE_PX), 4
     rows, cols = ((length + side) / factor for length, side in zip(image_shape, template_shape[:2], strict=False))
     places = rows * cols
     reach = math.ceil(factor / 2) + 1
-    around = (2 * reach + 1) ** 2
-    # The luminance and the reduced image; what is left of it and its squares.
+    windows = (2 * reach + 1) ** 2
+    # The luminance and the reduced image; its deviations and their squares.
     memory = (pixels * (channels > 1) + places) * itemsize + 6 * score * places
-    scored = LIKELY * around * channels * height * width
+    scored = MAX_CANDIDATES * windows * channels * height * width
     return {"hidden": memory, "hidden_values": scored + 100 * places + pixels}
 
 
 def _surrounded(image: Image, top: int, left: int, bottom: int, right: int) -> Plane:
-    """Return a part of an image (channels, rows, cols) around 0 in single precision, NaN outside the image."""
+    """Return a part of an image minus its mean, (channels, rows, cols) float32, NaN outside the image."""
     part = np.full((image.shape[2], bottom - top, right - left), np.nan, dtype=np.float32)
     inside = image[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
     if inside.size:
         values = inside.reshape(-1, image.shape[2])
         if image.dtype.kind == "f":
             values = values[np.isfinite(values).all(axis=1)]
-        middle = values.mean(axis=0) if len(values) else 0.0
+        mean = values.mean(axis=0) if len(values) else 0.0
         rows, cols = (max(-side, 0) for side in (top, left))
-        part[:, rows : rows + inside.shape[0], cols : cols + inside.shape[1]] = np.moveaxis(inside - middle, 2, 0)
+        part[:, rows : rows + inside.shape[0], cols : cols + inside.shape[1]] = np.moveaxis(inside - mean, 2, 0)
     return part
 
 
-def _seen_score(image: Image, pattern: Pattern, blocks: _Blocks, place: _Place) -> float:
+def _visible_score(image: Image, pattern: Pattern, blocks: _Blocks, place: _Place) -> float:
     """Return the score of a place over the blocks that agree."""
-    agree = np.zeros(blocks.varying.shape)
-    agree[blocks.varying] = place.agree
-    weights = blocks.spread(agree) * pattern.weights
+    agrees = np.zeros(blocks.varying.shape)
+    agrees[blocks.varying] = place.agrees
+    weights = blocks.spread(agrees) * pattern.weights
     (top, bottom), (left, right) = ((int(side.min()), int(side.max()) + 1) for side in np.nonzero(weights))
-    seen = pattern_of(pattern.colours[top:bottom, left:right], weights[top:bottom, left:right])
+    visible = pattern_of(pattern.colours[top:bottom, left:right], weights[top:bottom, left:right])
     at = np.array([place.row + top]), np.array([place.col + left])
-    return float(scores_at(image, seen.deviations, seen.weights, *at)[0])
+    return float(scores_at(image, visible.deviations, visible.weights, *at)[0])

@@ -1,13 +1,14 @@
-"""Whether a place shows the template: light, colour and a shift below a pixel are fitted, and what remains is judged.
+"""Whether a place shows the template: light, colour and a shift below a pixel are fitted, and the residual is judged.
 
-Block by block, so that a difference in one place is not lost in the agreement of all others: a sibling of an icon
-correlates at 0.95, and so does a landscape with another one.
+It is judged block by block, so that a difference in one place is not lost in the agreement of all others: a sibling of
+an icon, one stroke different, correlates at 0.95, and so does a landscape with another one.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal, TypeAlias
 
 import cv2
@@ -19,76 +20,87 @@ from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
 from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, without_gaps
 from stereolag.templates.fits import (
-    COUNTED,
-    COUNTS,
-    DIFFERENT,
-    SETTLED,
+    MIN_BLOCK_DIFFERENCE,
+    MIN_JUDGED_SHARE,
+    MOTION_TOLERANCE_PX,
     Fit,
-    averaged,
     best_fit,
+    block_means,
     blocks_of,
 )
-from stereolag.templates.patterns import CLOSE, FULL_WEIGHT, Pattern, blurred, edges, nearness
+from stereolag.templates.patterns import FULL_WEIGHT, NEARNESS_OFFSET, Pattern, blurred, edges, nearness
 from stereolag.templates.redrawn import Redrawing, redrawing
-from stereolag.templates.softening import BLUR_OF_COLOURS
+from stereolag.templates.softening import CHROMA_SIGMA_PX
 
 Kind: TypeAlias = Literal[
     "same", "lower_contrast", "higher_contrast", "partly_covered", "other_colours", "differs", "not_there"
 ]
-"""What a place shows: the template; it with another contrast, or partly covered; its shape in other colours; something
-that differs from it in some blocks; something else."""
+"""Content of a place: the template; the template with another contrast, or partly covered; its shape in other colours;
+something that differs from it in some blocks; something else."""
 
-EDGE, ALIKE = 0.2, 0.6
-"""Least energy of the edges of a shape of one colour in a block that can disagree, as a share of the most in a block;
-and the least correlation there with the edges seen, whatever is beside them.
+MIN_EDGE_ENERGY = 0.2
+"""Least energy of a silhouette's edges in a block that can disagree, as a share of the largest of all blocks."""
 
-Measured: from 0.75 on photographs where the shape is, up to 0.41 in the worst block of another one in the same ring.
+MIN_EDGE_CORRELATION = 0.6
+"""Least correlation of a silhouette's edges in a block with those of the image, whatever is beside them.
+
+Measured: from 0.75 on photographs where the shape is, up to 0.41 in the worst block of another shape in the same ring.
 """
 
-OWN, AS_NEAR, MORE = 12.0, 0.05, 0.2
-"""Farthest a shape may be from its colour, grey levels of 255, that is not mixed with what is behind; by how much less
-of it, as a logarithm, makes no difference; and the share of a block outside a shape that may be of its colour."""
+MIN_OTHER_COLOUR_DISTANCE = 40.0
+"""Least distance of another colour from every mixture of a silhouette's colour with the background, grey levels of 255
+over all channels.
 
-ASIDE, OF_STEP = 40.0, 0.25
-"""Least distance of another colour from every mixture of a shape's own with what is beside it, grey levels of 255 over
-all channels, and the same as a share of the step from there to the shape.
-
-Measured: up to 37 where the shape is, half transparent too; from 90, and 0.5 of the step, in another hue.
+Measured: up to 37 where the shape is, half transparent too; from 90 in another hue.
 """
 
-SLACK, SLACK_OF_SPREAD, CANNOT, AS_BRIGHT = 6.0, 0.25, 0.02, 1.12
-"""A pixel can be the template over something behind it if it is beyond the values of that by at most so many grey
-levels of 255, and this share of the template's standard deviation; of the pixels of a block so many may not; and the
-gains of the channels are 1 up to the last.
+MIN_OTHER_COLOUR_STEP = 0.25
+"""The same distance as a share of the step from the background to the shape; in another hue from 0.5."""
 
-Measured: all pixels and gains from 0.96 to 1.10 at glows drawn over photographs; elsewhere from 4 % and 0.3 to 4.
+MAX_IMPOSSIBLE_SHARE = 0.02
+"""Largest share of the pixels of a block with values that the template has over no background.
+
+Measured: none at glows drawn over photographs; elsewhere from 4 %.
 """
 
-RECOLOURED = 0.037
-"""Least squared difference of other colours, as a share of the template's variance, from any gains of the channels.
+MAX_COMPOSITE_GAIN = 1.12
+"""Largest gain of a channel, or its inverse, of a template over a background.
+
+Measured: 0.96 to 1.10 at glows drawn over photographs; elsewhere 0.3 to 4.
+"""
+
+MIN_COLOUR_CHANGE = 0.037
+"""Least squared difference of other colours from any gains of the channels, as a share of the template's variance.
 
 Measured: up to 0.033 under other lights and in JPEG, from 0.040 for lamps and buttons of another colour.
 """
 
-LEAST_EXPLAINED, LEAST_THROUGH, LEAST_OF_SMALL, SMALL = 0.9, 0.57, 0.958, 900
-"""Least share of the variance of a place that an opaque template explains, that one through which the background shows
-does, and that an opaque one of fewer pixels than the last.
+MIN_EXPLAINED = 0.9
+"""Least share of the variance of a place that an opaque template explains.
 
-A few blocks of a few pixels agree by chance. Measured: from 0.964 where the template is, off the grid, in JPEG and in
-JPEG of screens reduced to half too, 0.959 under noise of half its contrast; up to 0.94 at most places where one of 9 px
-is not, and 0.90 to 0.96 where an icon of 17 to 26 px in such a JPEG is its sibling.
+Measured: from 0.964 where the template is, off the grid, in JPEG and in JPEG of screens reduced to half too, 0.959
+under noise of half its contrast.
 """
 
-CHANGED_CONTRAST = 1.25
-"""Contrast, or its inverse, from which it is told."""
+MIN_EXPLAINED_TRANSLUCENT = 0.57
+"""The same for a template through which the background shows."""
 
-DIGITS = 6
-"""Of the figures of an identity."""
+MIN_EXPLAINED_SMALL = 0.958
+"""The same for an opaque template of fewer than :data:`SMALL_TEMPLATE_PIXELS`, a few blocks of which agree by chance.
+
+Measured: up to 0.94 at most places where a template of 9 px is not; 0.90 to 0.96 where an icon of 17 to 26 px, in JPEG
+of a screen reduced to half, is its sibling.
+"""
+
+SMALL_TEMPLATE_PIXELS = 900
+
+CONTRAST_TOLERANCE = 1.25
+"""Ratio of two contrasts from which they count as different."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a place shows, compared with the template.
+    """Content of a place, compared with the template.
 
     Parameters
     ----------
@@ -102,13 +114,12 @@ class Identity:
         Share of the variance of the place that the template explains.
     blocks
         Rows of blocks over the template: whether they agree.
-    anew
-        Where and how the template is drawn anew at another size, if it is.
-    moved
-        Where exactly the place is, beside what was given: px down and right, logarithm of the size, and angle,
-        radians clockwise.
-    beyond
-        Share explained of what no slope or bend explains.
+    redrawing
+        Place and size of the template if it is drawn anew at another size.
+    motion
+        Exact place relative to the given one: px down and right, logarithm of the size, and angle, radians clockwise.
+    explained_detail
+        Share explained of the variance beyond a quadratic surface.
     """
 
     kind: Kind
@@ -116,9 +127,9 @@ class Identity:
     gain: tuple[float, ...]
     explained: float
     blocks: tuple[tuple[bool, ...], ...]
-    anew: Redrawing | None = None
-    moved: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    beyond: float = 1.0
+    redrawing: Redrawing | None = None
+    motion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    explained_detail: float = 1.0
 
     @property
     def is_template(self) -> bool:
@@ -132,11 +143,11 @@ def identity(
     row: int,
     col: int,
     *,
-    posed: bool = False,
+    refine_pose: bool = False,
     resized: tuple[Pattern, float] | None = None,
-    settled: float = SETTLED,
+    tolerance_px: float = MOTION_TOLERANCE_PX,
 ) -> Identity:
-    """Return what the image shows at a place of the template.
+    """Return the content of a place of the image, compared with the template.
 
     Parameters
     ----------
@@ -146,99 +157,104 @@ def identity(
         The template, resized and rotated as at the place.
     row, col
         The place, accurate to a pixel.
-    posed
+    refine_pose
         Whether size and angle are refined too.
     resized
-        The template and the size of the pattern over its own, if it is not rotated: it may be drawn anew.
-    settled
-        Px by which no corner is moved any more once the place is aligned.
+        The template as given and the size of the pattern over its own, unless it is rotated: it may be drawn anew.
+    tolerance_px
+        The alignment ends once a step moves no corner by more.
     """
     if pattern.silhouette:
-        return _identity_of_shape(image, pattern, row, col)
-    over = None
-    if pattern.most_opaque and image.dtype.kind == "u":  # accurate to a pixel: a slope behind it moves the best score
-        near = ((down, right) for down in (0, -1, 1) for right in (0, -1, 1))
-        tried = (_gain_over_something(image, pattern, row + down, col + right) for down, right in near)
-        over = next((one for one in tried if one is not None), None)
-    if over is not None:
-        return _told("same", 1.0, *over, np.ones(blocks_of(pattern.shape), dtype=np.bool_))
-    fit = best_fit(image, pattern, row, col, posed, settled)
+        return _identity_of_silhouette(image, pattern, row, col)
+    if pattern.most_opaque and image.dtype.kind == "u":  # a sloping background moves the best score by a pixel
+        for down, right in product((0, -1, 1), repeat=2):
+            composite = _gain_over_background(image, pattern, row + down, col + right)
+            if composite is not None:
+                return _rounded("same", 1.0, *composite, np.ones(blocks_of(pattern.shape), dtype=np.bool_))
+    fit = best_fit(image, pattern, row, col, refine_pose, tolerance_px)
     if not fit.variance > 0 or fit.contrast <= 0:
         return Identity("not_there", 0.0, (0.0,) * pattern.colours.shape[2], 0.0, ())
-    counts = fit.averaged(None) > COUNTED
-    disagrees = fit.disagrees(counts)
-    structure = fit.structure()
-    agrees = ~disagrees & (counts | (structure == 0))
-    seen = float(structure[agrees].sum() / max(structure.sum(), 1e-12))
-    kind = _kind(fit, disagrees, structure, seen, outside=not agrees[~disagrees].all(), posed=posed)
+    judged = fit.judged_shares > MIN_JUDGED_SHARE
+    disagrees = fit.disagreeing(judged)
+    energies = fit.block_energies()
+    agrees = ~disagrees & (judged | (energies == 0))
+    visible = float(energies[agrees].sum() / max(energies.sum(), 1e-12))
+    is_outside = not agrees[~disagrees].all()
+    kind = _kind(fit, disagrees, energies, visible, is_outside=is_outside, refine_pose=refine_pose)
     if (
         kind in ("differs", "not_there")
-        and not posed
+        and not refine_pose
         and image.dtype == pattern.colours.dtype == np.uint8
         and (pattern.weights == 1).all()
     ):
-        covering = drawn_over(image, pattern, row, col)
-        if covering is not None:
-            beside = averaged(covering, agrees.shape) == 0
-            return _told("partly_covered", 1.0, (1.0,) * len(fit.gain), fit.explained_in(beside), beside)
-    if kind in ("differs", "not_there") and resized is not None and fit.recoloured < RECOLOURED:
-        anew = redrawing(image, resized[0], row, col, resized[1])
-        if anew is not None:
-            told = _told(_with_contrast(anew.contrast), anew.contrast, anew.gain, anew.explained, np.ones_like(agrees))
-            return replace(told, anew=anew)
-    told = _told(kind, fit.contrast, fit.gain, fit.explained, agrees)
-    beyond = fit.explained_beyond if told.is_template and fit.is_opaque else 1.0
-    return replace(told, moved=tuple(map(float, fit.motion)), beyond=beyond)
+        covered = drawn_over(image, pattern, row, col)
+        if covered is not None:
+            free = block_means(covered, agrees.shape) == 0
+            return _rounded("partly_covered", 1.0, (1.0,) * len(fit.gain), fit.explained_in(free), free)
+    if kind in ("differs", "not_there") and resized is not None and fit.colour_change < MIN_COLOUR_CHANGE:
+        redrawn = redrawing(image, resized[0], row, col, resized[1])
+        if redrawn is not None:
+            kind, contrast = _kind_by_contrast(redrawn.contrast), redrawn.contrast
+            shown = _rounded(kind, contrast, redrawn.gain, redrawn.explained, np.ones_like(agrees))
+            return replace(shown, redrawing=redrawn)
+    shown = _rounded(kind, fit.contrast, fit.gain, fit.explained, agrees)
+    detail = fit.explained_detail if shown.is_template and fit.is_opaque else 1.0
+    return replace(shown, motion=tuple(map(float, fit.motion)), explained_detail=detail)
 
 
-def _identity_of_shape(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
-    """Return what the image shows at a place of a silhouette: the edges in every block, and none of its colour beside.
+def _identity_of_silhouette(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
+    """Return the content of a place of a silhouette: its edges in every block, and none of its colour beside it.
 
-    The first two channels of the image are its edges, the others how far it is from the silhouette's colour.
+    The first two channels of the image are its edges, the others its difference from the silhouette's colour.
     """
     height, width = pattern.shape
     part = np.nan_to_num(image[row : row + height, col : col + width])
-    alpha, seen, away = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2:]
-    near = nearness(away)
+    alpha, observed, difference = pattern.colours[:, :, 0], part[:, :, :2], part[:, :, 2:]
+    near = nearness(difference)
     own, grid = edges(pattern.colours), blocks_of(pattern.shape)
-    on = np.square(own).sum(axis=2)
-    there, common, here = (
-        averaged(one, grid)
-        for one in (on, (own * seen).sum(axis=2), np.square(seen).sum(axis=2) * (on > EDGE**2 * on.max()))
+    energy = np.square(own).sum(axis=2)
+    is_edge = energy > MIN_EDGE_ENERGY**2 * energy.max()
+    own_energy, products, observed_energy = (
+        block_means(plane, grid)
+        for plane in (energy, (own * observed).sum(axis=2), np.square(observed).sum(axis=2) * is_edge)
     )
-    edged = there > EDGE * there.max()
-    agrees = ~edged | (common > ALIKE * np.sqrt(there * here))
+    has_edges = own_energy > MIN_EDGE_ENERGY * own_energy.max()
+    agrees = ~has_edges | (products > MIN_EDGE_CORRELATION * np.sqrt(own_energy * observed_energy))
     inside = near[alpha >= alpha.max() * FULL_WEIGHT]
-    own_colour = median(inside) > -math.log(CLOSE + OWN)
-    if own_colour:
-        beside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
-        agrees &= averaged(beside & (near > percentiles(inside, 10)[0] - AS_NEAR), grid) <= MORE
-    explained = float(common.sum() ** 2 / max(there.sum() * here.sum(), 1e-12)) if common.sum() > 0 else 0.0
-    shown = float(there[agrees].sum() / there.sum())
+    has_own_colour = median(inside) > -math.log(NEARNESS_OFFSET + 12)  # grey levels of 255
+    if has_own_colour:
+        outside = cv2.dilate(np.asarray(alpha, dtype=np.float32), np.ones((3, 3), np.uint8)) < 1 - FULL_WEIGHT
+        as_near = near > percentiles(inside, 10)[0] - 0.05
+        agrees &= block_means(outside & as_near, grid) <= 0.2
+    total = products.sum()
+    explained = float(total**2 / max(own_energy.sum() * observed_energy.sum(), 1e-12)) if total > 0 else 0.0
+    visible = float(own_energy[agrees].sum() / own_energy.sum())
     if agrees.all():
-        other = not own_colour and _has_other_colour(alpha, away)
-        return _told("other_colours" if other else "same", 1.0, (1.0,), explained, agrees)
-    return _told("differs" if shown >= DIFFERS else "not_there", 1.0, (1.0,), explained, agrees)
+        other = not has_own_colour and _has_other_colour(alpha, difference)
+        return _rounded("other_colours" if other else "same", 1.0, (1.0,), explained, agrees)
+    return _rounded("differs" if visible >= MIN_VISIBLE_DIFFERS else "not_there", 1.0, (1.0,), explained, agrees)
 
 
-def _has_other_colour(alpha: Plane, away: Plane) -> bool:
-    """Return whether a shape is of no mixture of its own colour, from which all is `away`, with what is beside it."""
-    soft, shown = (blurred(one, BLUR_OF_COLOURS, cv2.BORDER_REPLICATE) for one in (alpha, away))
-    # At its edges, across which what is behind goes on.
+def _has_other_colour(alpha: Plane, difference: Plane) -> bool:
+    """Return whether a shape is of no mixture of its own colour, from which `difference` is, with the background."""
+    soft, shown = (blurred(plane, CHROMA_SIGMA_PX, cv2.BORDER_REPLICATE) for plane in (alpha, difference))
+    # At the edges of the shape, on both sides of which the background is the same.
     down, right = gradient(soft)
-    steep = np.square(down) + np.square(right)
-    slopes = [one[:, :, np.newaxis] * other for one, other in zip((down, right), gradient(shown), strict=True)]
-    steps = np.sum(slopes, axis=(0, 1, 2)) / steep.sum()
-    beside = np.average((shown - soft[:, :, np.newaxis] * steps).reshape(-1, steps.size), axis=0, weights=steep.ravel())
-    inside = beside + steps
-    aside = inside - beside * (inside @ beside) / max(float(beside @ beside), 1e-12)
-    return bool(np.linalg.norm(aside) > max(ASIDE, OF_STEP * float(np.linalg.norm(steps))))
+    steepness = np.square(down) + np.square(right)
+    slopes = [own[:, :, np.newaxis] * other for own, other in zip((down, right), gradient(shown), strict=True)]
+    step = np.sum(slopes, axis=(0, 1, 2)) / steepness.sum()
+    outside = (shown - soft[:, :, np.newaxis] * step).reshape(-1, step.size)
+    background = np.average(outside, axis=0, weights=steepness.ravel())
+    inside = background + step
+    aside = inside - background * (inside @ background) / max(float(background @ background), 1e-12)
+    limit = max(MIN_OTHER_COLOUR_DISTANCE, MIN_OTHER_COLOUR_STEP * float(np.linalg.norm(step)))
+    return bool(np.linalg.norm(aside) > limit)
 
 
-def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> tuple[tuple[float, ...], float] | None:
-    """Return gains and explained share if the place can be the template over something behind it; else None.
+def _gain_over_background(image: Image, pattern: Pattern, row: int, col: int) -> tuple[tuple[float, ...], float] | None:
+    """Return gains and explained share if the place can be the template over a background; else None.
 
-    What is behind is any of the values that a pixel can have; to tell the gains, it is taken for a slope.
+    The background may have any values that a pixel can have; only for the gains, it is taken for a linear slope.
     """
     height, width = pattern.shape
     part = image[max(row, 0) : max(row + height, 0), max(col, 0) : max(col + width, 0)].astype(np.float64)
@@ -247,203 +263,231 @@ def _gain_over_something(image: Image, pattern: Pattern, row: int, col: int) -> 
     top = float(np.iinfo(image.dtype).max)
     alpha = pattern.most_opaque * np.cbrt(pattern.weights)[:, :, np.newaxis]
     over, through = alpha * pattern.colours, 1 - alpha
-    spread = float(np.sqrt((pattern.weights * np.square(pattern.deviations).sum(axis=0)).sum() / pattern.count))
-    slack = min(SLACK * top / 255, SLACK_OF_SPREAD * spread)
-    cannot = ((part < over - slack) | (part > over + through * top + slack)).any(axis=2) & (pattern.weights > 0)
-    if averaged(cannot, blocks_of(pattern.shape)).max() > CANNOT:
+    energy = (pattern.weights * np.square(pattern.deviations).sum(axis=0)).sum()
+    slack = min(6 * top / 255, 0.25 * float(np.sqrt(energy / pattern.count)))  # six grey levels of 255
+    valid = pattern.weights > 0
+    impossible = ((part < over - slack) | (part > over + through * top + slack)).any(axis=2) & valid
+    if block_means(impossible, blocks_of(pattern.shape)).max() > MAX_IMPOSSIBLE_SHARE:
         return None
-    on = pattern.weights > 0
-    weights = np.sqrt(pattern.weights[on])
-    rows, cols = (at[:, np.newaxis] / max(on.shape) for at in np.nonzero(on))
-    gains, left, varies = [], 0.0, 0.0
+    weights = np.sqrt(pattern.weights[valid])
+    rows, cols = (at[:, np.newaxis] / max(valid.shape) for at in np.nonzero(valid))
+    gains, residual, variance = [], 0.0, 0.0
     for channel in range(part.shape[2]):
-        seen, shown, behind = part[:, :, channel][on], over[:, :, channel][on], through[on]
+        observed, shown, behind = part[:, :, channel][valid], over[:, :, channel][valid], through[valid]
         terms = np.column_stack([shown, behind, behind * rows, behind * cols])
         weighted = terms * weights[:, np.newaxis]
         strength = 1e-9 + 1e-9 * float(np.square(shown).sum())
         ridge = 1e-3 * weights.sum() * np.diag([0, 1, 1, 1]) + np.diag([strength, 0, 0, 0])
-        fitted = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ seen)
+        fitted = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ observed)
         gains.append(float(fitted[0]))
-        left += float((weights * np.square(seen - terms @ fitted)).sum())
-        varies += float((weights * np.square(seen - np.average(seen, weights=weights))).sum())
-    if not all(1 / AS_BRIGHT <= gain <= AS_BRIGHT for gain in gains):
+        residual += float((weights * np.square(observed - terms @ fitted)).sum())
+        variance += float((weights * np.square(observed - np.average(observed, weights=weights))).sum())
+    if not all(1 / MAX_COMPOSITE_GAIN <= gain <= MAX_COMPOSITE_GAIN for gain in gains):
         return None
-    return tuple(gains), max(0.0, 1 - left / varies) if varies > 0 else 0.0
+    return tuple(gains), max(0.0, 1 - residual / variance) if variance > 0 else 0.0
 
 
-def _told(
+def _rounded(
     kind: Kind, contrast: float, gain: tuple[float, ...], explained: float, agrees: npt.NDArray[np.bool_]
 ) -> Identity:
-    """Return an identity, its figures to as many digits as single precision holds: those of an exact copy are 1."""
-    contrast, explained, *gains = (float(f"{figure:.{DIGITS}g}") for figure in (contrast, explained, *gain))
+    """Return an identity, its figures to the six digits that single precision holds: those of an exact copy are 1."""
+    contrast, explained, *gains = (float(f"{figure:.6g}") for figure in (contrast, explained, *gain))
     return Identity(kind, contrast, tuple(gains), explained, tuple(tuple(map(bool, line)) for line in agrees))
 
 
-COVERED, LEAST_COVERED = (0.08, 0.45), 2304
-"""Smallest and largest share of the pixels that a thing in front may hide, and of how many at least: with the mark of
-an icon covered, nobody can tell it from its sibling."""
+COVERED_SHARES = (0.08, 0.45)
+"""Smallest and largest share of the pixels that an occluder may hide."""
 
-CERTAIN, CLEARLY, SLIGHTLY = 90, 4.0, 0.004
-"""A pixel differs by more than so many times this percentile of those in the blocks that agree, and by more than this
-share of the template's variance."""
+MIN_COVERABLE_PIXELS = 2304
+"""Least number of pixels of a template that may be covered: with the mark of an icon covered, nobody can tell it from
+its sibling."""
 
-FILLED, ONE = 0.76, 0.9
-"""Least share of the pixels that differ where something is in front, and least share of those that differ there.
+NOISE_PERCENTILE = 90
+"""Percentile of the squared differences in the blocks that agree, by which noise is measured."""
 
-A sibling shares its ground with the template. Measured: from 0.79 where something is in front, up to 0.73 elsewhere.
+MIN_NOISE_RATIO = 4.0
+"""Least squared difference over that percentile of a pixel that differs."""
+
+MIN_PIXEL_DIFFERENCE = 0.004
+"""Least squared difference of a pixel that differs, as a share of the template's variance."""
+
+MIN_OCCLUDER_DIFFERING = 0.76
+"""Least share of an occluder's pixels that differ; a sibling shares its ground with the template.
+
+Measured: from 0.79 under an occluder, up to 0.73 elsewhere.
 """
 
-FROM_RIM, AT_RIM, FILLED_NOISY, LEFT_NOISY = (0.1, 0.45), 0.4, 0.6, 0.55
-"""The same where noise hides the pixels of its rim: smallest and largest share of the blocks, least share of the pixels
-that differ at the rim of the template and of all in them, and of the structure that must be seen, of a thing that comes
-in over that rim.
+MIN_DIFFERING_IN_OCCLUDER = 0.9
+"""Least share of the differing pixels that are in the occluder."""
 
-Measured at the rim: from 0.58 where something is in front; up to 0.27 at another digit, or a bar full to another part,
-inside their frames.
+NOISY_COVERED_SHARES = (0.1, 0.45)
+"""Smallest and largest share of the blocks under an occluder whose outline noise hides; it crosses the rim."""
+
+MIN_NOISY_AT_RIM = 0.4
+"""Least share of the pixels of such an occluder that differ at the rim of the template.
+
+Measured: from 0.58 under an occluder; up to 0.27 at another digit, or a bar filled to another length, in its frame.
 """
 
-MOSTLY = 0.1
-"""Least squared difference of the thing itself, beside that percentile of those of it and its halo."""
+MIN_NOISY_DIFFERING = 0.6
+"""Least share of the pixels of such an occluder that differ."""
 
-EXCHANGED = 0.1
-"""Largest mean difference of the values there in order, beside that of the pixels, where something only moved.
+MIN_VISIBLE_NOISY = 0.55
+"""Least share of the template's energy that is visible beside such an occluder."""
 
-Measured: up to 0.02 there, from 0.2 where something is in front.
+MIN_VISIBLE_COVERED = 0.45
+"""Least share of the template's energy that is visible if a part is covered."""
+
+MIN_VISIBLE_OUTSIDE = 0.4
+"""The same if a part is outside the image."""
+
+MIN_VISIBLE_DIFFERS = 0.4
+"""The same for something that differs in some blocks, and is not something else."""
+
+MAX_SORTED_DIFFERENCE = 0.1
+"""Largest mean difference of the sorted values over that of the values in place, where a part only moved.
+
+Measured: up to 0.02 where a part moved, from 0.2 under an occluder.
 """
 
-INK, NEAR_IT, DRAWN, SAME_INK = 97, 0.25, 0.8, 0.03
-"""Percentile of the distance from the ground of a mark, from which pixels are its ink; how far pixels are from either,
-as a share of the distance between the two; least share of the pixels that are so where only ground and ink are; and how
-far ground and ink may be from those of another mark in the same.
+MAX_INK_CHANGE = 0.03
+"""Largest change of ground and ink at another mark in the same ink, as a share of the distance between the two.
 
 Measured: up to 0.007 at other bars of a code and other mouths, from 0.07 where a tip or a picture is in front of words.
 """
 
-LEFT_OVER, LEFT_INSIDE, DIFFERS = 0.45, 0.4, 0.4
-"""Least share of the template's structure that must be seen if a part is covered, if only a part is outside, and of
-something that differs in some blocks."""
+MIN_EXPLAINED_BESIDE = 0.985
+"""Least share of the variance explained beside an occluder that crosses the template's rim, unless there is grain.
 
-LEAST_BESIDE, GRAINY = 0.985, 2.0
-"""Least share of the variance that the template explains beside a thing that comes in over the rim, or least grain of
-the place there beside what remains: noise has 8 to 9.
-
-Measured: from 0.985 in 25 of 26 places of which 10 to 40 % is covered; 0.87 to 0.983 and grain of 0.002 to 0.25 where
-something like it was taken for covered: another coin, the next line of a list, other terrain, another part of the sky.
+Measured: from 0.985 in 25 of 26 places of which 10 to 40 % is covered; 0.87 to 0.983 where something like it was taken
+for covered: another coin, the next line of a list, other terrain, another part of the sky.
 """
+
+MIN_GRAIN = 2.0
+"""Least grain beside such an occluder over the residual there: noise has 8 to 9, the places above 0.002 to 0.25."""
 
 
 def _kind(
-    fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane, seen: float, *, outside: bool, posed: bool
+    fit: Fit, disagrees: npt.NDArray[np.bool_], energies: Plane, visible: float, *, is_outside: bool, refine_pose: bool
 ) -> Kind:
-    """Return what a place shows, from the blocks that disagree and the share of the structure seen in all others."""
-    if not fit.is_opaque and fit.explained < LEAST_THROUGH:
+    """Return the kind of a place from the blocks that disagree and the share of the energy visible in all others."""
+    if not fit.is_opaque and fit.explained < MIN_EXPLAINED_TRANSLUCENT:
         return "not_there"
     if disagrees.any():
-        if fit.recoloured < RECOLOURED and (
-            _hides(fit, disagrees, structure) or (seen >= LEFT_NOISY and _comes_in(fit, disagrees))
+        if fit.colour_change < MIN_COLOUR_CHANGE and (
+            _is_occluded(fit, disagrees, energies)
+            or (visible >= MIN_VISIBLE_NOISY and _is_occluded_from_rim(fit, disagrees))
         ):
             return "partly_covered"
-        return "differs" if seen >= DIFFERS else "not_there"
-    least = LEAST_OF_SMALL if math.prod(fit.shape) < SMALL else LEAST_EXPLAINED
-    # Of another size, strokes are drawn anew or were averaged: small marks differ where it is the template, too.
-    if fit.is_opaque and (fit.explained < least or (not posed and fit.has_another_mark())):
+        return "differs" if visible >= MIN_VISIBLE_DIFFERS else "not_there"
+    least = MIN_EXPLAINED_SMALL if math.prod(fit.shape) < SMALL_TEMPLATE_PIXELS else MIN_EXPLAINED
+    # At another size, strokes are drawn anew or averaged: small marks differ even where the template is.
+    if fit.is_opaque and (fit.explained < least or (not refine_pose and fit.has_another_mark())):
         return "differs"
-    if fit.recoloured >= RECOLOURED:
+    if fit.colour_change >= MIN_COLOUR_CHANGE:
         return "other_colours"
-    if outside:
-        return "partly_covered" if seen >= LEFT_INSIDE else "not_there"
-    return _with_contrast(fit.contrast)
+    if is_outside:
+        return "partly_covered" if visible >= MIN_VISIBLE_OUTSIDE else "not_there"
+    return _kind_by_contrast(fit.contrast)
 
 
-def _with_contrast(contrast: float) -> Kind:
-    """Return what a place with this contrast shows where the template is."""
-    if 1 / CHANGED_CONTRAST < contrast < CHANGED_CONTRAST:
+def _kind_by_contrast(contrast: float) -> Kind:
+    """Return the kind of a place where the template is, by its contrast."""
+    if 1 / CONTRAST_TOLERANCE < contrast < CONTRAST_TOLERANCE:
         return "same"
     return "lower_contrast" if contrast < 1 else "higher_contrast"
 
 
-def _hides(fit: Fit, disagrees: npt.NDArray[np.bool_], structure: Plane) -> bool:
-    """Return whether all blocks that disagree hold or touch one thing in front, whose every pixel does."""
-    counts = fit.weights >= COUNTS
-    if counts.sum() < LEAST_COVERED:
+def _is_occluded(fit: Fit, disagrees: npt.NDArray[np.bool_], energies: Plane) -> bool:
+    """Return whether all blocks that disagree hold or touch one occluder, all of whose pixels differ."""
+    judged = fit.judged
+    if judged.sum() < MIN_COVERABLE_PIXELS:
         return False
-    squares = fit.differences(sharp=True)
-    there = ~fit.over(disagrees)
-    noise = float(percentiles(squares[there & counts], CERTAIN)[0]) if (there & counts).any() else math.inf
-    differ = squares > min(max(CLEARLY * noise, SLIGHTLY * fit.variance), DIFFERENT * fit.variance)
-    front = _thing(differ)
-    reach = 2 * math.ceil(3 * BLUR_OF_COLOURS) + 1
-    touched = cv2.dilate(np.asarray(front, dtype=np.uint8), np.ones((reach, reach), np.uint8))
-    if (disagrees & (averaged(touched, structure.shape) == 0)).any():  # so if there is no such thing
+    squares = fit.squared_differences(sharp=True)
+    free = ~fit.pixels_of(disagrees) & judged
+    noise = float(percentiles(squares[free], NOISE_PERCENTILE)[0]) if free.any() else math.inf
+    limit = max(MIN_NOISE_RATIO * noise, MIN_PIXEL_DIFFERENCE * fit.variance)
+    differ = squares > min(limit, MIN_BLOCK_DIFFERENCE * fit.variance)
+    occluder = _largest_hull(differ)
+    reach = 2 * math.ceil(3 * CHROMA_SIGMA_PX) + 1
+    touched = cv2.dilate(np.asarray(occluder, dtype=np.uint8), np.ones((reach, reach), np.uint8))
+    if (disagrees & (block_means(touched, energies.shape) == 0)).any():  # true also without any occluder
         return False
-    share = (front & counts).sum() / counts.sum()
-    left = float((structure * (1 - averaged(front, structure.shape))).sum() / max(structure.sum(), 1e-12))
-    filled, one = differ[front & counts].mean(), (differ & front).sum() / differ.sum()
-    solid = COVERED[0] <= share <= COVERED[1] and filled >= FILLED and one >= ONE
-    return bool(solid and left >= LEFT_OVER) and not _is_in_another_state(fit, disagrees, front & differ)
+    hidden = occluder & judged
+    visible = float((energies * (1 - block_means(occluder, energies.shape))).sum() / max(energies.sum(), 1e-12))
+    is_one_occluder = (
+        COVERED_SHARES[0] <= hidden.sum() / judged.sum() <= COVERED_SHARES[1]
+        and differ[hidden].mean() >= MIN_OCCLUDER_DIFFERING
+        and (differ & occluder).sum() / differ.sum() >= MIN_DIFFERING_IN_OCCLUDER
+    )
+    is_visible = visible >= MIN_VISIBLE_COVERED
+    return bool(is_one_occluder and is_visible) and not _is_in_another_state(fit, disagrees, occluder & differ)
 
 
-def _comes_in(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
-    """Return whether the blocks that disagree are one thing in front that comes in over the rim of the template."""
-    if math.prod(fit.shape) < SMALL or not FROM_RIM[0] <= disagrees.mean() <= FROM_RIM[1]:
+def _is_occluded_from_rim(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
+    """Return whether the blocks that disagree are one occluder that crosses the rim of the template."""
+    least, most = NOISY_COVERED_SHARES
+    if math.prod(fit.shape) < SMALL_TEMPLATE_PIXELS or not least <= disagrees.mean() <= most:
         return False
     _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
     region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     rim = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
     if not rim or region.sum() < 0.8 * disagrees.sum():
         return False
-    if fit.explained_in(~disagrees) < LEAST_BESIDE and fit.grain_in(~disagrees) < GRAINY:
+    if fit.explained_in(~disagrees) < MIN_EXPLAINED_BESIDE and fit.grain_in(~disagrees) < MIN_GRAIN:
         return False
-    counted, square = fit.counted, np.ones((3, 3), np.uint8)
-    inner = cv2.erode(counted.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    inside, sharply = fit.over(disagrees), fit.differences(sharp=True) > DIFFERENT * fit.variance
-    at_rim = sharply[inside & counted & (inner == 0)]
-    if not at_rim.size or at_rim.mean() < AT_RIM:
+    judged, square = fit.judged, np.ones((3, 3), np.uint8)
+    inner = cv2.erode(judged.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    inside = fit.pixels_of(disagrees)
+    differ_sharply = fit.squared_differences(sharp=True) > MIN_BLOCK_DIFFERENCE * fit.variance
+    at_rim = differ_sharply[inside & judged & (inner == 0)]
+    if not at_rim.size or at_rim.mean() < MIN_NOISY_AT_RIM:
         return False
-    differ = fit.differences()[inside & counted] > 0.02 * fit.variance
-    return bool(differ.mean() >= FILLED_NOISY) and not _is_in_another_state(fit, disagrees, inside & sharply)
+    differ = fit.squared_differences()[inside & judged] > 0.02 * fit.variance
+    is_filled = bool(differ.mean() >= MIN_NOISY_DIFFERING)
+    return is_filled and not _is_in_another_state(fit, disagrees, inside & differ_sharply)
 
 
 def _is_in_another_state(fit: Fit, disagrees: npt.NDArray[np.bool_], differ: Mask) -> bool:
-    """Return whether what differs is a part of the template in another state: nothing is in front of it.
+    """Return whether the differing pixels are a part of the template in another state, with nothing in front of it.
 
-    The template has its outline, or that of what differs most, as JPEG has haloes around it; or a plain thing of the
-    template is gone; or only the place of what the template has there is another, as of the mark of a choice; or
-    another mark is there in its ink.
+    So if the template has the outline of that part, or of its core, as JPEG adds haloes; if something plain in the
+    template is gone; if the values there are only in other places, as the mark of a choice is; or if another mark is
+    there in the same ink.
     """
     if not differ.any():
         return False
-    squares = fit.differences(sharp=True)
-    most = differ & (squares > MOSTLY * float(percentiles(squares[differ], CERTAIN)[0]))
-    if any(has_outline(fit.template, _thing(one)) for one in (differ, most)) or is_gone(*fit.sharp, differ):
+    squares = fit.squared_differences(sharp=True)
+    core = differ & (squares > 0.1 * float(percentiles(squares[differ], NOISE_PERCENTILE)[0]))
+    if any(has_outline(fit.template, _largest_hull(part)) for part in (differ, core)) or is_gone(*fit.sharp, differ):
         return True
-    given, seen = (plane[differ] for plane in fit.sharp)
-    in_order = np.abs(np.sort(given, axis=0) - np.sort(seen, axis=0)).mean()
-    if in_order <= EXCHANGED * np.abs(given - seen).mean():
+    predicted, observed = (plane[differ] for plane in fit.sharp)
+    sorted_difference = np.abs(np.sort(predicted, axis=0) - np.sort(observed, axis=0)).mean()
+    if sorted_difference <= MAX_SORTED_DIFFERENCE * np.abs(predicted - observed).mean():
         return True
-    where = fit.over(disagrees) & fit.counted
-    return _is_in_its_ink(*(plane[where] for plane in fit.sharp))
+    where = fit.pixels_of(disagrees) & fit.judged
+    return _has_same_ink(*(plane[where] for plane in fit.sharp))
 
 
-def _is_in_its_ink(given: Plane, seen: Plane) -> bool:
-    """Return whether the pixels of a part of the template, and those seen there, are of one ground and one ink."""
-    ground = np.array([median(channel) for channel in given.T])
-    away = np.linalg.norm(given - ground, axis=1)
-    ink = given[away >= percentiles(away, INK)[0]].mean(axis=0)
+def _has_same_ink(predicted: Plane, observed: Plane) -> bool:
+    """Return whether predicted and observed pixels are of one ground and one ink, the same in both."""
+    ground = np.array([median(channel) for channel in predicted.T])
+    distance = np.linalg.norm(predicted - ground, axis=1)
+    ink = predicted[distance >= percentiles(distance, 97)[0]].mean(axis=0)
     step = float(np.linalg.norm(ink - ground))
     colours = []
-    for one in (given, seen):
-        at_ground, at_ink = (np.linalg.norm(one - colour, axis=1) <= NEAR_IT * step for colour in (ground, ink))
-        if (at_ground | at_ink).mean() < DRAWN or not (at_ground.any() and at_ink.any()):
+    for pixels in (predicted, observed):
+        at_ground, at_ink = (np.linalg.norm(pixels - colour, axis=1) <= step / 4 for colour in (ground, ink))
+        if (at_ground | at_ink).mean() < 0.8 or not (at_ground.any() and at_ink.any()):
             return False
-        colours.append([np.median(one[some], axis=0) for some in (at_ground, at_ink)])
-    return bool(np.linalg.norm(np.diff(colours, axis=0), axis=2).max() <= SAME_INK * step)
+        colours.append([np.median(pixels[where], axis=0) for where in (at_ground, at_ink)])
+    return bool(np.linalg.norm(np.diff(colours, axis=0), axis=2).max() <= MAX_INK_CHANGE * step)
 
 
-def _thing(differ: Mask) -> Mask:
-    """Return the convex hull of the largest thing that differs, without what is thinner than 3 px."""
+def _largest_hull(differ: Mask) -> Mask:
+    """Return the convex hull of the largest differing region, without parts thinner than 3 px."""
     found, _ = cv2.findContours(without_gaps(differ), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    thing = np.zeros(differ.shape, np.uint8)
+    hull = np.zeros(differ.shape, np.uint8)
     if found:
-        cv2.fillConvexPoly(thing, cv2.convexHull(max(found, key=cv2.contourArea)), 1)
-    return thing > 0
+        cv2.fillConvexPoly(hull, cv2.convexHull(max(found, key=cv2.contourArea)), 1)
+    return hull > 0

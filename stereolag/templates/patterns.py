@@ -1,4 +1,4 @@
-"""A template prepared for the search: weights and deviations of its pixels, resized and rotated where asked."""
+"""A template prepared for the search: weights and deviations of its pixels, resized and rotated if asked for."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from stereolag.core.inputs import Image, as_grey, grey_level
 
 Weights = npt.NDArray[np.float64]
 
-LEAST_WEIGHT = 0.01
-"""Smaller weights are 0: most pixels of a box around a soft shape then cost nothing."""
+MIN_WEIGHT = 0.01
+"""Smaller weights are set to 0: most pixels of a box around a soft shape then cost nothing."""
 
 FULL_WEIGHT = 0.95
 """Least weight of a pixel through which no background shows: alpha 251 of 255."""
@@ -30,16 +30,16 @@ class Pattern:
     Parameters
     ----------
     colours
-        (height, width, channels), the template's own pixels and dtype, without alpha; of a silhouette its alpha.
+        (height, width, channels), the template's own pixels and dtype, without alpha; for a silhouette, its alpha.
     weights
-        (height, width), 0..1, how much a pixel counts in the comparison.
+        (height, width), 0..1, the weight of each pixel in the comparison.
     deviations
         (channels, height, width) float64: each channel minus its weighted mean, 0 where the weight is 0.
     silhouette
-        Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`. The image has
-        as further channels how far it is from the silhouette's colour, grey levels of 255.
+        Whether the edges of `colours` are compared, as (horizontal, vertical) channels of `deviations`. The further
+        channels of the image are then its difference from the silhouette's colour, grey levels of 255.
     most_opaque
-        Largest alpha, 0..1, with which `colours` lie over whatever is behind; 0 if they have none that is known.
+        Largest alpha, 0..1, with which `colours` lie over a background; 0 if no alpha is known.
     """
 
     colours: Image
@@ -59,7 +59,7 @@ class Pattern:
         return np.asarray(self.weights >= FULL_WEIGHT)
 
     @cached_property
-    def whole(self) -> bool:
+    def has_binary_weights(self) -> bool:
         """Whether every weight is 0 or 1, so that weighted sums of integers are integers."""
         return bool(((self.weights == 0) | (self.weights == 1)).all())
 
@@ -112,7 +112,7 @@ def pattern_of(
 
 
 def opacity(template: Image, mask: Image | None) -> Weights:
-    """Return mask or else alpha of each pixel of a checked template over its largest value, 0..1; 1 without either.
+    """Return the mask, or else the alpha, of a checked template over its largest value, 0..1; 1 without either.
 
     Raises
     ------
@@ -132,46 +132,51 @@ def opacity(template: Image, mask: Image | None) -> Weights:
 
 
 def weights_of(shares: Weights) -> Weights:
-    """Return the weight of pixels of that opacity: its cube.
+    """Return the weights of pixels of that opacity: its cube.
 
     The less opaque a pixel, the more of an unknown background shows through it. Of random glows on photographs, 55 %
-    had their best score at their place with a weight of 1 wherever alpha is not 0, 75 % with alpha itself as the
-    weight, 93 % with its cube.
+    scored best at their true place with a weight of 1 wherever alpha is not 0, 75 % with alpha itself as the weight,
+    93 % with its cube.
     """
     weights = np.power(shares, 3)
-    return np.where(weights < LEAST_WEIGHT, 0.0, weights)
+    return np.where(weights < MIN_WEIGHT, 0.0, weights)
 
 
 def opaque_pixels(template: Image, mask: Image | None) -> Mask:
-    """Return the pixels of a checked template that count at least half as much as those that count most."""
+    """Return the mask of the pixels of a checked template with at least half of the largest weight."""
     return np.asarray(weights_of(opacity(template, mask)) >= 0.5)
 
 
 def same_channels(image: Image, template: Image) -> tuple[Image, Image]:
-    """Return both as (rows, cols, channels) without alpha; if one of them is grey, the luminance of the other."""
+    """Return both as (rows, cols, channels) without alpha; if one of them is grey, the other as its luminance."""
     if image.ndim == 2 or template.ndim == 2:
         return as_grey(image)[:, :, np.newaxis], as_grey(template)[:, :, np.newaxis]
     return image[:, :, :3], template[:, :, :3]
 
 
-ONE_COLOUR, RINGING = 2.0, 12.0
-"""Largest standard deviation, grey levels of 255, of the colours of a silhouette, but for a pixel at the rim of its
-opaque part and two beside that or the outside; and of its opaque part.
+MAX_COLOUR_DEVIATION = 2.0
+"""Largest standard deviation of the colours of a silhouette, grey levels of 255.
 
-A filter that resamples it rings there, or mixes in the colour of transparent pixels. Measured: up to 11 where Lanczos's
-filter rings in icons of 22 to 46 px; from 27 in soft shapes of several colours.
+Without the rim, one pixel inside its opaque part and two outside: a filter that resamples it rings there, or mixes in
+the colour of transparent pixels.
 """
 
-CLOSE = 8.0
-"""Distance of colours, grey levels of 255, from which on only their ratio counts."""
+MAX_RINGING = 12.0
+"""Largest standard deviation of the colours of its opaque part with the rim, grey levels of 255.
+
+Measured: up to 11 where Lanczos's filter rings in icons of 22 to 46 px; from 27 in soft shapes of several colours.
+"""
+
+NEARNESS_OFFSET = 8.0
+"""Distance of colours, grey levels of 255, far above which only the ratio of two distances matters."""
 
 
-def compared(image: Image, template: Image, mask: Image | None, *, exact: bool = False) -> tuple[Image, Pattern]:
-    """Return the image (rows, cols, channels) and the pattern that are compared.
+def prepared(image: Image, template: Image, mask: Image | None, *, exact: bool = False) -> tuple[Image, Pattern]:
+    """Return the image (rows, cols, channels) and the pattern to compare with it.
 
-    A template of one colour has a shape alone. It is compared by the edges of its alpha with those of a map of the
-    image that is highest where the image has that colour; how far it is from that are further channels. If `exact`, it
-    is compared by nothing but its pixels. Under a mask of its own, the one colour is exactly one.
+    A template of one colour has only a shape. The edges of its alpha are compared with those of a map of the image that
+    is highest where the image has that colour; the differences from that colour are further channels. If `exact`, only
+    its pixels are compared. With a separate mask, the one colour must be exactly one.
 
     Raises
     ------
@@ -188,35 +193,44 @@ def compared(image: Image, template: Image, mask: Image | None, *, exact: bool =
         level = grey_level(colours, colours)
         colour = _one_colour(colours, weights, level if mask is None else 0.0)
         if colour is not None:
-            away = np.asarray((large - np.asarray(colour, np.float32)) / np.float32(level), np.float32)
+            difference = np.asarray((large - np.asarray(colour, np.float32)) / np.float32(level), np.float32)
             shape = shares.astype(np.float32)[:, :, np.newaxis]
-            return np.dstack([edges(nearness(away)), away]), pattern_of(shape, np.ones(shares.shape), silhouette=True)
+            return np.dstack([edges(nearness(difference)), difference]), pattern_of(
+                shape, np.ones(shares.shape), silhouette=True
+            )
     has_alpha = mask is None and template.ndim == 3 and template.shape[2] == 4 and template.dtype.kind == "u"
     most = float(template[:, :, 3].max()) / np.iinfo(template.dtype).max if has_alpha else 0.0
     return large, pattern_of(colours, weights, most_opaque=most)
 
 
 def _one_colour(colours: Image, weights: Weights, level: float) -> Weights | None:
-    """Return the one colour of a template with alpha, None if it has more; `level`: a grey level, 0 for exactly one."""
-    opaque, on = weights >= FULL_WEIGHT * weights.max(), weights > 0
+    """Return the colour of a template of one colour, else None.
+
+    `level` is one grey level of 255 in the template's units; at 0 the colour must be exactly one.
+    """
+    opaque, visible = weights >= FULL_WEIGHT * weights.max(), weights > 0
     first = colours[opaque][0].astype(np.float64)
     relative = colours - first  # exactly 0 if all are one
     mean = np.average(relative[opaque], axis=0, weights=weights[opaque])
     away = np.square(relative - mean).mean(axis=2) * weights
-    by_soft, by_others = (
-        cv2.dilate(one.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-        for one, side in ((~opaque, 3), (opaque | ~on, 5))
+    near_soft, near_opaque_or_hidden = (
+        cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+        for mask, side in ((~opaque, 3), (opaque | ~visible, 5))
     )
-    at_rim = np.where(opaque, by_soft, by_others)
-    least = weights.sum() * level**2
-    if away[on & ~at_rim].sum() > ONE_COLOUR**2 * least or away[opaque].sum() > RINGING**2 * least:
+    at_rim = np.where(opaque, near_soft, near_opaque_or_hidden)
+    unit = weights.sum() * level**2
+    inner = away[visible & ~at_rim].sum()
+    if inner > MAX_COLOUR_DEVIATION**2 * unit or away[opaque].sum() > MAX_RINGING**2 * unit:
         return None
     return first + mean if level or not away.any() else None
 
 
-def nearness(away: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return (rows, cols) what is the higher, the less (rows, cols, channels) colours are away, grey levels of 255."""
-    return np.asarray(-np.log(np.linalg.norm(away, axis=2) + CLOSE))
+def nearness(difference: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Return the negative logarithm of the distance to a colour, (rows, cols), from (rows, cols, channels) differences.
+
+    Differences are in grey levels of 255.
+    """
+    return np.asarray(-np.log(np.linalg.norm(difference, axis=2) + NEARNESS_OFFSET))
 
 
 def edges(plane: Image) -> npt.NDArray[np.float32]:
@@ -225,14 +239,14 @@ def edges(plane: Image) -> npt.NDArray[np.float32]:
     return np.dstack([cv2.Sobel(smooth, -1, *axis, borderType=cv2.BORDER_REPLICATE) for axis in ((1, 0), (0, 1))])
 
 
-LEAST_WARPED = 0.75
-"""A pixel of a warped template counts if it is interpolated from pixels whose weights are not 0 by this share."""
+MIN_VALID_SHARE = 0.75
+"""Least share of a warped template's pixel that is interpolated from pixels with a weight, for it to have one."""
 
 
 def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     """Return a template resized and rotated about its centre, in the upright box that then contains it.
 
-    Pixels bleed into others no more than they count: colours are multiplied by their weights, which are warped too.
+    Colours are multiplied by their weights, which are warped as well, so that pixels bleed into others by their weight.
 
     Parameters
     ----------
@@ -246,7 +260,7 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     Returns
     -------
     Pattern or None
-        With float32 colours; None if fewer than two pixels of different value are left.
+        With float32 colours; None if fewer than two pixels of different value remain.
     """
     (height, width), (rows, cols) = pattern.shape, warped_shape(pattern.shape, scale, rotation)
     matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), rotation, scale)
@@ -254,17 +268,17 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     weight = pattern.weights.astype(np.float32)
     layers = np.dstack([pattern.colours.astype(np.float32) * weight[:, :, np.newaxis], weight, weight > 0])
     if scale < 1:
-        # As wide as the area of the source that one pixel then covers.
+        # As wide as the area of the source that one pixel covers afterwards.
         layers = blurred(layers, math.sqrt((1 / scale**2 - 1) / 12), cv2.BORDER_CONSTANT)
     layers = cv2.warpAffine(layers, matrix, (cols, rows), flags=cv2.INTER_LINEAR)
-    if pattern.silhouette:  # beyond its box it is as transparent as in its corners
+    if pattern.silhouette:  # outside its box it is as transparent as in its corners
         colours, weights = layers[:, :, :-2], np.ones((rows, cols))
     else:
         weights = layers[:, :, -2].astype(np.float64)
-        # Not to a size of float32 steps: weighted sums of integers stay integers.
+        # Rounded up to 1, so that weighted sums of integers stay integers.
         weights = np.where(weights > 1 - 1e-3, 1.0, weights)
-        weights[(layers[:, :, -1] < LEAST_WARPED) | (weights < LEAST_WEIGHT)] = 0
-        colours = layers[:, :, :-2] / np.maximum(layers[:, :, -2:-1], LEAST_WEIGHT)
+        weights[(layers[:, :, -1] < MIN_VALID_SHARE) | (weights < MIN_WEIGHT)] = 0
+        colours = layers[:, :, :-2] / np.maximum(layers[:, :, -2:-1], MIN_WEIGHT)
     try:
         return pattern_of(colours, weights, silhouette=pattern.silhouette, most_opaque=pattern.most_opaque)
     except ValueError:
@@ -280,7 +294,7 @@ def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple
 
 
 def in_grey(image: Image, pattern: Pattern) -> tuple[Image, Pattern]:
-    """Return the luminance of an image and a template, both as they are if that of the template is uniform."""
+    """Return the luminance of an image and a template, or both unchanged if that of the template is constant."""
     colours = pattern.colours
     if colours.shape[2] == 1 or not np.ptp(as_grey(colours)[pattern.weights > 0]):
         return image, pattern
@@ -288,14 +302,14 @@ def in_grey(image: Image, pattern: Pattern) -> tuple[Image, Pattern]:
 
 
 def blurred(
-    plane: npt.NDArray[np.floating[Any]], spread: float, border: int, size: tuple[int, int] = (0, 0)
+    plane: npt.NDArray[np.floating[Any]], sigma: float, border: int, size: tuple[int, int] = (0, 0)
 ) -> npt.NDArray[np.float32]:
-    """Return a plane or an image blurred by a Gaussian of that spread, px; `size`: of its filter, by default enough."""
-    soft = cv2.GaussianBlur(plane, size, spread, borderType=border)
+    """Return a plane or an image blurred by a Gaussian; `size`: of its kernel, by default from sigma."""
+    soft = cv2.GaussianBlur(plane, size, sigma, borderType=border)
     return np.asarray(soft, dtype=np.float32).reshape(plane.shape)
 
 
 def reduced(image: Image, factor: float) -> Image:
-    """Return an image (rows, cols, channels) of its dtype, reduced by `factor`, 1 or more, by averaging areas."""
+    """Return an image (rows, cols, channels), reduced by `factor`, 1 or more, by averaging areas; of the same dtype."""
     rows, cols = (max(1, round(side / factor)) for side in image.shape[:2])
     return np.asarray(cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)).reshape(rows, cols, -1)

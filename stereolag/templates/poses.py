@@ -1,7 +1,7 @@
 """Search for a template that may be resized and rotated in the image, from coarse to fine.
 
 Every size and angle of a grid is searched at every place of a reduced grey image; the best places are then refined in
-colour, in ever smaller steps of size and angle, on ever larger images.
+colour, in smaller and smaller steps of size and angle, on larger and larger images.
 """
 
 from __future__ import annotations
@@ -18,21 +18,23 @@ from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import in_threads
 from stereolag.templates.patterns import Pattern, in_grey, reduced, warped, warped_shape
 from stereolag.templates.places import Places, peaks, positions_near
-from stereolag.templates.redrawn import stretched_like
+from stereolag.templates.redrawn import redrawn_place
 from stereolag.templates.score_maps import best_position, fft_score_map
 
 Range = tuple[float, float]
 
 SCALE_STEP = 1.15
+"""Ratio of neighbouring sizes of the coarse grid: half a step moves the rim of a square reduced template by up to
+1.3 px, as does half a :data:`ROTATION_STEP`."""
+
 ROTATION_STEP = 15.0
-"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of a square reduced template by up to
-1.3 px."""
+"""Step of the coarse grid for a square template, degrees."""
 
-COARSE_SIDE = 14
-"""Side of the smallest template in the reduced image, the root of its area, px."""
+COARSE_SIDE_PX = 14
+"""Side of the smallest template, the root of its area, in the reduced image."""
 
-SCALES_ALLOWED = 0.1, 10.0
-ROTATIONS_ALLOWED = -180.0, 180.0
+SCALE_LIMITS = 0.1, 10.0
+ROTATION_LIMITS = -180.0, 180.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class PoseRange:
     def grid(self, shape: tuple[int, ...]) -> list[tuple[float, float]]:
         """Return the scales and rotations of the coarse search for a template of that shape, both ends included.
 
-        Of a full circle one end, as both are the same angle.
+        A full circle has only one end, as both are the same angle.
         """
         sizes = math.ceil(math.log(self.scales[1] / self.scales[0]) / math.log(SCALE_STEP) - 1e-9) + 1
         angles = math.ceil((self.rotations[1] - self.rotations[0]) / rotation_step(shape) - 1e-9) + 1
@@ -62,10 +64,10 @@ class PoseRange:
         ]
 
     def within(self, scale: float, rotation: float) -> tuple[float, float]:
-        """Return the nearest scale and rotation within the ranges; around a full circle the rotation goes on."""
-        (least, most), (first, last) = self.scales, self.rotations
+        """Return the nearest scale and rotation within the ranges; in a full circle the rotation wraps around."""
+        (smallest, largest), (first, last) = self.scales, self.rotations
         turned = (rotation - first) % 360 + first if self._is_circle else min(max(rotation, first), last)
-        return min(max(scale, least), most), turned
+        return min(max(scale, smallest), largest), turned
 
     @property
     def _is_circle(self) -> bool:
@@ -74,16 +76,16 @@ class PoseRange:
     def coarse_factor(self, shape: tuple[int, ...]) -> float:
         """Return the factor by which the image is reduced in the coarse search for a template of that shape."""
         sides = shape[:2]
-        return max(1.0, self.scales[0] * min(math.sqrt(sides[0] * sides[1]) / COARSE_SIDE, min(sides) / 5))
+        return max(1.0, self.scales[0] * min(math.sqrt(sides[0] * sides[1]) / COARSE_SIDE_PX, min(sides) / 5))
 
 
 def rotation_step(shape: tuple[int, ...]) -> float:
-    """Return the step of the coarse search, degrees: of a longer template an angle moves the ends more."""
+    """Return the step of the coarse search, degrees: a rotation moves the ends of a longer template further."""
     return ROTATION_STEP * math.sqrt(shape[0] * shape[1]) / max(shape[:2])
 
 
 def checked_poses(method: str, scales: Range | None, rotations: Range | None) -> PoseRange | None:
-    """Return the sizes and angles to search, None if only the template's own are.
+    """Return the sizes and angles to search; None for the template's own alone.
 
     Raises
     ------
@@ -95,14 +97,14 @@ def checked_poses(method: str, scales: Range | None, rotations: Range | None) ->
     if method != "fft":
         raise ValueError(f"method is {method!r}; sizes and angles are searched by 'fft' alone.")
     return PoseRange(
-        _checked_range(scales, "scales", SCALES_ALLOWED, 1.0),
-        _checked_range(rotations, "rotations", ROTATIONS_ALLOWED, 0.0),
+        _checked_range(scales, "scales", SCALE_LIMITS, 1.0),
+        _checked_range(rotations, "rotations", ROTATION_LIMITS, 0.0),
     )
 
 
-def _checked_range(given: Range | None, name: str, allowed: Range, alone: float) -> Range:
+def _checked_range(given: Range | None, name: str, allowed: Range, default: float) -> Range:
     if given is None:
-        return alone, alone
+        return default, default
     if np.shape(given) != (2,):
         raise ValueError(f"{name} is {given!r}; allowed are a smallest and a largest number.")
     low, high = (float(end) for end in given)
@@ -114,29 +116,40 @@ def _checked_range(given: Range | None, name: str, allowed: Range, alone: float)
     return low, high
 
 
-FINE_SIDE = 160
-"""Template side above which refinement is on a reduced image too, px."""
+FINE_SIDE_PX = 160
+"""Side above which a template is refined in a reduced image as well."""
 
-PER_POSE, REFINED, FINAL = 30, 40, 10
-"""Places kept per size and angle, refined at a time, and refined to the end whatever they score."""
+PLACES_PER_POSE = 30
+"""Largest number of places kept per size and angle."""
 
-COPY, BELOW = 0.7, 0.25
-"""Least score of a copy once refined, and how far below the best; while there are such, more places are refined."""
+REFINED_AT_ONCE = 40
+"""Number of places refined at a time; more follow while copies are among them."""
 
-SAME, COARSELY_SAME = 0.5, 0.7
-"""Share of the smaller of two boxes above which they are one place: once refined, and before, when one whose angle is
-wrong can lie across two others."""
+MIN_FINISHED = 10
+"""Number of places refined to the end whatever their scores; copies follow."""
 
-FINER = 4
-"""Times that the steps are halved to refine a place to the end."""
+MIN_COPY_SCORE = 0.7
+"""Least score of a copy once refined."""
 
-SCORED_AROUND = 9 * 25
-"""About the number of positions scored to refine a pose once."""
+MAX_BELOW_BEST = 0.25
+"""Largest difference of a copy's score from the best."""
 
-VALUES_KEPT = 500_000
+MAX_OVERLAP = 0.5
+"""Largest overlap of two places once refined, as a share of the smaller box."""
+
+MAX_COARSE_OVERLAP = 0.7
+"""The same before: a place at a wrong angle can lie across two others."""
+
+HALVINGS = 4
+"""Number of times that the steps are halved to refine a place to the end."""
+
+POSITIONS_PER_REFINEMENT = 9 * 25
+"""Approximate number of positions scored to refine a pose once."""
+
+MAX_CACHED_VALUES = 500_000
 """Pixel values of warped templates kept: many places are refined at the same size and angle."""
 
-COARSE_SHARE = 0.6
+COARSE_TIME_SHARE = 0.6
 """Rough share of the time that the coarse search takes."""
 
 
@@ -177,39 +190,41 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     """
     image = np.ascontiguousarray(image[:, :, : len(pattern.deviations)])
     factor = poses.coarse_factor(pattern.shape)
-    coarse, candidates = _coarse(image, pattern, factor, poses, progress)
-    finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE)
+    coarse, candidates = _coarse_search(image, pattern, factor, poses, progress)
+    finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE_PX)
     between = max(finest, factor / 2)
     steps = 0.5 * math.log(SCALE_STEP), 0.5 * rotation_step(pattern.shape)
     level = _Level(reduced(image, between), image.shape, pattern, poses) if between > 1 else None
     fine = _Level(reduced(image, finest) if finest > 1 else image, image.shape, pattern, poses)
     first = level or fine
-    share = (1 - COARSE_SHARE) / 2
+    share = (1 - COARSE_TIME_SHARE) / 2
     refined: list[Pose] = []
-    for start in range(0, len(coarse), REFINED):
-        jobs = [partial(first.refined, pose, *steps, 2) for pose in coarse[start : start + REFINED]]
-        span = COARSE_SHARE + share * start / len(coarse), share * len(jobs) / len(coarse)
+    for start in range(0, len(coarse), REFINED_AT_ONCE):
+        jobs = [partial(first.refined, pose, *steps, 2) for pose in coarse[start : start + REFINED_AT_ONCE]]
+        span = COARSE_TIME_SHARE + share * start / len(coarse), share * len(jobs) / len(coarse)
         batch = in_threads(jobs, lambda done, span=span: progress(span[0] + span[1] * done))  # type: ignore[misc]
         refined += batch
-        if max(pose.score for pose in batch) < max(COPY, max(pose.score for pose in refined) - BELOW):
+        least = max(MIN_COPY_SCORE, max(pose.score for pose in refined) - MAX_BELOW_BEST)
+        if max(pose.score for pose in batch) < least:
             break
-    best = _apart(refined, image.shape, pattern)
-    least = max(COPY, max((pose.score for pose in best), default=0.0) - BELOW)
-    kept = [pose for number, pose in enumerate(best) if number < FINAL or pose.score >= least]
+    best = _apart(refined, image.shape, pattern, MAX_OVERLAP)
+    least = max(MIN_COPY_SCORE, max((pose.score for pose in best), default=0.0) - MAX_BELOW_BEST)
+    kept = [pose for number, pose in enumerate(best) if number < MIN_FINISHED or pose.score >= least]
     places = in_threads(
         [partial(fine.finished, pose, *steps) for pose in kept], lambda done: progress(1 - share * (1 - done))
     )
     if poses.rotations == (0.0, 0.0) and not pattern.silhouette and (pattern.weights == 1).all():
-        places += _drawn_anew([pose for pose in best if pose.score < COPY], image, pattern, poses)
-    scored = (len(refined) + FINER * len(kept)) * SCORED_AROUND
-    return _as_places(_apart(places, image.shape, pattern), image.shape, pattern), candidates + scored
+        places += _redrawn([pose for pose in best if pose.score < MIN_COPY_SCORE], image, pattern, poses)
+    scored = (len(refined) + HALVINGS * len(kept)) * POSITIONS_PER_REFINEMENT
+    apart = _apart(places, image.shape, pattern, MAX_OVERLAP)
+    return _as_places(apart, image.shape, pattern), candidates + scored
 
 
-def _drawn_anew(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRange) -> list[Pose]:
-    """Return those of the poses, too poor for a copy, where the template may be drawn anew, with its size there."""
+def _redrawn(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRange) -> list[Pose]:
+    """Return the given poses where the template may be drawn anew, with its size there."""
     corners = _as_places(given, image.shape, pattern)
     jobs = [
-        partial(stretched_like, image, pattern, int(corners.rows[number]), int(corners.cols[number]), pose.scale)
+        partial(redrawn_place, image, pattern, int(corners.rows[number]), int(corners.cols[number]), pose.scale)
         for number, pose in enumerate(given)
     ]
     return [
@@ -218,37 +233,37 @@ def _drawn_anew(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRa
     ]
 
 
-def _coarse(
+def _coarse_search(
     image: Image, pattern: Pattern, factor: float, poses: PoseRange, progress: Progress
 ) -> tuple[list[Pose], int]:
     """Return the best places over all sizes and angles, best first, and the number of positions scored."""
-    flat, grey = in_grey(image, pattern)
-    little = reduced(flat, factor)
-    scaled = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
+    grey_image, grey = in_grey(image, pattern)
+    coarse = reduced(grey_image, factor)
+    down, across = image.shape[0] / coarse.shape[0], image.shape[1] / coarse.shape[1]
 
     def search(scale: float, rotation: float) -> tuple[list[Pose], int]:
         small = warped(grey, scale / factor, rotation)
-        if small is None or small.shape[0] > little.shape[0] or small.shape[1] > little.shape[1]:
+        if small is None or small.shape[0] > coarse.shape[0] or small.shape[1] > coarse.shape[1]:
             return [], 0
-        score_map = fft_score_map(little, small, silent)
+        score_map = fft_score_map(coarse, small, silent)
         found = peaks(score_map, small.shape)
         places = [
             Pose(
-                (found.rows[one] + small.shape[0] / 2) * scaled[0],
-                (found.cols[one] + small.shape[1] / 2) * scaled[1],
+                (found.rows[index] + small.shape[0] / 2) * down,
+                (found.cols[index] + small.shape[1] / 2) * across,
                 scale,
                 rotation,
-                float(found.scores[one]),
+                float(found.scores[index]),
             )
-            for one in found.best(PER_POSE, share=COARSELY_SAME)
+            for index in found.best(PLACES_PER_POSE, share=MAX_COARSE_OVERLAP)
         ]
         return places, score_map.size
 
     found = in_threads(
-        [partial(search, *pose) for pose in poses.grid(pattern.shape)], lambda done: progress(COARSE_SHARE * done)
+        [partial(search, *pose) for pose in poses.grid(pattern.shape)], lambda done: progress(COARSE_TIME_SHARE * done)
     )
-    every = [pose for poses, _ in found for pose in poses]
-    return _apart(every, image.shape, pattern, COARSELY_SAME), sum(size for _, size in found)
+    candidates = [pose for poses, _ in found for pose in poses]
+    return _apart(candidates, image.shape, pattern, MAX_COARSE_OVERLAP), sum(size for _, size in found)
 
 
 class _Level:
@@ -256,9 +271,9 @@ class _Level:
 
     def __init__(self, image: Image, full: tuple[int, ...], pattern: Pattern, poses: PoseRange) -> None:
         self._image = image
-        self._warped = lru_cache(max(1, VALUES_KEPT // pattern.colours.size))(partial(warped, pattern))
+        self._warped = lru_cache(max(1, MAX_CACHED_VALUES // pattern.colours.size))(partial(warped, pattern))
         self._poses = poses
-        self._scaled = full[0] / image.shape[0], full[1] / image.shape[1]
+        self._down, self._across = full[0] / image.shape[0], full[1] / image.shape[1]
 
     def refined(self, pose: Pose, log_scale: float, rotation: float, reach: int) -> Pose:
         """Return the best of the poses at most one step of size and angle away, within `reach` px."""
@@ -266,40 +281,40 @@ class _Level:
             self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
             for down, across in product((-1, 0, 1), repeat=2)
         )
-        # Beyond the ends of a range they are the same.
-        return max((self._near(pose, *around, reach) for around in dict.fromkeys(poses)), key=lambda one: one.score)
+        # Beyond the ends of a range, several are the same.
+        refined = (self._best_near(pose, *neighbour, reach) for neighbour in dict.fromkeys(poses))
+        return max(refined, key=lambda neighbour: neighbour.score)
 
     def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
-        """Return a pose refined in ever smaller steps."""
-        for halved in range(1, FINER + 1):
+        """Return a pose refined in smaller and smaller steps."""
+        for halved in range(1, HALVINGS + 1):
             pose = self.refined(pose, log_scale / 2**halved, rotation / 2**halved, 2 if halved == 1 else 1)
         # The steps of the grid would never hit the template's own size and angle, the likeliest of all.
-        upright = self._near(pose, *self._poses.within(1.0, 0.0), 1)
-        return max(pose, upright, key=lambda one: one.score)
+        upright = self._best_near(pose, *self._poses.within(1.0, 0.0), 1)
+        return max(pose, upright, key=lambda candidate: candidate.score)
 
-    def _near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
-        """Return the best place of a size and angle around a pose; its score is -1 where the template does not fit."""
-        tall, wide = self._scaled
-        pattern = self._warped(scale / math.sqrt(tall * wide), rotation)
+    def _best_near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
+        """Return the best place near a pose for a size and angle; its score is -1 where the template does not fit."""
+        pattern = self._warped(scale / math.sqrt(self._down * self._across), rotation)
         best = None
         if pattern is not None:
             height, width = pattern.shape
-            top, left = round(pose.row / tall - height / 2), round(pose.col / wide - width / 2)
+            top, left = round(pose.row / self._down - height / 2), round(pose.col / self._across - width / 2)
             best = best_position(self._image, pattern, *positions_near(self._image, pattern, top, left, reach))
         if pattern is None or best is None:
             return replace(pose, scale=scale, rotation=rotation, score=-1.0)
         row, col, score = best
-        return Pose((row + height / 2) * tall, (col + width / 2) * wide, scale, rotation, score)
+        return Pose((row + height / 2) * self._down, (col + width / 2) * self._across, scale, rotation, score)
 
 
-def _apart(poses: list[Pose], full: tuple[int, ...], pattern: Pattern, share: float = SAME) -> list[Pose]:
-    """Return the poses whose box lies in the image, best first, without those that share too much of a better one's."""
+def _apart(poses: list[Pose], full: tuple[int, ...], pattern: Pattern, share: float) -> list[Pose]:
+    """Return the poses whose boxes lie in the image, best first, without those that overlap a better one by more."""
     places = _as_places(poses, full, pattern)
-    return [poses[one] for one in places.best(len(poses), share=share, left=np.flatnonzero(places.scores > -1))]
+    return [poses[index] for index in places.best(len(poses), share=share, among=np.flatnonzero(places.scores > -1))]
 
 
 def _as_places(poses: list[Pose], full: tuple[int, ...], pattern: Pattern) -> Places:
-    """Return poses as positions of the upright boxes around them; the score is -1 where that is not in the image."""
+    """Return poses as positions of the upright boxes around them; the score is -1 if a box does not fit the image."""
     boxes = np.array([warped_shape(pattern.shape, pose.scale, pose.rotation) for pose in poses]).reshape(-1, 2)
     centres = np.array([(pose.row, pose.col) for pose in poses]).reshape(-1, 2)
     room = np.array(full[:2]) - boxes

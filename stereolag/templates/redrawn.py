@@ -1,7 +1,7 @@
-"""A template drawn anew at another size: letters begin on whole pixels there, and are as wide and high as fits them.
+"""A template drawn anew at another size, as screens draw text: each letter is fitted to whole pixels.
 
-Its width and height are then other multiples of the template's, and its columns and rows shifted by a pixel or two,
-letter by letter, or the text of a button against its border. A sibling has a stroke more, or one less, which no such
+Its width and height are then different multiples of the template's, and its columns and rows are shifted by a pixel or
+two, letter by letter, or the text of a button against its border. A sibling has one stroke more or less, which no such
 shift explains.
 """
 
@@ -11,77 +11,70 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import cv2
 import numpy as np
 
 from stereolag.core.arrays import median
 from stereolag.core.inputs import Image
-from stereolag.templates.aligning import Plane
-from stereolag.templates.differences import Windows, explained
+from stereolag.templates.aligning import Matrix, Plane
+from stereolag.templates.differences import Windows, explained_variance
 from stereolag.templates.patterns import Pattern, blurred
 
-SOFT = 0.55
-"""Spread of the blur, px of the template, after which two drawings are compared: 0.4 and 0.8 tell siblings less."""
+COMPARED_SIGMA_PX = 0.55
+"""Sigma of the blur, px of the template, under which two drawings are compared: 0.4 and 0.8 separate siblings less."""
 
-ROOM, LEAST_ROOM = 0.12, 4
-"""What is looked at beyond a place, as a share of its side, and at least, px."""
+MARGIN_SHARE = 0.12
+"""Margin around a place that is searched, as a share of its side; at least 4 px."""
 
-COARSELY = [
-    (down, across) for down in (-0.11, -0.055, 0.0, 0.055, 0.11) for across in (-0.11, -0.055, 0.0, 0.055, 0.11)
-]
-FINELY = [(down, across) for down in (-0.0275, 0.0, 0.0275) for across in (-0.0275, 0.0, 0.0275)]
-SIZES = [(step, step) for step in (-0.22, -0.165, -0.11, -0.055, 0.0, 0.055, 0.11, 0.165, 0.22)]
-"""Steps of the logarithms of height and width, and of both alike where even the size is not known."""
+COARSE_STEPS = np.array(list(product((-0.11, -0.055, 0.0, 0.055, 0.11), repeat=2)))
+"""Steps of the logarithms of height and width."""
 
-LEAST_LIKE = 0.85
+FINE_STEPS = np.array(list(product((-0.0275, 0.0, 0.0275), repeat=2)))
+
+SIZE_STEPS = np.array([(step, step) for step in (-0.22, -0.165, -0.11, -0.055, 0.0, 0.055, 0.11, 0.165, 0.22)])
+"""Equal steps of both, where the size is uncertain."""
+
+MIN_CORRELATION = 0.85
 """Least correlation at the best height and width; where the template is, from 0.91."""
 
-BEYOND, SHOWN = 2, 0.1
-"""What counts of a template: so many px beyond the rows and columns with this share of the largest step of a value."""
+DRAWING_MARGIN_PX = 2
+"""Pixels around the drawing that are compared as well."""
 
-CUT_OFF = 0.5
-"""Rows at the rim with less than this share of the height of a line are of another line, which the rim cuts off."""
+SHIFT_PENALTY = 0.2
+"""Cost of a step of the shift from one row or column to the next, in mean squared differences of a line."""
 
-REACH, STEP = 3.0, 0.25
-"""Largest shift of a column or row and step of it, px."""
+LETTER_SIGMA_PX = 3.3
+"""Sigma of the window about a letter, px of the template."""
 
-STIFF, SMOOTH = 0.2, 1.0
-"""What a step of shift from one to the next must save, in mean squared differences of a line; and spread of the blur of
-the shifts, px."""
+MIN_LETTER_VARIANCE = 0.2
+"""Least variance of a letter, as a share of the largest."""
 
-LETTER, FAINTEST = 3.3, 0.2
-"""Spread of the blur over a letter, px of the template; least variance of a letter, as a share of the largest."""
-
-UNEXPLAINED = 0.27
-"""Least squared difference of a letter, as a share of its variance, of something else.
+MAX_LETTER_DIFFERENCE = 0.27
+"""Largest squared difference of a letter, as a share of its variance, from the same letter.
 
 Measured on screens drawn anew at 110 to 150 %: up to here at 228 of 235 words, numbers and buttons; from here on at 232
 of as many of which one letter is another.
 """
 
-LEAST_WIDE, LEAST_TALL = 1.8, 6
-"""Least width over height of what has letters, and least height of it, px. Icons are not rounded to pixels, and a mark
-in them is less than a letter."""
+MAX_TEXT_HEIGHT_PX = 48
+"""Largest height of text whose letters move so far that another place scores higher than its own."""
 
-TALLEST, LEAST_BRIGHT = 48, 0.1
-"""Greatest height of what has letters, px, that move so much that another place scores higher than theirs; and least
-share of the variance of a template that is of its brightness, if that is to tell it."""
+INK_EXPONENT = 0.62
+"""Exponent of the amount of ink in the size."""
 
-OF_HEIGHT = 0.5
-"""How much of the logarithm of the size the height tells, and the width the rest: both are rounded for each letter."""
-
-OF_INK, OF_SPREAD = 0.62, 0.3
-"""How much of the logarithm of the ink tells the size, and how much of that of its spread down is taken off: strokes
-are as wide as the size wants, but as long as whole pixels make them, and have more ink then.
+SPREAD_EXPONENT = 0.3
+"""Exponent of the ink's vertical spread, by which the size is divided: strokes are as wide as the size asks for, but as
+long as whole pixels make them, and then have more ink.
 
 Measured on 409 words drawn anew at 110 to 150 %: off by more than 5 % in 3; by height and width in 22 of the first 197.
 In screens reduced to 50 to 80 % and compressed: in 8 of 9, and by height and width in 3.
 """
 
-ON_GROUND, RULED = 0.05, 0.85
-"""Largest ink of the ground and of a gap in a line, as a share of the most; and least share of a row or column of a
-frame that has more. Frames are rounded less than letters, and tell the size."""
+MAX_INKED_SHARE = 0.85
+"""Largest share of a row or column of text that has ink. Frames have more; rounded less than letters, they give the
+size by themselves."""
 
 
 _blurred = partial(blurred, border=cv2.BORDER_REPLICATE)
@@ -89,20 +82,20 @@ _blurred = partial(blurred, border=cv2.BORDER_REPLICATE)
 
 @dataclass(frozen=True)
 class Redrawing:
-    """How a place is the template drawn anew.
+    """A template drawn anew at another size.
 
     Parameters
     ----------
     size
-        Size there over that of the template.
+        Size over that of the template.
     row, col
-        Middle, px from the top-left corner of the image.
+        Centre, px from the top-left corner of the image.
     gain
         For each channel the slope of its values against those of the template.
     contrast
         Standard deviation over that of the template.
     explained
-        Share of the variance of the place that is explained.
+        Share of the variance of the place that the template explains.
     """
 
     size: float
@@ -114,110 +107,113 @@ class Redrawing:
 
 
 def redrawing(image: Image, template: Pattern, row: int, col: int, scale: float) -> Redrawing | None:
-    """Return how a place is the template drawn anew at about this scale; None if it is something else.
+    """Return place and size of the template drawn anew at about this scale; None if the place is something else.
 
     Parameters
     ----------
     image
         (rows, cols, channels), as many channels as the template.
     template
-        As given, all of which counts.
+        As given, with equal weights.
     row, col
         Top-left pixel of the place.
     scale
-        Size there over that of the template, to a tenth.
+        Size over that of the template, to a tenth.
     """
-    shown = _shown(template)
-    around = _around(image, template, row, col, scale) if _has_letters(shown) else None
+    extent = _drawing_extent(template)
+    around = _surroundings(image, template, row, col, scale, MARGIN_SHARE) if _is_text(extent) else None
     if around is None:
         return None
     part, weights, margins = around
-    given = _blurred(np.moveaxis(template.deviations, 0, 2).astype(np.float32), SOFT)
-    seen = _blurred(part - part.mean(axis=(0, 1)), SOFT * max(1.0, scale))
-    like, tall, wide, top, left = _stretched(given, seen, scale, (COARSELY, FINELY))
-    if like < LEAST_LIKE:
+    given = _blurred(np.moveaxis(template.deviations, 0, 2).astype(np.float32), COMPARED_SIGMA_PX)
+    observed = _blurred(part - part.mean(axis=(0, 1)), COMPARED_SIGMA_PX * max(1.0, scale))
+    correlation, height, width, top, left = _best_stretch(given, observed, scale, (COARSE_STEPS, FINE_STEPS))
+    if correlation < MIN_CORRELATION:
         return None
-    stretch = np.array([tall, wide]) / template.shape
-    middle = np.array([top + tall / 2, left + wide / 2])
-    counts = tuple(
-        slice(max(0, math.floor(at + one * (first - side / 2))), math.ceil(at + one * (last - side / 2)))
-        for at, one, (first, last), side in zip(middle, stretch, shown, template.shape, strict=True)
+    stretch = np.array([height, width]) / template.shape
+    centre = np.array([top + height / 2, left + width / 2])
+    drawing = tuple(
+        slice(max(0, math.floor(at + factor * (first - side / 2))), math.ceil(at + factor * (last - side / 2)))
+        for at, factor, (first, last), side in zip(centre, stretch, extent, template.shape, strict=True)
     )
-    seen, weights = seen[counts], weights[counts]
+    observed, weights = observed[drawing], weights[drawing]
+    # Rows and columns of the template at the pixels of the drawing, before they are shifted.
     rows, cols = (
-        (np.arange(side) + (part.start or 0) + 0.5 - start) / one - 0.5
-        for side, part, start, one in zip(seen.shape, counts, (top, left), stretch, strict=False)
+        (np.arange(side) + (span.start or 0) + 0.5 - start) / factor - 0.5
+        for side, span, start, factor in zip(observed.shape, drawing, (top, left), stretch, strict=False)
     )
-
-    def drawn_at(down: Plane, across: Plane) -> Plane:
-        return _sampled(given, rows + down / stretch[0], cols + across / stretch[1])
-
-    down, across = np.zeros(len(rows), np.float32), np.zeros(len(cols), np.float32)
-    for _ in range(2):
-        across = _shifts(drawn_at, down, across, seen, weights, 1)
-        down = _shifts(drawn_at, down, across, seen, weights, 0)
-    drawn = drawn_at(down, across)
+    down, across, drawn = _shifted_to_fit(given, rows, cols, stretch, observed, weights)
     slopes = np.array([_slope(down, drawn, 0), _slope(across, drawn, 1)])
-    own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in shown)]
-    by_ink = _size_by_ink(own.astype(np.float32), part[counts] - part.mean(axis=(0, 1)))
-    gain, in_light = _light(drawn, seen, weights)
+    own = np.moveaxis(template.deviations, 0, 2)[tuple(slice(*ends) for ends in extent)]
+    size_by_ink = _size_by_ink(own.astype(np.float32), part[drawing] - part.mean(axis=(0, 1)))
+    gain, in_light = _light(drawn, observed, weights)
     lit = in_light(drawn)
-    differs, _ = Windows(weights, LETTER * scale).compared(lit, seen, FAINTEST)
-    if (gain <= 0).all() or differs.max() > UNEXPLAINED:
+    letters = Windows(weights, LETTER_SIGMA_PX * scale)
+    differences, _ = letters.relative_differences(lit, observed, MIN_LETTER_VARIANCE)
+    if (gain <= 0).all() or differences.max() > MAX_LETTER_DIFFERENCE:
         return None
-    size = float(np.exp((np.log(stretch) - slopes) @ [OF_HEIGHT, 1 - OF_HEIGHT]))
-    if by_ink is not None and size >= 1:  # reduced, strokes are paler
-        size = by_ink
-    if by_ink is not None:  # a word is set from its first letter on, and as long as rounding makes it
-        first = shown[1][0] + BEYOND
-        there = np.interp(first, cols + across / stretch[1], np.arange(len(cols))) + counts[1].start
-        middle[1] = there + 0.5 + (template.shape[1] / 2 - first - 0.5) * size
+    size = float(np.exp((np.log(stretch) - slopes) @ [0.5, 0.5]))  # height and width are both rounded per letter
+    if size_by_ink is not None and size >= 1:  # in a reduced drawing, strokes are paler
+        size = size_by_ink
+    if size_by_ink is not None:  # text begins at its first letter, and is as long as rounding makes it
+        first = extent[1][0] + DRAWING_MARGIN_PX
+        start = np.interp(first, cols + across / stretch[1], np.arange(len(cols))) + drawing[1].start
+        centre[1] = start + 0.5 + (template.shape[1] / 2 - first - 0.5) * size
     return Redrawing(
         size=size,
-        row=row - margins[0] + float(middle[0]),
-        col=col - margins[1] + float(middle[1]),
+        row=row - margins[0] + float(centre[0]),
+        col=col - margins[1] + float(centre[1]),
         gain=tuple(map(float, gain)),
         contrast=math.sqrt(float(lit.var(axis=(0, 1)).sum() / drawn.var(axis=(0, 1)).sum())),
-        explained=explained(seen.reshape(weights.size, -1), lit.reshape(weights.size, -1), weights.ravel()),
+        explained=explained_variance(
+            observed.reshape(weights.size, -1), lit.reshape(weights.size, -1), weights.ravel()
+        ),
     )
 
 
-def stretched_like(
+def redrawn_place(
     image: Image, template: Pattern, row: int, col: int, scale: float
 ) -> tuple[float, float, float, float] | None:
-    """Return how a place is like a word that is drawn anew, by brightness alone; None if it is not.
+    """Return the place and size of text drawn anew, found by brightness alone; None if there is none.
 
-    The middle (row, col), px, the size over the template's own, and the correlation at the best height and width. As
-    :func:`redrawing`, but the scale may be wrong by a quarter: letters that move take the best score elsewhere.
+    The centre (row, col), px, the size over the template's own, and the correlation at the best height and width. The
+    given scale may be wrong by a quarter: with its letters moved, text may score best at another.
     """
-    (first, last), _ = shown = _shown(template)
+    (first, last), _ = extent = _drawing_extent(template)
     grey = np.moveaxis(template.deviations, 0, 2).mean(axis=2, keepdims=True).astype(np.float32)
-    told = float(np.square(grey).mean()) > LEAST_BRIGHT * float(np.square(template.deviations).mean())
-    around = _around(image, template, row, col, scale, 2 * ROOM)
-    if around is None or not told or not _has_letters(shown) or last - first > TALLEST:
+    min_variance = 0.1 * float(np.square(template.deviations).mean())  # for brightness to be compared alone
+    around = _surroundings(image, template, row, col, scale, 2 * MARGIN_SHARE)
+    is_bright = float(np.square(grey).mean()) > min_variance
+    if around is None or not is_bright or not _is_text(extent) or last - first > MAX_TEXT_HEIGHT_PX:
         return None
     part, _, margins = around
-    seen = (part - part.mean(axis=(0, 1))).mean(axis=2, keepdims=True)
-    planes = _blurred(grey, SOFT), _blurred(seen, SOFT * max(1.0, scale))
-    score, tall, wide, top, left = _stretched(*planes, scale, (SIZES, COARSELY))
-    if score < LEAST_LIKE:
+    observed = (part - part.mean(axis=(0, 1))).mean(axis=2, keepdims=True)
+    planes = _blurred(grey, COMPARED_SIGMA_PX), _blurred(observed, COMPARED_SIGMA_PX * max(1.0, scale))
+    score, height, width, top, left = _best_stretch(*planes, scale, (SIZE_STEPS, COARSE_STEPS))
+    if score < MIN_CORRELATION:
         return None
-    size = math.sqrt(tall * wide / math.prod(template.shape))
-    return row - margins[0] + top + tall / 2, col - margins[1] + left + wide / 2, size, score
+    size = math.sqrt(height * width / math.prod(template.shape))
+    return row - margins[0] + top + height / 2, col - margins[1] + left + width / 2, size, score
 
 
-def _has_letters(shown: list[tuple[int, int]]) -> bool:
-    """Return whether what counts of a template is of the form of words."""
-    tall, wide = (last - first - 2 * BEYOND for first, last in shown)
-    return tall >= LEAST_TALL and wide >= LEAST_WIDE * tall
+def _is_text(extent: list[tuple[int, int]]) -> bool:
+    """Return whether a drawing of this extent is as wide as words, and at least 6 px high.
+
+    Icons are not rounded to pixels, and a mark in them is smaller than a letter.
+    """
+    height, width = (last - first - 2 * DRAWING_MARGIN_PX for first, last in extent)
+    return height >= 6 and width >= 1.8 * height
 
 
-def _around(
-    image: Image, template: Pattern, row: int, col: int, scale: float, room: float = ROOM
+def _surroundings(
+    image: Image, template: Pattern, row: int, col: int, scale: float, margin_share: float
 ) -> tuple[Plane, Plane, tuple[int, int]] | None:
-    """Return a place with margins, which of its pixels are in the image, and the margins; None if some have no data."""
+    """Return a place with margins, the weights of its pixels (0 outside the image), and the margins.
+
+    None if pixels without data are among them.
+    """
     sides = [round(side * scale) for side in template.shape]
-    down, across = (max(LEAST_ROOM, round(room * side)) for side in sides)
+    down, across = (max(4, round(margin_share * side)) for side in sides)
     around = [
         np.arange(start - margin, start + side + margin)
         for start, side, margin in zip((row, col), sides, (down, across), strict=True)
@@ -228,112 +224,136 @@ def _around(
     return (part, np.outer(*inside).astype(np.float32), (down, across)) if np.isfinite(part).all() else None
 
 
-def _stretched(
-    drawn: Plane, seen: Plane, scale: float, searches: Sequence[Sequence[tuple[float, float]]]
+def _best_stretch(
+    drawn: Plane, observed: Plane, scale: float, searches: Sequence[Matrix]
 ) -> tuple[float, int, int, int, int]:
-    """Return correlation, height, width, top and left of the template where it is most like a part of what is seen."""
+    """Return correlation, height, width, top and left of the template, stretched and placed to fit the image best."""
     best = -2.0, 0, 0, 0, 0
-    middle = np.log([scale, scale])
+    log_sizes = np.log([scale, scale])
     for steps in searches:
-        tried = {
-            tuple(max(3, round(side * size)) for side, size in zip(drawn.shape, np.exp(middle + step), strict=False))
+        shapes = {
+            tuple(max(3, round(side * size)) for side, size in zip(drawn.shape, np.exp(log_sizes + step), strict=False))
             for step in steps
         }
-        for tall, wide in sorted(tried):
-            if tall > seen.shape[0] or wide > seen.shape[1]:
+        for height, width in sorted(shapes):
+            if height > observed.shape[0] or width > observed.shape[1]:
                 continue
-            scores = cv2.matchTemplate(seen, cv2.resize(drawn, (wide, tall)), cv2.TM_CCOEFF_NORMED)
+            scores = cv2.matchTemplate(observed, cv2.resize(drawn, (width, height)), cv2.TM_CCOEFF_NORMED)
             _, score, _, (left, top) = cv2.minMaxLoc(scores)
-            best = max(best, (score, tall, wide, top, left))
-        middle = np.log(np.array(best[1:3]) / drawn.shape[:2]) if best[1] else middle
+            best = max(best, (score, height, width, top, left))
+        log_sizes = np.log(np.array(best[1:3]) / drawn.shape[:2]) if best[1] else log_sizes
     return best
 
 
-def _shown(template: Pattern) -> list[tuple[int, int]]:
-    """Return the first row and column that count, and the ends of the last: in which something varies, or beside."""
+def _drawing_extent(template: Pattern) -> list[tuple[int, int]]:
+    """Return first and end of the rows, and of the columns, that contain the drawing and a margin around it.
+
+    The drawing is where values change by a tenth or more of the largest change.
+    """
     ends = []
     for axis in range(2):
         other = 1 - axis
         along = np.abs(np.diff(template.deviations, axis=1 + axis)).sum(axis=0).max(axis=other)
         across = np.abs(np.diff(template.deviations, axis=1 + other)).sum(axis=0).max(axis=other)
         step = np.maximum(np.maximum(np.append(along, 0), np.append(0, along)), across)
-        varies = np.flatnonzero(step > SHOWN * step.max())
-        if axis == 0:  # without what the rim cuts off of the lines above and below
-            runs = np.split(varies, np.flatnonzero(np.diff(varies) > 1) + 1)
-            least, last = CUT_OFF * max(map(len, runs)), len(step) - 1
-            varies = np.concatenate([run for run in runs if len(run) >= least or 0 < run[0] <= run[-1] < last])
-        ends.append((max(0, int(varies[0]) - BEYOND), min(len(step), int(varies[-1]) + 1 + BEYOND)))
+        drawn = np.flatnonzero(step > 0.1 * step.max())
+        if axis == 0:  # without lines above and below of which the rim shows less than half
+            runs = np.split(drawn, np.flatnonzero(np.diff(drawn) > 1) + 1)
+            least, last = max(map(len, runs)) / 2, len(step) - 1
+            drawn = np.concatenate([run for run in runs if len(run) >= least or 0 < run[0] <= run[-1] < last])
+        end = int(drawn[-1]) + 1 + DRAWING_MARGIN_PX
+        ends.append((max(0, int(drawn[0]) - DRAWING_MARGIN_PX), min(len(step), end)))
     return ends
 
 
+def _shifted_to_fit(
+    template: Plane, rows: Plane, cols: Plane, stretch: Matrix, observed: Plane, weights: Plane
+) -> tuple[Plane, Plane, Plane]:
+    """Return the shifts of each row and column that fit the image best, px of the image, and the template drawn so.
+
+    `rows` and `cols` are those of the template before they are shifted; `stretch` is its height and width in the image
+    over its own.
+    """
+
+    def drawn_at(down: Plane, across: Plane) -> Plane:
+        return _sampled(template, rows + down / stretch[0], cols + across / stretch[1])
+
+    down, across = np.zeros(len(rows), np.float32), np.zeros(len(cols), np.float32)
+    for _ in range(2):
+        across = _shifts(drawn_at, down, across, observed, weights, 1)
+        down = _shifts(drawn_at, down, across, observed, weights, 0)
+    return down, across, drawn_at(down, across)
+
+
 def _shifts(
-    drawn_at: Callable[[Plane, Plane], Plane], down: Plane, across: Plane, seen: Plane, weights: Plane, axis: int
+    drawn_at: Callable[[Plane, Plane], Plane], down: Plane, across: Plane, observed: Plane, weights: Plane, axis: int
 ) -> Plane:
-    """Return the shifts of the rows or columns, each near that of the next, with the least difference of all."""
-    still = [0 * down, across] if axis == 0 else [down, 0 * across]
-    _, lit = _light(drawn_at(*still), seen, weights)
-    shifts = np.arange(-REACH, REACH + STEP / 2, STEP, dtype=np.float32)
+    """Return the shifts of the rows or columns, up to 3 px and smooth, of least total cost, by dynamic programming."""
+    unshifted = [0 * down, across] if axis == 0 else [down, 0 * across]
+    _, in_light = _light(drawn_at(*unshifted), observed, weights)
+    shifts = np.linspace(-3, 3, 25, dtype=np.float32)
     costs = []
     for shift in shifts:
-        at = [one + shift * (number == axis) for number, one in enumerate(still)]
-        costs.append((np.square(seen - lit(drawn_at(at[0], at[1]))).sum(axis=2) * weights).sum(axis=1 - axis))
-    of_line = np.stack(costs, axis=1)
-    of_line /= max(float(of_line.mean()), 1e-12)
-    least, before = of_line[0], []
-    for cost in of_line[1:]:
-        around = np.pad(least, 1, constant_values=math.inf)
-        ways = np.stack([around[:-2] + STIFF, least, around[2:] + STIFF])
-        before.append(ways.argmin(axis=0) - 1)
-        least = ways.min(axis=0) + cost
-    path = [int(least.argmin())]
-    for ways in reversed(before):
-        path.append(path[-1] + int(ways[path[-1]]))
-    return _blurred(shifts[path[::-1]].reshape(1, -1), SMOOTH).ravel()
+        at = [start + shift * (number == axis) for number, start in enumerate(unshifted)]
+        error = np.square(observed - in_light(drawn_at(at[0], at[1]))).sum(axis=2)
+        costs.append((error * weights).sum(axis=1 - axis))
+    line_costs = np.stack(costs, axis=1)
+    line_costs /= max(float(line_costs.mean()), 1e-12)
+    total, steps_back = line_costs[0], []
+    for cost in line_costs[1:]:
+        padded = np.pad(total, 1, constant_values=math.inf)
+        choices = np.stack([padded[:-2] + SHIFT_PENALTY, total, padded[2:] + SHIFT_PENALTY])
+        steps_back.append(choices.argmin(axis=0) - 1)
+        total = choices.min(axis=0) + cost
+    path = [int(total.argmin())]
+    for steps in reversed(steps_back):
+        path.append(path[-1] + int(steps[path[-1]]))
+    return _blurred(shifts[path[::-1]].reshape(1, -1), 1.0).ravel()
 
 
 def _slope(shifts: Plane, drawn: Plane, axis: int) -> float:
-    """Return by how much the shifts of rows or columns grow from one to the next, where something varies."""
+    """Return the mean growth of the shifts from one row or column to the next, weighted by their steps of value."""
     steps = np.square(np.diff(drawn, axis=axis)).sum(axis=(1 - axis, 2))
-    counts = np.append(steps, 0) + np.append(0, steps)
-    at = np.arange(len(shifts)) - np.average(np.arange(len(shifts)), weights=counts)
-    return float((counts * at * shifts).sum() / (counts * np.square(at)).sum())
+    weights = np.append(steps, 0) + np.append(0, steps)
+    at = np.arange(len(shifts)) - np.average(np.arange(len(shifts)), weights=weights)
+    return float((weights * at * shifts).sum() / (weights * np.square(at)).sum())
 
 
-def _size_by_ink(own: Plane, seen: Plane) -> float | None:
-    """Return the size of what is seen by the ink in it and in the template; None unless they are words on a ground."""
-    colours = own.reshape(-1, own.shape[2])
+def _size_by_ink(template: Plane, observed: Plane) -> float | None:
+    """Return the size of text in the image by the ink in it and in the template; None unless both are text."""
+    colours = template.reshape(-1, template.shape[2])
     axis = np.linalg.eigh(colours.T @ colours)[1][:, -1]
     logarithms = []
-    for plane in (own @ axis, seen @ axis):
+    for plane in (template @ axis, observed @ axis):
         ink = plane - median(plane)
         most = float(np.abs(ink).max())
         if not most > 0:
             return None
         ink *= math.copysign(1 / most, float(ink.sum()))
-        marked = np.abs(ink) > ON_GROUND
-        if max(marked.mean(axis=0).max(), marked.mean(axis=1).max()) > RULED:
+        inked = np.abs(ink) > 0.05
+        if max(inked.mean(axis=0).max(), inked.mean(axis=1).max()) > MAX_INKED_SHARE:
             return None
-        of_rows = ink.clip(0).sum(axis=1)
-        away = np.arange(len(of_rows)) - np.average(np.arange(len(of_rows)), weights=of_rows)
-        variance = max(float(np.average(np.square(away), weights=of_rows)), 1 / 12)  # of a single row
-        logarithms.append((math.log(of_rows.sum()), math.log(variance) / 2))
+        row_ink = ink.clip(0).sum(axis=1)
+        offsets = np.arange(len(row_ink)) - np.average(np.arange(len(row_ink)), weights=row_ink)
+        variance = max(float(np.average(np.square(offsets), weights=row_ink)), 1 / 12)  # of a single row
+        logarithms.append((math.log(row_ink.sum()), math.log(variance) / 2))
     (ink_before, spread_before), (ink_after, spread_after) = logarithms
-    return math.exp(OF_INK * (ink_after - ink_before) - OF_SPREAD * (spread_after - spread_before))
+    return math.exp(INK_EXPONENT * (ink_after - ink_before) - SPREAD_EXPONENT * (spread_after - spread_before))
 
 
 def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:
-    """Return the values of a plane in these rows and columns, parts of a pixel too."""
+    """Return a plane interpolated at fractional rows and columns."""
     across, down = np.meshgrid(cols, rows)
     at = np.asarray(across, dtype=np.float32), np.asarray(down, dtype=np.float32)
     sampled = cv2.remap(plane, at[0], at[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(sampled, dtype=np.float32).reshape(*across.shape, -1)
 
 
-def _light(plane: Plane, seen: Plane, weights: Plane) -> tuple[Plane, Callable[[Plane], Plane]]:
-    """Return the gain of each channel that, with an offset, brings a plane nearest to what is seen; and that light."""
+def _light(plane: Plane, observed: Plane, weights: Plane) -> tuple[Plane, Callable[[Plane], Plane]]:
+    """Return the gain of each channel that, with an offset, brings a plane nearest to the image; and that mapping."""
     shares = (weights / weights.sum())[:, :, np.newaxis]
-    level, wanted = ((one * shares).sum(axis=(0, 1)) for one in (plane, seen))
-    about = (plane - level) * shares
-    energy = np.maximum((about * plane).sum(axis=(0, 1)), 1e-12)
-    gain = np.asarray((about * seen).sum(axis=(0, 1)) / energy, dtype=np.float32)
-    return gain, lambda one: np.asarray((one - level) * gain + wanted, dtype=np.float32)
+    level, target = ((values * shares).sum(axis=(0, 1)) for values in (plane, observed))
+    weighted = (plane - level) * shares
+    energy = np.maximum((weighted * plane).sum(axis=(0, 1)), 1e-12)
+    gain = np.asarray((weighted * observed).sum(axis=(0, 1)) / energy, dtype=np.float32)
+    return gain, lambda other: np.asarray((other - level) * gain + target, dtype=np.float32)

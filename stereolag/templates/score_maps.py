@@ -3,8 +3,8 @@
 By FFT or plainly by sliding, over the pixels of the template T with their weights w and the window I under them,
 channels c with their own weighted means:
 ``sum_c w (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c w (I_c - mean I_c)**2 * sum_c w (T_c - mean T_c)**2)``.
-Removing the mean of the template alone already cancels the window's mean in the products; the window's spread follows
-from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the weights
+Removing the template's mean already cancels the window's mean in the products; the window's energy follows from its
+sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the weights
 (Padfield, Masked Object Registration in the Fourier Domain, 2012).
 """
 
@@ -29,24 +29,24 @@ from stereolag.templates.patterns import Pattern
 Plane = npt.NDArray[np.floating[Any]]
 ScoreMap = npt.NDArray[np.float32]
 
-STRIP = 28_000
-"""Places of a map computed at a time, so that what they need stays in the cache."""
+STRIP_PLACES = 28_000
+"""Places of a map computed at a time, so that their values stay in the cache."""
 
 
 def strips(shape: tuple[int, ...]) -> list[slice]:
     """Return the rows of a map of that shape in strips."""
-    rows, step = shape[0], max(1, STRIP // shape[1])
+    rows, step = shape[0], max(1, STRIP_PLACES // shape[1])
     return [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
 
 
 class Memory(threading.local):
-    """Memory for the planes of a tile, other memory in each thread: new memory is slow at first, and this is kept."""
+    """Memory for the planes of a tile, kept and reused by each thread: new memory is slow at first."""
 
     def __init__(self) -> None:
         self._parts: dict[str, npt.NDArray[Any]] = {}
 
     def part(self, name: str, shape: tuple[int, ...], kind: npt.DTypeLike) -> npt.NDArray[Any]:
-        """Return memory of that shape with any contents, the same whenever that name is given."""
+        """Return uninitialised memory of that shape, the same for every call with that name."""
         size = math.prod(shape)
         if name not in self._parts or self._parts[name].size < size or self._parts[name].dtype != kind:
             self._parts[name] = np.empty(size, dtype=kind)
@@ -54,8 +54,8 @@ class Memory(threading.local):
 
 
 _AS_GOOD_AS_ONE = np.float32(1 - 2.0**-20)
-"""Score from which on a window is the template: sums in single precision are off by a few roundings, differently so at
-each of several copies."""
+"""Score that is rounded up to 1: sums in single precision have rounding errors, different ones at each of several
+copies."""
 
 
 def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | None = None) -> ScoreMap:
@@ -74,14 +74,14 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
     """
     scores = np.empty(products.shape, dtype=np.float32) if out is None else out
     for rows in strips(scores.shape):
-        some, spread = scores[rows], energy[rows].astype(products.dtype)
-        flat = spread.min() <= tolerance
-        if flat:
-            spread[spread <= tolerance] = np.nan
-        np.multiply(products[rows], cv2.pow(spread, -0.5, dst=spread), out=some, casting="same_kind")
-        if flat or some.max() > _AS_GOOD_AS_ONE or some.min() < -1:
-            np.clip(some, -1.0, 1.0, out=some)
-            some[some > _AS_GOOD_AS_ONE] = 1.0
+        strip, factors = scores[rows], energy[rows].astype(products.dtype)
+        has_flat = factors.min() <= tolerance
+        if has_flat:
+            factors[factors <= tolerance] = np.nan
+        np.multiply(products[rows], cv2.pow(factors, -0.5, dst=factors), out=strip, casting="same_kind")
+        if has_flat or strip.max() > _AS_GOOD_AS_ONE or strip.min() < -1:
+            np.clip(strip, -1.0, 1.0, out=strip)
+            strip[strip > _AS_GOOD_AS_ONE] = 1.0
     return scores
 
 
@@ -95,7 +95,7 @@ def score_windows(
     scores: Array,
     corner: tuple[int, int],
 ) -> None:
-    """Set the score of each window as :func:`pearson` does, with its energy from sums along the columns, then the rows.
+    """Set the score of each window as :func:`pearson` does; its energy is from running sums down and across.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def score_windows(
 
 @compiled(fastmath={"contract"}, counted=False)
 def _add_row(line: Array, sums: Array, squares: Array, sign: float) -> None:
-    """Add numbers and their squares to the sums of their columns, or take them off."""
+    """Add numbers and their squares to the sums of their columns, or subtract them."""
     for at in range(line.size):
         value = float(line[at])
         sums[at] += sign * value
@@ -166,7 +166,7 @@ VALUES_AT_ONCE = 1_000_000
 def scores_at(
     image: npt.NDArray[Any], deviations: Plane, weights: Plane, rows: Indices, cols: Indices
 ) -> npt.NDArray[np.float64]:
-    """Return the score of each position, -1..1, NaN where the window is flat or lacks data of a pixel that counts.
+    """Return the score of each position, -1..1, NaN where the window is flat or a pixel with a weight has no data.
 
     Parameters
     ----------
@@ -175,24 +175,24 @@ def scores_at(
     deviations
         (channels, height, width), the template with its weighted mean removed.
     weights
-        (height, width), how much each pixel counts.
+        (height, width), the weight of each pixel.
     rows, cols
         Top-left pixels of the positions.
     """
     windows = np.lib.stride_tricks.sliding_window_view(image[:, :, : len(deviations)], weights.shape, axis=(0, 1))
-    counts = weights > 0
-    shares, template = weights[counts], deviations[:, counts]
+    valid = weights > 0
+    valid_weights, template = weights[valid], deviations[:, valid]
     scores = np.full(len(rows), np.nan)
     step = VALUES_AT_ONCE // template.size + 1
-    for some in (slice(start, start + step) for start in range(0, len(rows), step)):
-        pixels = windows[rows[some], cols[some]][:, :, counts].astype(np.float64)
+    for batch in (slice(start, start + step) for start in range(0, len(rows), step)):
+        pixels = windows[rows[batch], cols[batch]][:, :, valid].astype(np.float64)
         # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
         pixels -= pixels[:, :, :1].copy()
         # Not "@": the linear algebra library starts threads for it, which then wait busily for more.
-        pixels -= np.einsum("ncp,p->nc", pixels, shares / shares.sum())[:, :, np.newaxis]
-        weighted = pixels * shares
-        norms = np.sqrt(np.einsum("ncp,ncp->n", weighted, pixels) * (shares * template**2).sum())
-        np.divide(np.einsum("ncp,cp->n", weighted, template), norms, out=scores[some], where=norms > 0)
+        pixels -= np.einsum("ncp,p->nc", pixels, valid_weights / valid_weights.sum())[:, :, np.newaxis]
+        weighted = pixels * valid_weights
+        norms = np.sqrt(np.einsum("ncp,ncp->n", weighted, pixels) * (valid_weights * template**2).sum())
+        np.divide(np.einsum("ncp,cp->n", weighted, template), norms, out=scores[batch], where=norms > 0)
     return np.asarray(np.clip(scores, -1.0, 1.0))
 
 
@@ -205,11 +205,11 @@ def best_position(image: Image, pattern: Pattern, rows: Indices, cols: Indices) 
     return int(rows[best]), int(cols[best]), float(scores[best])
 
 
-LONGEST_FFT = 1296
-"""Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
+MAX_TILE_PX = 1296
+"""Largest side of a tile, unless the template is large: tiles fit into the cache and overlap little."""
 
 FFT_UNIT = 48
-"""OpenCV transforms are fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
+"""OpenCV's transforms are fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
 
 
 def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
@@ -249,7 +249,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
 
 
 def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
-    """Return a score map, in its memory, with NaN where the window holds a pixel without data."""
+    """Set a score map to NaN, in place, where the window contains a pixel without data; return it."""
     gaps = with_gaps(image, pattern.shape)
     if gaps is not None:
         scores[gaps] = np.nan
@@ -257,7 +257,7 @@ def without_gaps(scores: ScoreMap, image: Image, pattern: Pattern) -> ScoreMap:
 
 
 def with_gaps(image: Image, shape: tuple[int, int]) -> Mask | None:
-    """Return the places of a template of that shape that hold a pixel without data (NaN), None if all pixels have."""
+    """Return the places of a template of that shape that contain a pixel without data (NaN); None if there is none."""
     if image.dtype.kind != "f" or not np.isnan(image).any():
         return None
     gaps = np.asarray(np.isnan(image).any(axis=2), dtype=np.uint8)
@@ -278,7 +278,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     (down, across), transformed = tiling(places, pattern.shape)
     engine = (_Single if image.dtype == np.uint8 else _Double)(transformed)
     kernels = [engine.template(plane) for plane in pattern.weights * pattern.deviations / pattern.norm]
-    # If all pixels count the same, running sums are faster.
+    # With equal weights, running sums are faster.
     weights = None if (pattern.weights == 1).all() else engine.template(pattern.weights)
     scores = np.empty(places, dtype=np.float32)
     tiles = [
@@ -308,10 +308,10 @@ def _score_tile(
     weights: Plane | None,
     engine: _Single,
 ) -> None:
-    """Write the scores of one tile, whose first position is that corner.
+    """Set the scores of one tile, whose first position is that corner.
 
-    `block` is the part of the image that its positions cover; `kernels` and `weights` are the template's as the engine
-    takes them, the latter None if all of it counts the same.
+    `block` is the part of the image that its windows cover; `kernels` and `weights` are the template's as the engine
+    takes them, the latter None if all are equal.
     """
     shape = block.shape[:2]
     places = shape[0] - pattern.shape[0] + 1, shape[1] - pattern.shape[1] + 1
@@ -337,12 +337,12 @@ def _score_tile(
 
 
 class _Single:
-    """Correlations in single precision by OpenCV's template matching, which has a fast transform of its own.
+    """Correlations in single precision by OpenCV's template matching, which includes a fast transform.
 
     Parameters
     ----------
     shape
-        Rows and columns of the transforms of a tile, which other precisions need.
+        Rows and columns of the transforms of a tile, for :class:`_Double`.
     """
 
     kind: np.dtype[Any] = np.dtype(np.float32)
@@ -356,15 +356,15 @@ class _Single:
         return plane.astype(self.kind)
 
     def operands(self, name: str, planes: Plane) -> list[Plane]:
-        """Return planes as :meth:`correlated` takes them, in the memory of that name if they have to be transformed."""
+        """Return planes as :meth:`correlated` takes them, in the memory of that name if they must be transformed."""
         return list(planes)
 
     def correlated(
         self, images: list[Plane], templates: list[Plane], places: tuple[int, ...], name: str, exact: bool = False
     ) -> Plane:
-        """Return the sum of the correlations of each image with its template, in the memory of that name.
+        """Return the sum of the correlations of each image with its template at (rows, cols) places.
 
-        At so many places; `exact`: whether the sums are of whole numbers, without rounding.
+        In the memory of that name; `exact`: whether the sums are whole numbers, so that they can be rounded.
         """
         total = self.memory.part(name, places, self.kind)
         for number, (image, template) in enumerate(zip(images, templates, strict=True)):
@@ -376,7 +376,7 @@ class _Single:
 
 
 class _Double(_Single):
-    """The same in double precision, by transforms of that shape."""
+    """The same in double precision, by OpenCV's transform."""
 
     kind = np.dtype(np.float64)
 
@@ -403,12 +403,12 @@ class _Double(_Single):
                 total += part
         inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
         cv2.dft(total, dst=total, flags=inverse, nonzeroRows=places[0])
-        at = total[: places[0], : places[1]]
-        return np.rint(at, out=at) if exact else at
+        sums = total[: places[0], : places[1]]
+        return np.rint(sums, out=sums) if exact else sums
 
 
 def _centred(image: Image, out: Plane) -> Plane:
-    """Return, in memory, the channels (channels, rows, cols) around 0, and 0 without data; integers stay integers."""
+    """Return the image minus its mean as (channels, rows, cols), in `out`, 0 without data; integers stay integers."""
     if image.dtype.kind == "u":
         for channel, mean in enumerate(np.rint(cv2.mean(image))[: image.shape[2]]):
             np.subtract(image[:, :, channel], out.dtype.type(mean), out=out[channel])
@@ -422,13 +422,13 @@ def _centred(image: Image, out: Plane) -> Plane:
 
 
 def _exact(planes: Plane, image: Image, pattern: Pattern) -> bool:
-    """Return whether weighted sums over windows are of whole numbers, without rounding."""
+    """Return whether weighted sums over windows are sums of whole numbers, without rounding."""
     sums_exact = planes.dtype == np.float64 or bool((pattern.weights == 1).all())
-    return image.dtype.kind == "u" and pattern.whole and sums_exact
+    return image.dtype.kind == "u" and pattern.has_binary_weights and sums_exact
 
 
-NOISE = 20
-"""Rounding in a sum over a window, in units of the last digit of what the transforms of image and weights hold."""
+ROUNDING_UNITS = 20
+"""Rounding error of a sum over a window, in units of the last place of the transforms of image and weights."""
 
 
 def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
@@ -439,27 +439,27 @@ def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
     """
     if _exact(planes, image, pattern):
         return FLAT_WHOLE
-    largest, roots = max(cv2.norm(plane, cv2.NORM_INF) for plane in planes), [cv2.norm(plane) for plane in planes]
-    held = largest * math.hypot(*roots) * cv2.norm(pattern.weights)
-    return NOISE * float(np.finfo(planes.dtype).eps) * held
+    largest, norms = max(cv2.norm(plane, cv2.NORM_INF) for plane in planes), [cv2.norm(plane) for plane in planes]
+    magnitude = largest * math.hypot(*norms) * cv2.norm(pattern.weights)
+    return ROUNDING_UNITS * float(np.finfo(planes.dtype).eps) * magnitude
 
 
-ALONE = 2**17
-"""Most places of a map that one thread takes alone."""
+MAX_SINGLE_TILE_PLACES = 2**17
+"""Largest number of places of a map that is computed as one tile, by one thread."""
 
 
 def tiling(places: tuple[int, int], shape: tuple[int, ...]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return how many positions a tile takes down and across, and the shape of its FFT, for the least work in all."""
+    """Return the number of positions of a tile down and across, and the shape of its FFT, for the least total work."""
     (down, rows), (across, cols) = (_along(*axis) for axis in zip(places, shape, strict=False))
-    if (down, across) == places and math.prod(places) > ALONE:
+    if (down, across) == places and math.prod(places) > MAX_SINGLE_TILE_PLACES:
         down = -(-down // 2)
         rows = _fft_length(down + shape[0] - 1)
     return (down, across), (rows, cols)
 
 
 def _along(places: int, size: int) -> tuple[int, int]:
-    """Return, along one axis, how many positions a tile takes and the length of its FFT."""
-    longest = max(LONGEST_FFT, 2 * _fft_length(size))
+    """Return, along one axis, the number of positions of a tile and the length of its FFT."""
+    longest = max(MAX_TILE_PX, 2 * _fft_length(size))
     fewest = -(-places // (longest - size + 1))
     choices = [(-(-places // tiles), tiles) for tiles in range(fewest, 2 * fewest + 1)]
     step, _ = min(choices, key=lambda choice: choice[1] * _fft_length(choice[0] + size - 1))

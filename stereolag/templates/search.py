@@ -18,7 +18,7 @@ from stereolag.core.searches import TemplateMethod
 from stereolag.loops.bands import available_cores
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_amounts, hidden_places
-from stereolag.templates.patterns import Pattern, compared
+from stereolag.templates.patterns import Pattern, prepared
 from stereolag.templates.places import peaks
 from stereolag.templates.poses import PoseRange, Range, checked_poses, posed_places
 from stereolag.templates.score_maps import direct_score_map, fft_score_map, tiling, with_gaps
@@ -39,7 +39,7 @@ def estimate_search(
 ) -> Estimate:
     """Return the memory and time that :func:`stereolag.templates.match_template` needs.
 
-    The method's row of :data:`stereolag.core.jobs.COSTS` lists what it takes. "sampled" needs more if no value of the
+    The terms are in the method's row of :data:`stereolag.core.jobs.COSTS`. "sampled" needs more if no value of the
     template is rare in the image: such a search is refused once the places with the value are counted.
 
     Parameters
@@ -100,14 +100,14 @@ def estimate_search(
 def _estimate_poses(
     image_shape: Shape, template_shape: Shape, channels: int, itemsize: int, grey: int, poses: PoseRange
 ) -> Estimate:
-    """Return the estimate for a search over sizes and angles: the coarse maps at once, then the warped templates."""
+    """Return the estimate for a search over sizes and angles: the coarse maps together, then the warped templates."""
     (rows, cols), factor, grid = image_shape[:2], poses.coarse_factor(template_shape), poses.grid(template_shape)
     largest = max(scale for scale, _ in grid)
     sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
-    little = [math.ceil(max(side / factor, least)) for side, least in zip((rows, cols), sides, strict=True)]
-    tiles = _tile_amounts(little, sides, 1, masked=True, single=False)
+    reduced = [math.ceil(max(side / factor, least)) for side, least in zip((rows, cols), sides, strict=True)]
+    tiles = _tile_amounts(reduced, sides, 1, masked=True, single=False)
     threads = available_cores()
-    pixels, score, peak, double = little[0] * little[1], 4, 40, 8
+    pixels, score, peak, double = reduced[0] * reduced[1], 4, 40, 8
     coarse = rows * cols * itemsize + score * pixels
     coarse += threads * (double * (tiles.shared + tiles.points) + (score + peak) * pixels)
     turned = math.ceil(math.hypot(*template_shape[:2]) * largest) ** 2
@@ -141,8 +141,8 @@ def _tile_amounts(
     (down, across), transformed = tiling((rows - height + 1, cols - width + 1), (height, width))
     count = -(-(rows - height + 1) // down) * -(-(cols - width + 1) // across)
     points = math.prod(transformed)
-    # The channels, their spectra unless OpenCV makes them, and the products, of one and the sum; under a mask the
-    # squares and their spectrum, the energy and the sums of windows too.
+    # The channels, their spectra unless OpenCV makes them, and the products of one channel and of all; with a mask also
+    # the squares and their spectrum, the energy and the sums of windows.
     plane = (down + height - 1) * (across + width - 1)
     planes = (channels + masked) * plane
     work = (channels * (not single) + min(channels, 2) + 3 * masked) * points
@@ -183,8 +183,8 @@ def match_template(
     Parameters
     ----------
     image
-        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); integers or floats. Its alpha is ignored. Pixels without data,
-        NaN or far beyond all others, leave the places that hold them without a score.
+        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); integers or floats. Its alpha is ignored. Places that contain
+        pixels without data, NaN or far beyond all others, have no score.
     template
         Likewise, no larger than the image. Its alpha is the weight of its pixels, as a mask is. If one of the two is
         grey, the luminance of the other is compared. A template of one colour is searched by the edges of its alpha.
@@ -196,10 +196,10 @@ def match_template(
         that was recompressed, rescaled or dimmed, where "fft" still finds the template, and it is slow in an image with
         so few values that none is rare.
     mask
-        (height, width) of the template, instead of its alpha: the higher, the more a pixel counts; at 0 it does not.
+        (height, width) of the template, instead of its alpha: the weights of its pixels, from 0.
     max_matches
         Largest number of copies wanted: of three copies, one alone is not found, but all three are if three or more are
-        wanted. Nothing is found only because more are wanted.
+        wanted. To want more never makes a poorer place a match.
     min_score
         Least score of a match, -1..1.
     scales
@@ -239,8 +239,8 @@ def match_template(
     poses = checked_poses(method, scales, rotations)
     searched, pattern = _checked(image, template, mask, method, poses)
     report = silent if progress is None else progress
-    parts = method != "sampled" and poses is None  # then a place of which a part is hidden may be looked for too
-    first, second = (part(report, number, 2) for number in range(2)) if parts else (report, silent)
+    search_hidden = method != "sampled" and poses is None
+    first, second = (part(report, number, 2) for number in range(2)) if search_hidden else (report, silent)
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None = None
     if method == "sampled":
@@ -257,7 +257,7 @@ def match_template(
         places, candidates = peaks(score_map, pattern.shape), score_map.size
     judge = partial(judged, image=searched, pattern=pattern, max_matches=max_matches, min_score=min_score)
     search = judge(places, score_map=score_map, candidates=candidates)
-    if parts and not search.found:
+    if search_hidden and not search.found:
         hidden = hidden_places(searched, pattern, second)
         search = judge(hidden, score_map=score_map, candidates=candidates, otherwise=search)
     report(1.0)
@@ -276,7 +276,7 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
 
 
 def check_fits(image: Image, template: Image, least: float = 1.0) -> None:
-    """Raise a ValueError for a template that, at the least of its sizes, is larger than the image."""
+    """Raise a ValueError for a template that is larger than the image even at its smallest size."""
     if template.shape[0] * least > image.shape[0] or template.shape[1] * least > image.shape[1]:
         (rows, cols), (height, width) = image.shape[:2], template.shape[:2]
         resized = "" if least == 1 else f" at {least:g} of its size"
@@ -294,7 +294,7 @@ def _checked(
     method: TemplateMethod,
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
-    """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
+    """Return the image (rows, cols, channels) and the pattern to search for, after all checks."""
     given = np.asarray(template)
     if given.ndim == 3 and given.shape[2] == 2:  # grey with alpha: compared by its grey, like a grey template
         template, mask = given[:, :, 0], given[:, :, 1] if mask is None else mask
@@ -311,4 +311,4 @@ def _checked(
     )
     check_memory(needed)
     marks = None if mask is None else as_image(mask, "mask")
-    return compared(large, small, marks, exact=method == "sampled")
+    return prepared(large, small, marks, exact=method == "sampled")

@@ -1,4 +1,4 @@
-"""How soft two renderings of one drawing are compared, and what is mixed into the rim of a template from beside it."""
+"""The blur under which two renderings of one drawing are compared, and background bleeding into a template's rim."""
 
 from __future__ import annotations
 
@@ -7,119 +7,121 @@ import math
 import cv2
 import numpy as np
 
-from stereolag.templates.aligning import AROUND, Plane
+from stereolag.templates.aligning import PATCH_MARGIN_PX, Plane
 from stereolag.templates.patterns import blurred
 
-BLUR = 0.8
-"""Spread of the blur, px, after which two renderings of one drawing agree, however it falls on the pixels."""
+LUMA_SIGMA_PX = 0.8
+"""Sigma of the blur after which two renderings of one drawing agree, wherever it falls on the pixel grid."""
 
-BLUR_OF_COLOURS = 2.0
-"""The same of its colours beside its brightness: JPEG keeps them at half the resolution."""
+CHROMA_SIGMA_PX = 2.0
+"""The same for colour minus brightness: JPEG keeps it at half the resolution."""
 
-BRIGHTNESS = np.array([[0.299, 0.587, 0.114]])
-"""Shares of red, green and blue in a brightness, as JPEG keeps it."""
+LUMA_TO_CHROMA_SIGMA_PX = math.sqrt(CHROMA_SIGMA_PX**2 - LUMA_SIGMA_PX**2)
+"""Sigma of the blur that takes a blurred brightness to the blur of the colours."""
 
-BLUR_BESIDE = math.sqrt(BLUR_OF_COLOURS**2 - BLUR**2)
-"""The blur that brings a blurred brightness to that of the colours."""
+LUMA_SHARES = np.array([[0.299, 0.587, 0.114]])
+"""Shares of red, green and blue in the brightness, as in JPEG."""
 
-MIXED, LEAST_MIXED = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5), 0.01
-"""Spreads of the blurs, px, that mix what is beside a template into its rim; and the least share of that in a block."""
+BLEED_SIGMAS_PX = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+"""Blurs tried to explain how the background is mixed into a template's rim."""
 
-
-KEPT = 4
-"""Spreads whose weights a blur keeps: a plane each."""
+MIN_BLEED = 0.01
+"""Least share of the background in a block that can be explained by it."""
 
 
 class Blur:
-    """A blur without what its weights exclude, of colours more than of brightness.
+    """A blur normalised by weights, stronger for colour than for brightness.
 
     Parameters
     ----------
     weights
-        (rows, cols), how much a pixel counts.
+        (rows, cols), the weight of each pixel.
     """
 
     def __init__(self, weights: Plane) -> None:
-        self.counts = weights
-        self._weights = None if (weights == 1).all() else weights[:, :, np.newaxis]
-        self._shares: dict[float, Plane] = {}
+        self.weights = weights
+        self._factors = None if (weights == 1).all() else weights[:, :, np.newaxis]
+        self._blurred_weights: dict[float, Plane] = {}
 
-    def __call__(self, image: Plane, softer: float = 0.0) -> Plane:
-        """Return an image blurred, by so much more of a squared spread, px."""
+    def __call__(self, image: Plane, extra_variance: float = 0.0) -> Plane:
+        """Return a blurred image; `extra_variance` is added to the squared sigmas, px²."""
         bright = brightness(image)
-        soft = self.by(bright, math.sqrt(BLUR**2 + softer))
+        soft = self.by(bright, math.sqrt(LUMA_SIGMA_PX**2 + extra_variance))
         if image.shape[2] == 1:
             return soft
-        return soft + self.by(image - bright, math.sqrt(BLUR_OF_COLOURS**2 + softer))
+        return soft + self.by(image - bright, math.sqrt(CHROMA_SIGMA_PX**2 + extra_variance))
 
-    def softened(self, image: Plane) -> Plane:
-        """Return a blurred image with its brightness blurred as its colours are."""
+    def evened(self, image: Plane) -> Plane:
+        """Return a blurred image with its brightness blurred as much as its colours are."""
         bright = brightness(image)
-        return np.asarray(image - bright + self.by(bright, BLUR_BESIDE))
+        return np.asarray(image - bright + self.by(bright, LUMA_TO_CHROMA_SIGMA_PX))
 
-    def by(self, image: Plane, spread: float) -> Plane:
-        """Return an image blurred by this spread, px."""
-        weighted = image if self._weights is None else image * self._weights
-        if spread not in self._shares:
-            if len(self._shares) == KEPT:  # those after the first are tried in turn, each once
-                self._shares.popitem()
-            inside = blurred(self.counts, spread, cv2.BORDER_CONSTANT)
-            self._shares[spread] = np.maximum(inside, 1e-3)[:, :, np.newaxis]
-        return np.asarray(blurred(weighted, spread, cv2.BORDER_CONSTANT) / self._shares[spread])
+    def by(self, image: Plane, sigma: float) -> Plane:
+        """Return an image blurred by this sigma, px."""
+        weighted = image if self._factors is None else image * self._factors
+        if sigma not in self._blurred_weights:
+            if len(self._blurred_weights) == 4:  # planes; the first are reused, later ones are tried once each
+                self._blurred_weights.popitem()
+            inside = blurred(self.weights, sigma, cv2.BORDER_CONSTANT)
+            self._blurred_weights[sigma] = np.maximum(inside, 1e-3)[:, :, np.newaxis]
+        return np.asarray(blurred(weighted, sigma, cv2.BORDER_CONSTANT) / self._blurred_weights[sigma])
 
 
 def brightness(image: Plane) -> Plane:
-    """Return the brightness of an image (rows, cols, channels), (rows, cols, 1)."""
-    bright = image if image.shape[2] == 1 else cv2.transform(image, BRIGHTNESS)
+    """Return the brightness (rows, cols, 1) of an image (rows, cols, channels)."""
+    bright = image if image.shape[2] == 1 else cv2.transform(image, LUMA_SHARES)
     return np.asarray(bright, dtype=np.float32).reshape(*image.shape[:2], 1)
 
 
-class Rim:
-    """What is beside a template, as its rim shows it.
+class BackgroundBleed:
+    """The background around a template, mixed into its rim by blur.
 
     Parameters
     ----------
     alpha
-        (rows, cols), how opaque the template is.
+        (rows, cols), the opacity of the template.
     """
 
     def __init__(self, alpha: Plane) -> None:
-        self._alpha = np.pad(alpha, AROUND)
-        self._shares = [self._inner(self._soft(1 - self._alpha, spread)) for spread in MIXED]
+        self._alpha = np.pad(alpha, PATCH_MARGIN_PX)
+        self._shares = [self._cropped(self._blurred(1 - self._alpha, sigma)) for sigma in BLEED_SIGMAS_PX]
 
     @property
-    def reached(self) -> Plane:
-        """The largest share of what is beside it in each pixel."""
+    def max_share(self) -> Plane:
+        """Share of the background in each pixel under the strongest blur."""
         return self._shares[-1]
 
-    def mixed_in(self, around: Plane, drawn: Plane, left: Plane, blur: Blur) -> Plane:
-        """Return what is beside a template, mixed in by the blur that explains most.
+    def change(self, surroundings: Plane, drawn: Plane, residual: Plane, blur: Blur) -> Plane:
+        """Return the change of the prediction by the background, under the blur that explains most of the residual.
 
         Parameters
         ----------
-        around
-            The place and :data:`~stereolag.templates.aligning.AROUND` px on every side of it.
+        surroundings
+            The image at the place and :data:`~stereolag.templates.aligning.PATCH_MARGIN_PX` px on every side of it.
         drawn
-            What the template predicts there, sharp.
-        left
-            What remains of the place, blurred.
+            The template as predicted there, sharp.
+        residual
+            Image minus prediction, both blurred.
         blur
-            The blur by which both are compared.
+            The blur under which both are compared.
         """
-        # What is next to the rim is mixed too.
-        away = np.asarray(cv2.erode((self._alpha == 0).astype(np.float32), np.ones((3, 3), np.uint8)), dtype=np.float32)
-        away = away[:, :, np.newaxis]
-        seen = self._soft(around * away, AROUND / 2)
-        beside = self._inner(np.asarray(seen / np.maximum(self._soft(away, AROUND / 2), 1e-6)))
-        steps = [blur((beside - drawn) * share[:, :, np.newaxis]) for share in self._shares]
-        mixed = np.zeros_like(left)
+        # Pixels next to the rim are mixed as well.
+        outside = cv2.erode((self._alpha == 0).astype(np.float32), np.ones((3, 3), np.uint8))
+        outside = np.asarray(outside, dtype=np.float32)[:, :, np.newaxis]
+        soft = self._blurred(surroundings * outside, PATCH_MARGIN_PX / 2)
+        soft = np.asarray(soft / np.maximum(self._blurred(outside, PATCH_MARGIN_PX / 2), 1e-6))
+        background = self._cropped(soft)
+        changes = [blur((background - drawn) * share[:, :, np.newaxis]) for share in self._shares]
+        best = np.zeros_like(residual)
         for part in (brightness, lambda plane: plane - brightness(plane)):
-            fits = [float((np.square(part(left - step)).sum(axis=2) * blur.counts).sum()) for step in steps]
-            mixed += part(steps[int(np.argmin(fits))])
-        return mixed
+            errors = [
+                float((np.square(part(residual - change)).sum(axis=2) * blur.weights).sum()) for change in changes
+            ]
+            best += part(changes[int(np.argmin(errors))])
+        return best
 
-    def _soft(self, plane: Plane, spread: float) -> Plane:
-        return blurred(plane, spread, cv2.BORDER_REPLICATE)
+    def _blurred(self, plane: Plane, sigma: float) -> Plane:
+        return blurred(plane, sigma, cv2.BORDER_REPLICATE)
 
-    def _inner(self, plane: Plane) -> Plane:
-        return plane[AROUND:-AROUND, AROUND:-AROUND]
+    def _cropped(self, plane: Plane) -> Plane:
+        return plane[PATCH_MARGIN_PX:-PATCH_MARGIN_PX, PATCH_MARGIN_PX:-PATCH_MARGIN_PX]

@@ -1,4 +1,4 @@
-"""Which methods, OpenCV's among them, still find a template at a known place of an image made harder to search."""
+"""Trials of each method, including OpenCV's: whether it still finds a template in a degraded image."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channel
 from stereolag.templates.search import check_fits, match_template
 from stereolag.templates.verdict import TemplateMatch
 
-LEAST_ROWS, LEAST_COLS = 480, 640
-"""The part is at least this large, px, and at least twice as large as the template, unless the image is smaller."""
+MIN_PART_SHAPE = (480, 640)
+"""Least rows and columns of the part; it is also at least twice the template, unless the image is smaller."""
 
 
 class Degradation(Settings):
@@ -134,7 +134,10 @@ def degraded_part(
 
 def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[int, ...]:
     """Return the shape of the part of an image (rows, cols[, channels]) around a template of (height, width)."""
-    rows, cols = min(max(LEAST_ROWS, 2 * shape[0]), image_shape[0]), min(max(LEAST_COLS, 2 * shape[1]), image_shape[1])
+    rows, cols = (
+        min(max(least, 2 * side), length)
+        for least, side, length in zip(MIN_PART_SHAPE, shape, image_shape, strict=False)
+    )
     return (rows, cols, 3) if len(image_shape) == 3 else (rows, cols)
 
 
@@ -149,7 +152,7 @@ def _warped(
 ) -> npt.NDArray[Any]:
     """Return the part in `rows` and `cols` turned and resized about `centre` (row, col), its rim mirrored."""
     reach = math.hypot(rows.stop - rows.start, cols.stop - cols.start) / degradation.resize
-    # Only the visible area is passed on: OpenCV refuses to warp images of more than 32767 pixels a side.
+    # Only the visible area is warped: OpenCV refuses images of more than 32767 pixels a side.
     top, left = (max(0, math.floor(middle - reach)) for middle in centre)
     source = np.ascontiguousarray(image[top : math.ceil(centre[0] + reach), left : math.ceil(centre[1] + reach)])
     # Maps a pixel (x, y) of the part to the place in the source that it shows; y points down.
@@ -168,7 +171,7 @@ def _warped(
 def _altered(
     part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], level: float, degradation: Degradation
 ) -> Image:
-    """Return a part with its contrast and brightness changed, covered, and with noise, in its own dtype.
+    """Return a part with changed contrast and brightness, covered, and with noise, in its own dtype.
 
     `level` is one grey level of 255 in the part's units.
     """
@@ -227,7 +230,7 @@ def estimate_opencv(image_shape: tuple[int, ...], masked: bool) -> Estimate:
 
 
 def is_masked(template: Image, mask: Image | None) -> bool:
-    """Return whether some pixels of a template are excluded."""
+    """Return whether some pixels of a template are masked out."""
     return not bool(opaque_pixels(template, mask).all())
 
 
@@ -272,10 +275,10 @@ def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.Ar
 TrialMethod = Literal["fft", "sampled", "opencv"]
 Outcome = Literal["right", "elsewhere", "missed", "refused"]
 
-TOLERANCE: Final = 0.1
+PLACE_TOLERANCE: Final = 0.1
 """Tolerance of a template's place, as a share of its shorter side: interpolation moves the peak."""
 
-LEAST_TOLERANCE_PX: Final = 2.0
+MIN_TOLERANCE_PX: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -311,9 +314,9 @@ class Trial:
 def try_methods(
     image: Image, template: Image, place: tuple[int, int], *, mask: Image | None = None, min_score: float = 0.5
 ) -> tuple[Trial, ...]:
-    """Search with every method, and judge the best place of each against the known place.
+    """Search with every method, and compare the best place of each with the known place.
 
-    To count as found, its score only has to reach `min_score`: OpenCV has no other test.
+    It is found if its score reaches `min_score`: OpenCV has no other test.
 
     Parameters
     ----------
@@ -322,7 +325,7 @@ def try_methods(
     place
         (row, col) of the template's top-left pixel, the ground truth.
     """
-    tolerance = max(LEAST_TOLERANCE_PX, TOLERANCE * min(template.shape[:2]))
+    tolerance = max(MIN_TOLERANCE_PX, PLACE_TOLERANCE * min(template.shape[:2]))
 
     def judged(method: TrialMethod) -> Trial:
         try:
@@ -347,7 +350,7 @@ def _best_place(
         elapsed_s = theirs.elapsed_s
     else:
         result = match_template(image, template, method=method, mask=mask, min_score=min_score, seed=0)
-        # Rivals of exact pixels are no places of "sampled".
+        # "sampled" scores few places: below `min_score`, the best of them is no answer.
         place = result.best if method == "fft" else next(iter(result.matches), None)
         elapsed_s = result.elapsed_s
     return (None, None, math.nan, elapsed_s) if place is None else (place.row, place.col, place.score, elapsed_s)

@@ -1,4 +1,4 @@
-"""From scored places to an answer: which of them are the template, and why not more."""
+"""The verdict of a search: which of the scored places are the template, and why no others are."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from stereolag.core.inputs import Image
 from stereolag.core.showing import Shown
-from stereolag.templates.identity import CHANGED_CONTRAST, Identity, Kind, identity
+from stereolag.templates.identity import CONTRAST_TOLERANCE, Identity, Kind, identity
 from stereolag.templates.patterns import Pattern, warped, warped_shape
 from stereolag.templates.places import Places, peaks_near
 
@@ -28,27 +28,28 @@ Reason: TypeAlias = Literal[
     "not_there",
 ]
 """Reason of a verdict. Found: as given; with another contrast; partly covered. Not found: more places than wanted fit
-as well; no place scores high enough; the best place shows other colours, the mirror image, something that differs in
-some blocks, or something else."""
+equally well; no place scores high enough; the best place shows other colours, the mirror image, something that differs
+in some blocks, or something else."""
 
 CLEAR_RATIO = 0.6
-"""Clear lead: the best place differs from the template by at most this share of the next place's difference.
+"""Largest difference from the template at a place with a clear lead, over that at the next place.
 
-Measured by 1 - score, half the mean squared difference of the two normalised: the ratio test of Lowe (2004), whose 0.8
-of a distance is 0.64 of its square. Rocketman at low contrast and a quarter hidden gives 0.37; his mirror image, which
-resembles the original, 0.78; other colours 0.69; and a size smaller by a tenth, where another place fits best, 0.92.
+The difference is 1 - score, half the mean squared difference of the two normalised; this is the ratio test of Lowe
+(2004), whose 0.8 of a distance is 0.64 of its square. Rocketman at low contrast and a quarter hidden gives 0.37; his
+mirror image, which resembles the original, 0.78; other colours 0.69; and a tenth smaller, where another place fits
+best, 0.92.
 """
 
-ROUNDING = 0.005
+COPY_DIFFERENCE = 0.005
 """Largest 1 - score of an exact copy in a recompressed image: smaller differences count as equal."""
 
-MOST_RIVALS = 20
-"""Rivals kept."""
+MAX_RIVALS = 20
+"""Largest number of rivals kept."""
 
 
 def leads(score: float, rival: float) -> bool:
     """Return whether a place with this score has a clear lead over a rival with its score."""
-    return 1 - score + ROUNDING <= CLEAR_RATIO * (1 - rival + ROUNDING)
+    return 1 - score + COPY_DIFFERENCE <= CLEAR_RATIO * (1 - rival + COPY_DIFFERENCE)
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,15 @@ class TemplateMatch:
         Size of the template there, px; for a rotated template, of that box.
     score
         Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast. At a place
-        found only because some of its blocks agree, of those alone: it is not that of the score map. Where no size fits
-        like a copy, but a word may be drawn anew, at the best height and width.
+        that is partly covered or outside the image, over the visible blocks alone, unlike in the score map. For text
+        drawn anew at another size, at the best height and width.
     scale
         Size in the image over size of the template.
     rotation
         Rotation of the template in the image, degrees, positive counter-clockwise as seen.
     kind, contrast, gain, explained, blocks
-        What the place shows beside the template: :class:`~stereolag.templates.identity.Identity`. None or empty at
-        places too poor to be looked at.
+        The place compared with the template: :class:`~stereolag.templates.identity.Identity`. None or empty at places
+        that score too low to be compared.
 
     Examples
     --------
@@ -106,7 +107,7 @@ class TemplateSearch(Shown):
     Parameters
     ----------
     matches
-        Places that score high enough, first the `clear` ones that can be relied on, then the others, each best first;
+        Places that score high enough: first the `clear` ones, which are the template, then the others, each best first;
         never overlapping by more than half of their area; empty if no score is high enough.
     score_map
         (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
@@ -118,12 +119,12 @@ class TemplateSearch(Shown):
     best
         The first match; without one the place with the highest score; None if nothing could be scored.
     rivals
-        The best places other than the clear matches (other than the best place if no match is clear), best first; they
-        share no pixel with those or with one another.
+        The best places other than the clear matches (other than the best place if no match is clear), best first,
+        without any overlap.
     clear
-        Number of matches that are the template, from the first on.
+        Number of matches that are the template; they come first.
     reason
-        Which verdict `found` is: :data:`~stereolag.templates.verdict.Reason`.
+        Reason of the verdict: :data:`~stereolag.templates.verdict.Reason`.
     left_out
         Share of the places that have no score because the image has a pixel without data there (NaN, or a mark such as
         -32768); if sizes were searched, of those of the template's own size.
@@ -168,23 +169,26 @@ class TemplateSearch(Shown):
         return [best, *(rival for rival in self.rivals if not leads(best.score, rival.score))]
 
 
-TRIED = 8
-"""Places looked at after the last that is the template before the search for more of them ends."""
+MAX_MISSES = 8
+"""Number of places in a row that are not the template, after which no more are compared with it."""
 
-TINY = 64
-"""A template of so few values, pixels and channels, is not found where another place scores higher, unless it scores
-like an exact copy: its few blocks agree by chance."""
+TINY_TEMPLATE_VALUES = 64
+"""A template of up to so many values, pixels times channels, is not found where another place scores higher, unless it
+scores like an exact copy: its few blocks agree by chance."""
 
-LEAST_BEYOND = (0.8, 0.6)
-"""Least share explained of what a template has beyond a slope or a bend, without a clear lead and with one: those are
-in every shading, and smooth pieces are little else.
+MIN_DETAIL_WITHOUT_LEAD = 0.8
+"""Least explained share of a template's variance beyond a quadratic surface: such surfaces are in every shading, and
+smooth pieces are little else.
 
-Measured of pieces of 9 to 60 px: 0.7 to 1 where they are, in noise and JPEG too, but for 2 of 85; where others are,
+Measured on pieces of 9 to 60 px: 0.7 to 1 where they are, in noise and JPEG too, but for 2 of 85; where others are,
 0.67 or less but for 3 of 40.
 """
 
-FAR_BELOW = 0.3
-"""A copy of the template scores less than this below the best copy."""
+MIN_DETAIL_WITH_LEAD = 0.6
+"""The same at a place with a clear lead."""
+
+MAX_BELOW_BEST = 0.3
+"""Largest difference of a copy's score from that of the best copy."""
 
 FOUND: tuple[Kind, ...] = ("same", "lower_contrast", "higher_contrast", "partly_covered")
 
@@ -207,176 +211,169 @@ def judged(
     places
         Every position that may be a match or a rival.
     image, pattern
-        The image (rows, cols, channels) and the template, by which the places are judged.
+        The image (rows, cols, channels) and the template.
     max_matches, min_score
         As for :func:`~stereolag.templates.match_template`.
     score_map, candidates
         Passed on to the result, whose `elapsed_s` is left at 0.
     otherwise
-        The result instead if none of the places is the template.
+        The result to return if none of the places is the template.
     """
-    looked = _LookedAt(places, image, pattern)
-    enough = np.flatnonzero(places.scores >= min_score)
+    compared = _ComparedPlaces(places, image, pattern)
     kept: list[int] = []
     copies: list[int] = []
-    tried = 0
-    for one in places.in_order(share=0.5, left=enough):
-        far = bool(copies) and places.scores[one] < places.scores[copies[0]] - FAR_BELOW
-        looking = tried < TRIED and not far and len(copies) <= max_matches + MOST_RIVALS
-        if not looking and len(kept) >= min(max_matches, len(copies) + MOST_RIVALS):
+    misses = 0
+    for place in places.in_order(share=0.5, among=np.flatnonzero(places.scores >= min_score)):
+        far_below = bool(copies) and places.scores[place] < places.scores[copies[0]] - MAX_BELOW_BEST
+        may_be_copy = misses < MAX_MISSES and not far_below and len(copies) <= max_matches + MAX_RIVALS
+        if not may_be_copy and len(kept) >= min(max_matches, len(copies) + MAX_RIVALS):
             break
-        kept.append(one)
-        if looking and looked.identity(one).kind in FOUND:
-            copies.append(one)
-            tried = 0
+        kept.append(place)
+        if may_be_copy and compared.identity(place).kind in FOUND:
+            copies.append(place)
+            misses = 0
         else:
-            tried += 1
-    found = reliable([(one, looked.identity(one)) for one in copies], max_matches)
+            misses += 1
+    found = reliable([(place, compared.identity(place)) for place in copies], max_matches)
     if found:
         others = places.best(1, taken=found)
         score, other = places.scores[found[0]], places.scores[others[0]] if others else -1.0
-        by_chance = pattern.count * len(pattern.deviations) <= TINY and other > score < 1 - ROUNDING
-        if by_chance or looked.identity(found[0]).beyond < LEAST_BEYOND[bool(leads(score, other))]:
+        is_tiny = pattern.count * len(pattern.deviations) <= TINY_TEMPLATE_VALUES
+        by_chance = is_tiny and other > score < 1 - COPY_DIFFERENCE
+        least = MIN_DETAIL_WITH_LEAD if leads(score, other) else MIN_DETAIL_WITHOUT_LEAD
+        if by_chance or compared.identity(found[0]).explained_detail < least:
             found = []
     if otherwise is not None and not found:
         return otherwise
     best = found[:1] or kept[:1] or ([int(np.argmax(places.scores))] if places.scores.size else [])
-    rivals = places.best(MOST_RIVALS, taken=found or best)
-    if kept and rivals and places.scores[rivals[0]] >= places.scores[best[0]] - FAR_BELOW:
-        looked.identity(rivals[0])
-    others = [one for one in kept if one not in found]
+    rivals = places.best(MAX_RIVALS, taken=found or best)
+    if kept and rivals and places.scores[rivals[0]] >= places.scores[best[0]] - MAX_BELOW_BEST:
+        compared.identity(rivals[0])
+    others = [place for place in kept if place not in found]
     return TemplateSearch(
-        matches=[looked.match(one) for one in (found + others)[:max_matches]],
+        matches=[compared.match(place) for place in (found + others)[:max_matches]],
         score_map=score_map,
         candidates=candidates,
         elapsed_s=0.0,
-        best=looked.match(best[0]) if best else None,
-        rivals=[looked.match(one) for one in rivals],
+        best=compared.match(best[0]) if best else None,
+        rivals=[compared.match(place) for place in rivals],
         clear=len(found),
-        reason=_reason(looked, found, copies, kept, rivals),
+        reason=_reason(compared, found, copies, kept, rivals),
     )
 
 
 def reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
-    """Return the copies that can be relied on, best first: those most like the template, if no more than wanted are.
+    """Return the copies most like the template, best first; only those with a clear lead if more than wanted are.
 
     A copy of the template's own contrast comes before a paler one, and that before one that is partly covered.
     """
-    whole = [(one, shown) for one, shown in copies if shown.is_template]
+    whole = [(place, shown) for place, shown in copies if shown.is_template]
     if whole:
-        # Of another contrast is a shape of fewer strokes too: no contrast but its own counts more than the fit.
+        # A shape of fewer strokes has another contrast too: only the template's own contrast outweighs the fit.
         own = [shown.contrast for _, shown in whole if shown.kind == "same"]
         best = max((shown for _, shown in whole), key=lambda shown: shown.explained)
         nearest = min(own or [best.contrast], key=lambda contrast: abs(math.log(contrast)))
-        limits = nearest / CHANGED_CONTRAST, nearest * CHANGED_CONTRAST
-        alike = [one for one, shown in whole if limits[0] <= shown.contrast <= limits[1]]
+        limits = nearest / CONTRAST_TOLERANCE, nearest * CONTRAST_TOLERANCE
+        similar = [place for place, shown in whole if limits[0] <= shown.contrast <= limits[1]]
     else:
-        alike = [one for one, _ in copies]
-    if len(alike) <= most:
-        return alike
-    fits = {one: shown.explained for one, shown in copies}
-    order = sorted(alike, key=lambda one: -fits[one])
-    before = _before_gap(order, [fits[one] for one in order], most)
-    return [one for one in alike if one in before]
+        similar = [place for place, _ in copies]
+    if len(similar) <= most:
+        return similar
+    fits = {place: shown.explained for place, shown in copies}
+    order = sorted(similar, key=lambda place: -fits[place])
+    leading = _before_gap(order, [fits[place] for place in order], most)
+    return [place for place in similar if place in leading]
 
 
 def _before_gap(order: list[int], fits: list[float], most: int) -> list[int]:
-    """Return of more places than wanted, best first, those before the largest gap of their fit, if it is a lead."""
-    left = [1 - fit + ROUNDING for fit in fits]
-    count = max(range(1, min(most + 1, len(left))), key=lambda count: left[count] / left[count - 1], default=0)
-    return order[:count] if count and left[count - 1] <= CLEAR_RATIO * left[count] else []
+    """Return the places, sorted best first, before the largest gap in their fits; none unless it is a clear lead."""
+    errors = [1 - fit + COPY_DIFFERENCE for fit in fits]
+    count = max(range(1, min(most + 1, len(errors))), key=lambda count: errors[count] / errors[count - 1], default=0)
+    return order[:count] if count and errors[count - 1] <= CLEAR_RATIO * errors[count] else []
 
 
-def _reason(looked: _LookedAt, found: list[int], copies: list[int], kept: list[int], rivals: list[int]) -> Reason:
-    """Return the reason of a verdict, from the place that is told."""
+def _reason(
+    compared: _ComparedPlaces, found: list[int], copies: list[int], kept: list[int], rivals: list[int]
+) -> Reason:
+    """Return the reason of a verdict, from the place found, or else from the best one."""
     if not kept:
         return "low_score"
     if copies and not found:
         return "look_alikes"
-    kind = looked.identity((found or kept)[0]).kind
+    kind = compared.identity((found or kept)[0]).kind
     if kind == "same":
         return "clear" if found else "look_alikes"
-    if kind in ("differs", "not_there") and looked.mirrored(kept[0]):
+    if kind in ("differs", "not_there") and compared.is_mirrored(kept[0]):
         return "mirrored"
-    if (
-        kind == "not_there"
-        and rivals
-        and not leads(*(float(looked.places.scores[one]) for one in (kept[0], rivals[0])))
-    ):
-        return "look_alikes"
+    if kind == "not_there" and rivals:
+        score, rival = (float(compared.places.scores[place]) for place in (kept[0], rivals[0]))
+        return kind if leads(score, rival) else "look_alikes"
     return kind
 
 
-MOVED = 4
-"""A mirror image is searched within the template's side over this number around the place that resembles it."""
-
-
-class _LookedAt:
-    """Places and what they show, each looked at once, if it is asked for."""
+class _ComparedPlaces:
+    """Places and their identities, each determined once, when it is needed."""
 
     def __init__(self, places: Places, image: Image, pattern: Pattern) -> None:
         self.places = places
         self._image = image
         self._pattern = pattern
-        self._shown: dict[int, Identity] = {}
+        self._identities: dict[int, Identity] = {}
 
     def identity(self, index: int) -> Identity:
-        """Return what a place shows."""
-        if index not in self._shown:
+        """Return the identity of a place."""
+        if index not in self._identities:
             row, col = int(self.places.rows[index]), int(self.places.cols[index])
-            scale, rotation = self._pose(index)
-            may_be_anew = rotation == 0 and scale != 1 and bool((self._pattern.weights == 1).all())
-            self._shown[index] = identity(
+            scale, rotation = self.places.pose(index)
+            may_be_redrawn = rotation == 0 and scale != 1 and bool((self._pattern.weights == 1).all())
+            self._identities[index] = identity(
                 self._image,
                 self._posed(index),
                 row,
                 col,
-                posed=self.places.poses is not None,
-                resized=(self._pattern, scale) if may_be_anew else None,
+                refine_pose=self.places.poses is not None,
+                resized=(self._pattern, scale) if may_be_redrawn else None,
             )
-        return self._shown[index]
+        return self._identities[index]
 
-    def mirrored(self, index: int) -> bool:
-        """Return whether a place shows the mirror image of the template, perhaps moved a little."""
+    def is_mirrored(self, index: int) -> bool:
+        """Return whether a place shows the mirror image of the template, moved by up to a quarter of its side."""
         pattern = self._posed(index).mirrored()
         row, col = int(self.places.rows[index]), int(self.places.cols[index])
-        near = peaks_near(self._image, pattern, row, col, (pattern.shape[0] // MOVED, pattern.shape[1] // MOVED))
-        places = [(int(near.rows[one]), int(near.cols[one])) for one in near.best(1)]
-        posed = self.places.poses is not None
-        return any(identity(self._image, pattern, *place, posed=posed).is_template for place in places)
+        near = peaks_near(self._image, pattern, row, col, (pattern.shape[0] // 4, pattern.shape[1] // 4))
+        corners = [(int(near.rows[place]), int(near.cols[place])) for place in near.best(1)]
+        refine_pose = self.places.poses is not None
+        return any(identity(self._image, pattern, *corner, refine_pose=refine_pose).is_template for corner in corners)
 
     def match(self, index: int) -> TemplateMatch:
-        """Return a place as a match, with what it shows if it was looked at."""
-        (height, width), (scale, rotation) = self.places.box(index), self._pose(index)
+        """Return a place as a match, with its identity if that was determined."""
+        (height, width), (scale, rotation) = self.places.box(index), self.places.pose(index)
         row, col = int(self.places.rows[index]), int(self.places.cols[index])
         match = TemplateMatch(row, col, height, width, float(self.places.scores[index]), scale, rotation)
-        shown = self._shown.get(index)
+        shown = self._identities.get(index)
         if shown is None:
             return match
-        told = {name: value for name, value in vars(shown).items() if name not in ("anew", "moved", "beyond")}
-        if shown.anew is not None:
-            told |= self._box_around(shown.anew.row, shown.anew.col, shown.anew.size, rotation)
+        changes = {name: getattr(shown, name) for name in ("kind", "contrast", "gain", "explained", "blocks")}
+        if shown.redrawing is not None:
+            redrawn = shown.redrawing
+            changes |= self._box_around(redrawn.row, redrawn.col, redrawn.size, rotation)
         elif shown.is_template and (scale, rotation) != (1.0, 0.0) and self.places.poses is not None:
-            down, right, larger, clockwise = shown.moved
+            down, right, log_size, clockwise = shown.motion
             poses = np.array(self.places.poses)
-            # What was not searched stays as it is.
-            size = scale * math.exp(larger) if np.ptp(poses[:, 0]) else scale
+            # Size and angle stay as they are unless they were searched.
+            size = scale * math.exp(log_size) if np.ptp(poses[:, 0]) else scale
             turned = rotation - math.degrees(clockwise) if np.ptp(poses[:, 1]) else rotation
-            told |= self._box_around(row + height / 2 + down, col + width / 2 + right, size, turned)
-        return replace(match, **told)
+            changes |= self._box_around(row + height / 2 + down, col + width / 2 + right, size, turned)
+        return replace(match, **changes)
 
     def _box_around(self, row: float, col: float, scale: float, rotation: float) -> dict[str, float]:
-        """Return size, angle and box of the template with this middle."""
+        """Return size, angle and box of the template centred at (row, col)."""
         tall, wide = warped_shape(self._pattern.shape, scale, rotation)
         corner = {"row": max(0, round(row - tall / 2)), "col": max(0, round(col - wide / 2))}
         return {**corner, "height": tall, "width": wide, "scale": scale, "rotation": rotation}
 
-    def _pose(self, index: int) -> tuple[float, float]:
-        """Return the size and angle of the template at a place."""
-        return (1.0, 0.0) if self.places.poses is None else self.places.poses[index]
-
     def _posed(self, index: int) -> Pattern:
-        """Return the template as it is at a place."""
-        pose = self._pose(index)
+        """Return the template, resized and rotated as at a place."""
+        pose = self.places.pose(index)
         posed = self._pattern if pose == (1.0, 0.0) else warped(self._pattern, *pose)
         return self._pattern if posed is None else posed

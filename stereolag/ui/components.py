@@ -25,7 +25,8 @@ from stereolag.core.arrays import Array, FloatMap, Rgb
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.figures.pictures import coloured, data_url, png
 from stereolag.figures.templates import relief
-from stereolag.templates.by_hand import ReducedSearch, ScoreMap, best_of_blocks, block_side
+from stereolag.templates.by_hand import ReducedSearch, best_of_blocks, block_side
+from stereolag.templates.score_maps import ScoreMap
 from stereolag.ui.streamlit_inside import ComponentRenderer
 
 WEB = Path(__file__).parent / "web"

@@ -110,7 +110,7 @@ def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array
 
 @pytest.mark.parametrize("masked", [False, True])
 def test_tiles_meet_without_a_seam(masked: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stereolag.templates.score_maps.LONGEST_FFT", 96)
+    monkeypatch.setattr("stereolag.templates.score_maps.MAX_TILE_PX", 96)
     image, template = random_image((301, 423, 3)), random_image((33, 27, 3), seed=1)
     mask = round_mask(33, 27).astype(np.uint8) if masked else np.ones((33, 27), dtype=np.uint8)
     np.testing.assert_allclose(

@@ -15,8 +15,8 @@ from sprites import SPRITE_PLACE, sprite_scene
 from stereolag.figures.templates import relief
 from stereolag.templates import match_template
 from stereolag.templates.by_hand import (
-    MOST_ANCHORS,
-    MOST_DOTS,
+    MAX_ANCHORS,
+    MAX_DOTS,
     Anchor,
     ReducedSearch,
     anchors,
@@ -191,7 +191,7 @@ def by_looking(image: Pixels, sprite: Pixels, anchor: Anchor) -> tuple[set[Any],
 def test_each_stage_keeps_the_places_that_one_finds_by_looking() -> None:
     image, sprite = sprite_scene(0)
     found = anchors(image, sprite, None, seed=5)
-    assert 8 <= len(found) <= MOST_ANCHORS
+    assert 8 <= len(found) <= MAX_ANCHORS
     assert len({anchor.colour for anchor in found}) == len(found)
     assert match_template(image, sprite, method="sampled", seed=5).candidates == found[0].counts[3]
     for anchor in found:
@@ -200,7 +200,7 @@ def test_each_stage_keeps_the_places_that_one_finds_by_looking() -> None:
         for places, dots in zip(stages, anchor.dots, strict=True):
             held = {(row + anchor.row, col + anchor.col) for row, col in places}
             assert held >= set(dots) and len(dots) == len(set(dots))
-            assert held == set(dots) or MOST_DOTS / 2 < len(dots) <= MOST_DOTS
+            assert held == set(dots) or MAX_DOTS / 2 < len(dots) <= MAX_DOTS
         assert anchor.colour == tuple(sprite[anchor.row, anchor.col, :3].tolist())
         assert sprite[anchor.row, anchor.run[0] : anchor.run[1] + 1, 3].all()
         assert anchor.best == (*SPRITE_PLACE, pytest.approx(1))
@@ -215,13 +215,13 @@ def test_many_dots_are_thinned_and_too_many_places_not_scored() -> None:
     image = np.random.default_rng(0).integers(0, 3, (400, 500), dtype=np.uint8)
     for anchor in anchors(image, image[100:220, 200:330], None):
         assert anchor.counts[1] > 20_000
-        assert MOST_DOTS / 2 < len(anchor.dots[0]) <= MOST_DOTS
+        assert MAX_DOTS / 2 < len(anchor.dots[0]) <= MAX_DOTS
         assert anchor.best is None
 
 
 def test_a_template_of_many_colours_offers_rare_and_common_ones() -> None:
     image = (np.random.default_rng(0).normal(128, 25, (200, 300)).clip(0, 255)).astype(np.uint8)
     counts = [anchor.counts[1] for anchor in anchors(image, image[40:90, 60:130], None)]
-    assert len(counts) == MOST_ANCHORS
+    assert len(counts) == MAX_ANCHORS
     assert max(counts) > 20 * min(counts)
     assert np.mean(counts[:8]) < np.mean(counts[8:])

@@ -25,7 +25,7 @@ from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import left_out_in_words, matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch, estimate_search
 from stereolag.templates.by_hand import Anchor, anchors, reduced_search
-from stereolag.templates.following import LARGEST, SMALLEST, Followed, Follower
+from stereolag.templates.following import MAX_SIZE, MIN_SIZE, Followed, Follower
 from stereolag.templates.poses import Pose
 from stereolag.templates.trials import (
     Degradation,
@@ -473,8 +473,8 @@ def _freeze(stream: Stream) -> None:
     place: Pose | None = kept["place"]
     if place is not None and abs(place.scale - 1) > RESIZED:
         low, high = math.floor(place.scale / SIZES) * SIZES, math.ceil(place.scale / SIZES) * SIZES
-        adopt_value("template.min_scale", round(max(SMALLEST, min(1.0, low)), 2))
-        adopt_value("template.max_scale", round(min(LARGEST, max(1.0, high)), 2))
+        adopt_value("template.min_scale", round(max(MIN_SIZE, min(1.0, low)), 2))
+        adopt_value("template.max_scale", round(min(MAX_SIZE, max(1.0, high)), 2))
     if place is not None and abs(place.rotation) > TURNED:
         adopt_value("template.max_rotation", min(180.0, math.ceil(abs(place.rotation) / ANGLES) * ANGLES))
     st.session_state.update({PICTURES: OWN, f"{PICTURES}.from": "given", f"{FOLLOWING}.frozen": True})
