@@ -32,6 +32,7 @@ from stereolag.assess.findings import (
 from stereolag.assess.layout import (
     MIN_ORDER_SIGMAS,
     Anaglyph,
+    Views,
     depth_order,
     find_views,
     fits_homography,
@@ -255,17 +256,16 @@ def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> t
     if views is None:
         return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle)
     above = views.above_each_other
-    quarters = quarters_upright(found) if above else 0
+    quarters = quarters_upright(views) if above else 0
     stacked = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
     return mirrored, stacked, *judge_moments(None if above else views.epipole)
 
 
-def quarters_upright(found: Correspondences) -> int:
+def quarters_upright(views: Views | None) -> int:
     """Return the quarters of a turn, counter-clockwise, that bring cameras above each other side by side.
 
     The upper camera, in whose picture points are lower, becomes the left one.
     """
-    views = find_views(found)
     return 1 if views is None or median(views.points.dy) < 0 else -1
 
 
@@ -443,18 +443,20 @@ def apply_remedy(
         are matched to find the geometry; or if no rectification from the images alone brings the rows much closer.
     """
     left, right = as_stereo_pair(left, right)
-    if remedy is Remedy.SET_RANGE:
-        raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
-    if remedy is Remedy.SWAP_SIDES:
-        return right, left
-    if remedy is Remedy.MIRROR_RIGHT:
-        return left, np.ascontiguousarray(right[:, ::-1])
+    match remedy:
+        case Remedy.SET_RANGE:
+            raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
+        case Remedy.SWAP_SIDES:
+            return right, left
+        case Remedy.MIRROR_RIGHT:
+            return left, np.ascontiguousarray(right[:, ::-1])
     points = find_correspondences(left, right) if found is None else found
-    if remedy is Remedy.MATCH_EXPOSURE:
-        return left, with_left_exposure(left, right, points)
-    if remedy is Remedy.TURN_UPRIGHT:
-        quarters = quarters_upright(points)
-        return turned(left, quarters), turned(right, quarters)
+    match remedy:
+        case Remedy.MATCH_EXPOSURE:
+            return left, with_left_exposure(left, right, points)
+        case Remedy.TURN_UPRIGHT:
+            quarters = quarters_upright(find_views(points))
+            return turned(left, quarters), turned(right, quarters)
     if len(points) < MIN_MATCHES:
         raise ValueError(
             f"{len(points)} features were matched between the images; at least {MIN_MATCHES} are needed to align "

@@ -528,8 +528,7 @@ def _merits(kind: ExampleKind, matches: WindowMatches, deviation: float) -> tupl
 
 def _highest_first(merit: FloatMap) -> list[int]:
     known = np.flatnonzero(np.isfinite(merit))
-    windows: list[int] = known[np.argsort(merit.ravel()[known])[::-1]][:MAX_CANDIDATES].tolist()
-    return windows
+    return list(known[np.argsort(merit.ravel()[known])[::-1]][:MAX_CANDIDATES].tolist())
 
 
 def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:

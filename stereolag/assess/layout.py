@@ -27,7 +27,7 @@ from stereolag.assess.orientation import (
 )
 from stereolag.assess.search_range import quick_map, reduced
 from stereolag.assess.uncalibrated import centre_of, fit_rectification
-from stereolag.core.arrays import DoubleMap, median
+from stereolag.core.arrays import DoubleMap, FloatMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -144,15 +144,23 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     return layout, crossed != (order < -MIN_ORDER_SIGMAS)
 
 
-def _matched(left: Image, right: Image) -> tuple[float, float]:
-    """Return the share of the pixels of small views that find a partner, and their median disparity, px."""
+def _coarse_disparity(
+    left: Image, right: Image, reach: int, block_size: int, uniqueness_ratio: int
+) -> tuple[FloatMap, Image]:
+    """Return the disparities of small copies of grey views, without columns at the borders, and the left copy."""
     size = LAYOUT_WIDTH_PX, max(16, round(LAYOUT_WIDTH_PX * left.shape[0] / left.shape[1]))
-    small = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in as_eight_bit(as_grey(left), as_grey(right))]
-    reach = LAYOUT_REACH_PX
-    matcher = StereoSGBM(min_disparity=-reach, num_disparities=2 * reach, block_size=7, uniqueness_ratio=10)
-    searched = slice(reach, -reach)
-    disparity = matcher.compute(*small).disparity[:, searched]
-    textured = local_deviation(small[0], 7)[:, searched] > MIN_TEXTURE
+    small = [cv2.resize(view, size, interpolation=cv2.INTER_AREA) for view in (left, right)]
+    matcher = StereoSGBM(
+        min_disparity=-reach, num_disparities=2 * reach, block_size=block_size, uniqueness_ratio=uniqueness_ratio
+    )
+    return matcher.compute(*small).disparity[:, reach:-reach], small[0]
+
+
+def _matched(left: Image, right: Image) -> tuple[float, float]:
+    """Return the share of the textured pixels of small views that are matched, and their median disparity, px."""
+    greys = as_eight_bit(as_grey(left), as_grey(right))
+    disparity, small = _coarse_disparity(*greys, LAYOUT_REACH_PX, block_size=7, uniqueness_ratio=10)
+    textured = local_deviation(small, 7)[:, LAYOUT_REACH_PX:-LAYOUT_REACH_PX] > MIN_TEXTURE
     known = np.isfinite(disparity) & textured
     if textured.mean() < MIN_TEXTURED_SHARE or not known.any():
         return 0.0, 0.0
@@ -168,11 +176,7 @@ def _repeats(image: Image, layout: Layout, share: float) -> bool:
 def _is_anaglyph(image: Image) -> bool:
     """Return whether red shows another view than green and blue; in a single view, all colours coincide."""
     red, cyan = (cv2.equalizeHist(one) for one in as_eight_bit(image[:, :, 0], image[:, :, 1]))
-    size = LAYOUT_WIDTH_PX, max(16, round(LAYOUT_WIDTH_PX * image.shape[0] / image.shape[1]))
-    small = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in (red, cyan)]
-    reach = LAYOUT_REACH_PX // 2
-    matcher = StereoSGBM(min_disparity=-reach, num_disparities=2 * reach, block_size=11, uniqueness_ratio=5)
-    disparity = matcher.compute(*small).disparity[:, reach:-reach]
+    disparity, _ = _coarse_disparity(red, cyan, LAYOUT_REACH_PX // 2, block_size=11, uniqueness_ratio=5)
     known = np.isfinite(disparity)
     if known.mean() <= MIN_MATCHED_SHARE:
         return False
@@ -210,7 +214,7 @@ MIN_PARALLAX_PX = 1.0
 
 MAX_EPIPOLE_DISTANCE = 1.5
 """Distance of an epipole from the centre, image widths or heights, up to which one picture was taken from farther
-ahead: two cameras turned by so much would see no common scene."""
+ahead: two cameras side by side turned that far would not see a common scene."""
 
 MIN_EPIPOLE_SCATTER_PX = 0.35
 """Scatter of rows from which an epipole is looked for, px."""
@@ -286,7 +290,7 @@ class Epipole:
 
     @property
     def inside(self) -> bool:
-        """Return whether it lies in the picture."""
+        """Return whether it is in the picture."""
         return 0 <= self.x <= 1 and 0 <= self.y <= 1
 
 

@@ -262,7 +262,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     scale = min(1.0, MAX_SIDE_PX / max(shape))
     views = _stretched(left, scale), _stretched(right, scale)
     quick = match_features(views, shape, scale, binary=True)
-    easy = _nearly_rectified(quick.points, _on_epipolar_lines(quick.points))
+    easy = _nearly_rectified(quick.points, fundamental_matrix(quick.points)[1])
     if len(easy) >= MIN_EASY_MATCHES:
         every = _tracked_evenly(views, easy)
         even = _nearly_rectified(every, np.ones(len(every), np.bool_))
@@ -278,7 +278,8 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
         # One picture may be on its side, or upside down.
         quarters = max(range(4), key=lambda turn: np.count_nonzero(_on_a_plane(_right_turned(distinctive, turn))))
         every, distinctive = _right_turned(every, quarters), _right_turned(distinctive, quarters)
-        fits = (_refitted(distinctive, seed) for seed in (_on_epipolar_lines(distinctive), _on_a_plane(distinctive)))
+        seeds = fundamental_matrix(distinctive)[1], _on_a_plane(distinctive)
+        fits = (_refitted(distinctive, seed) for seed in seeds)
         models = [model for model in fits if model is not None]
     best = min(models, key=lambda model: _misfit(model, distinctive), default=None)
     if best is None or best.agrees(distinctive, TOLERANCES_PX[-1]).sum() < MIN_AGREEING_SHARE * len(distinctive):
@@ -298,7 +299,9 @@ def _right_turned(points: Correspondences, quarters: int) -> Correspondences:
     return replace(points, right=((points.right - centre) @ turn + centre).astype(np.float32))
 
 
-def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> tuple[DoubleMap | None, Mask]:
+def fundamental_matrix(
+    points: Correspondences, pixels: float = MAX_EPIPOLAR_PX, trials: int = MAX_EPIPOLAR_TRIALS
+) -> tuple[DoubleMap | None, Mask]:
     """Return the (3, 3) fundamental matrix that most matches agree with, and their mask; None and no match without one.
 
     A match agrees if it is at most `pixels` from its epipolar line, at the size at which features were matched. At most
@@ -310,10 +313,6 @@ def fundamental_matrix(points: Correspondences, pixels: float, trials: int) -> t
         if matrix is not None and found is not None:
             return np.asarray(matrix, dtype=np.float64), np.asarray(found.ravel() == 1)
     return None, np.zeros(len(points), np.bool_)
-
-
-def _on_epipolar_lines(points: Correspondences) -> Mask:
-    return fundamental_matrix(points, MAX_EPIPOLAR_PX, MAX_EPIPOLAR_TRIALS)[1]
 
 
 def _nearly_rectified(points: Correspondences, agreeing: Mask) -> Correspondences:

@@ -197,7 +197,7 @@ class Suggestion:
     start
         The initial settings.
     matcher
-        The best settings; the initial ones if no others are really better.
+        The best settings; the initial ones if no others are certainly better.
     outcome
         Whether better settings were found, or why none could be judged.
     criterion

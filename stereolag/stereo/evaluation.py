@@ -328,7 +328,7 @@ def _zncc_of_matches(result: DisparityMap, left: npt.ArrayLike, right: npt.Array
 
 
 def _patch_zncc(first: FloatMap, second: FloatMap, variance: float) -> FloatMap:
-    """Return the ZNCC of the patches of two images of one size; 0 where they are flat beside the image's `variance`."""
+    """Return the ZNCC of the patches of two images of one size; 0 where they are flat relative to `variance`."""
 
     def blurred(image: FloatMap) -> FloatMap:
         return np.asarray(cv2.blur(image, (PATCH_PX, PATCH_PX)))

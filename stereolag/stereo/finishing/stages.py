@@ -50,7 +50,8 @@ class LeftRightCheck(Settings):
 class AmbiguityTest(Settings):
     """Ambiguity test: a match must clearly beat any other.
 
-    The scores of plain correlation are unbounded: any lead is small beside them, and the test rejects little.
+    The scores of plain correlation are unbounded: any lead allowed here is small relative to them, and little is
+    rejected.
     """
 
     lead: float = Field(

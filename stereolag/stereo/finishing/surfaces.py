@@ -123,7 +123,7 @@ def _spread_centres(
     """
     last = compared.shape[1] - 1
     for x in range(width):
-        square, beside = x * grid[1] // width, np.float32(x)
+        square, col = x * grid[1] // width, np.float32(x)
         for one in range(9):
             down, across = row + one // 3 - 1, square + one % 3 - 1
             inside = 0 <= down < grid[0] and 0 <= across < grid[1]
@@ -131,8 +131,8 @@ def _spread_centres(
             numbers[one, x] = patch
             for number in range(last):
                 compared[one, number, x] = centres[patch, number] if inside else np.float32(np.inf)
-            apart = centres[patch, last] - beside
-            compared[one, last, x] = apart * apart if inside else np.float32(np.inf)
+            distance = centres[patch, last] - col
+            compared[one, last, x] = distance * distance if inside else np.float32(np.inf)
 
 
 @compiled
@@ -302,27 +302,27 @@ def fitted_planes(patches: Superpixels, measured: Samples, guessed: Samples) -> 
 
 
 @compiled
-def sampled(labels: Array, values: Array, patches: int, most: int) -> tuple[Array, Array, Array]:
-    """Return the fields of `Samples`: at most `most` pixels of each patch, spread evenly among those with a value."""
+def sampled(labels: Array, values: Array, patches: int, max_count: int) -> tuple[Array, Array, Array]:
+    """Return the fields of `Samples`: up to `max_count` pixels of each patch, spread evenly over those with a value."""
     height, width = labels.shape
     counts = np.zeros(patches, np.int32)
     for y in range(height):
         for x in range(width):
             counts[labels[y, x]] += not np.isnan(values[y, x])
-    points = np.zeros((patches, 3, most), np.float32)
-    kept, seen = np.zeros(patches, np.int32), np.zeros(patches, np.int32)
+    points = np.zeros((patches, 3, max_count), np.float32)
+    kept, visited = np.zeros(patches, np.int32), np.zeros(patches, np.int32)
     for y in range(height):
         for x in range(width):
             patch = labels[y, x]
             if np.isnan(values[y, x]):
                 continue
-            # The first pixel of each of `most` equal shares.
-            if seen[patch] * most >= kept[patch] * max(counts[patch], most):
+            # The first pixel of each of `max_count` equal shares.
+            if visited[patch] * max_count >= kept[patch] * max(counts[patch], max_count):
                 points[patch, 0, kept[patch]] = x
                 points[patch, 1, kept[patch]] = y
                 points[patch, 2, kept[patch]] = values[y, x]
                 kept[patch] += 1
-            seen[patch] += 1
+            visited[patch] += 1
     return points, kept, counts
 
 

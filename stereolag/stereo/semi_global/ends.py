@@ -139,7 +139,7 @@ def _total(sums: Array, one: int, x: int, window: int) -> Any:
 
 @compiled
 def _spread(sums: Array, one: int, x: int, window: int) -> tuple[float, float]:
-    """Return the mean and the deviation with noise of a window, from column sums `one` and those of squares after it."""
+    """Return the mean and the deviation with noise of a window, from column sums `one` and the sums of squares next."""
     area = window * window
     mean = _total(sums, one, x, window) / area
     return mean, math.sqrt(_total(sums, one + 1, x, window) / area - mean * mean + NOISE_GREYS**2)

@@ -416,10 +416,9 @@ def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, fo
             put(around, pixel, np.int32(item(sums, place + best - 1)) if best > 0 else -1)
             put(around, 2 * pixels + pixel, np.int32(item(sums, place + best + 1)) if best < count - 1 else -1)
             if runner_up.size > 0:
-                beside = min(
-                    _lowest_cost(sums, place, place + best - 1), _lowest_cost(sums, place + best + 2, place + count)
-                )
-                put(runner_up, pixel, -1 if beside == NO_COST else np.int32(beside))
+                before_best = _lowest_cost(sums, place, place + best - 1)
+                second = min(before_best, _lowest_cost(sums, place + best + 2, place + count))
+                put(runner_up, pixel, -1 if second == NO_COST else np.int32(second))
             done = x - shift - count + 1  # a column of the right image that no further pixel is compared with
             if 0 <= done < width:
                 put(right_lag, y * width + done, item(right_cost_lag, count - 1))
@@ -459,7 +458,7 @@ def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
 
 
 def valley_offset(before: npt.NDArray[Any], lowest: npt.NDArray[Any], after: npt.NDArray[Any]) -> FloatMap:
-    """Return the offset of the true minimum from the cheapest lag, fitted to the costs one lag to each side.
+    """Return the offset of the true minimum from the cheapest lag, fitted to the costs one lag to either side.
 
     With r the ratio of the lower flank to the higher one, the offset is ``(1 - r ** 2.5) / 2`` towards the lower. The
     penalty of a slant biases summed path costs, and thus the usual fits, towards whole lags: over shifts in steps of
@@ -509,10 +508,10 @@ def place_valleys(
             left, right = np.float32(before[x] - lowest[x]), np.float32(after[x] - lowest[x])
             lower, higher = min(left, right), max(left, right)
             ratio = lower / higher if higher > zero else one
-            beside = (one - ratio * ratio * np.sqrt(ratio)) / two
-            beside = beside if left > right else -beside
+            fitted = (one - ratio * ratio * np.sqrt(ratio)) / two
+            fitted = fitted if left > right else -fitted
             lag = found.lag[y, x]
             at_end = (lag == ends[0]) | (lag == ends[1])
-            place = np.float32(lag) + (offset[y, x] if at_end else beside) + np.float32(smallest)
+            place = np.float32(lag) + (offset[y, x] if at_end else fitted) + np.float32(smallest)
             disparity[y, x] = place if reason[y, x] == 0 else np.float32(np.nan)
             score[y, x] = np.float32(min(max(1.0 - lowest[x] / highest, 0.0), 1.0))

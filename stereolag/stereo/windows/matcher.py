@@ -96,8 +96,7 @@ MAX_VERTICAL_REACH = 64
 
 
 def _step(settings: Any) -> int:
-    step: int = max(1, round(settings.window_size * (1 - settings.overlap)))
-    return step
+    return max(1, round(float(settings.window_size * (1 - settings.overlap))))
 
 
 def _needs_spectrum(settings: Any) -> bool:

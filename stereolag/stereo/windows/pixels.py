@@ -15,9 +15,8 @@ from stereolag.loops.memory import copy, fill
 from stereolag.stereo.matcher import PixelMatches, Reason
 from stereolag.stereo.windows.search import LagMap, LagRange, WindowMatches, WindowQuery
 
-ZERO, HALF, ONE, TWO, THREE, FOUR = (np.float32(number) for number in (0, 0.5, 1, 2, 3, 4))
+ZERO, HALF, ONE, TWO, THREE, FOUR, EIGHT = (np.float32(number) for number in (0, 0.5, 1, 2, 3, 4, 8))
 THIRD, FIFTH, SEVENTH, NINTH = (np.float32(1 / number) for number in (3, 5, 7, 9))
-EIGHT = np.float32(8)
 
 
 @compiled(counted=False)
