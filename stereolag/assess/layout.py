@@ -82,7 +82,7 @@ MIN_TEXTURE = 3.0
 """Standard deviation around a pixel, grey levels, from which it is textured."""
 
 MIN_TEXTURED_SHARE = 0.05
-"""Share of textured pixels from which views are matched."""
+"""Share of textured pixels below which nothing counts as matched."""
 
 MIN_MATCHED_SHARE = 0.45
 """Share of the textured pixels that are matched in two views of one scene; 0.1 to 0.35 are matched by chance."""
@@ -91,7 +91,7 @@ MIN_REPEATING_SHARE = 0.35
 """Share matched between the halves of a view from which its scene repeats itself, as a wall of windows does."""
 
 MAX_UNMATCHED_RATIO = 0.5
-"""Two views of a repeating scene leave at most this share of the pixels unmatched that the halves of a view leave."""
+"""Unmatched pixels of two views of a repeating scene, as a share of those between the halves of one view."""
 
 MAX_ASPECT = 4.0
 """Largest width over height of a view."""
