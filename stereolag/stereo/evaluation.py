@@ -40,7 +40,7 @@ class Evaluation:
     >>> figures = sl.evaluate([[10.0, 14.5, np.nan, 9.5]], [[10.0, 10.0, 10.0, 10.0]])  # px
     >>> figures.density  # share of the truth
     0.75
-    >>> figures.bad[2.0], round(figures.bad_measured[2.0], 1)  # %: missing counts as wrong, and does not
+    >>> figures.bad[2.0], round(figures.bad_measured[2.0], 1)  # %: only the first counts missing pixels
     (50.0, 33.3)
     """
 
